@@ -1,0 +1,113 @@
+"""Variational integrators for gravitational N-body problems.
+
+    import orbits
+    from astropy import units as u
+
+    system = orbits.System.solar_system()
+    run = orbits.propagate(system, orbits.Gauss(stages=8), dt=6 * u.day, duration=1000 * u.yr)
+
+Public names load on first use: `import orbits` itself compiles nothing and imports none of the heavy packages.
+Submodules (`orbits.diagnostics`, `orbits.elements`, ...) load on first use too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import TYPE_CHECKING, Any
+
+from orbits._version import __version__
+
+if TYPE_CHECKING:
+    from orbits.archive import Archive
+    from orbits.ephemeris import asteroids
+    from orbits.errors import (
+        ArchiveError,
+        ConvergenceError,
+        EpochError,
+        InputError,
+        IntegrationError,
+        Interrupted,
+        OrbitsError,
+        SingularityError,
+        StorageError,
+        UnknownNameError,
+    )
+    from orbits.integrators import ExplicitEuler, Gauss, RungeKutta4, StormerVerlet
+    from orbits.propagation import propagate, resume
+    from orbits.regression import compare, from_rebound, to_rebound
+    from orbits.scenario import Scenario
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+    from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
+
+__all__ = [
+    "DIMENSIONLESS",
+    "SOLAR",
+    "Archive",
+    "ArchiveError",
+    "ConvergenceError",
+    "EpochError",
+    "ExplicitEuler",
+    "Gauss",
+    "InputError",
+    "IntegrationError",
+    "Interrupted",
+    "OrbitsError",
+    "RungeKutta4",
+    "Scenario",
+    "SingularityError",
+    "StorageError",
+    "StormerVerlet",
+    "System",
+    "Trajectory",
+    "UnitSystem",
+    "UnknownNameError",
+    "__version__",
+    "asteroids",
+    "compare",
+    "from_rebound",
+    "propagate",
+    "resume",
+    "to_rebound",
+]
+
+_HOME = {
+    "archive": ["Archive"],
+    "ephemeris": ["asteroids"],
+    "errors": [
+        "ArchiveError",
+        "ConvergenceError",
+        "EpochError",
+        "InputError",
+        "IntegrationError",
+        "Interrupted",
+        "OrbitsError",
+        "SingularityError",
+        "StorageError",
+        "UnknownNameError",
+    ],
+    "integrators": ["ExplicitEuler", "Gauss", "RungeKutta4", "StormerVerlet"],
+    "propagation": ["propagate", "resume"],
+    "regression": ["compare", "from_rebound", "to_rebound"],
+    "scenario": ["Scenario"],
+    "system": ["System"],
+    "trajectory": ["Trajectory"],
+    "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name, or a submodule, on first use."""
+    if name in _MODULE_OF:
+        value = getattr(importlib.import_module(f"orbits.{_MODULE_OF[name]}"), name)
+        globals()[name] = value
+        return value
+    if not name.startswith("_") and importlib.util.find_spec(f"orbits.{name}") is not None:
+        return importlib.import_module(f"orbits.{name}")
+    raise AttributeError(f"module 'orbits' has no attribute {name!r}; its public names are {', '.join(__all__)}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
