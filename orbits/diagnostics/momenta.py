@@ -1,0 +1,82 @@
+"""Linear and angular momentum, centre of mass and Noether charges of the massive bodies, from sampled states."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.diagnostics.doubledouble import Floats, Pair, divide, scale, subtract, total, two_product
+from orbits.diagnostics.states import blocks, massive_rows
+from orbits.errors import InputError
+
+
+class NoetherCharges(NamedTuple):
+    """The momentum maps of translation and rotation, each (..., 3), times G."""
+
+    linear: Floats
+    angular: Floats
+
+
+def linear_momentum(gm: ArrayLike, v: ArrayLike) -> Floats:
+    """G times the linear momentum, sum gm v.
+
+    gm : (n,) length^3/time^2; massless bodies do not count. v : (..., n, 3) length/time
+    Returns (..., 3), length^4/time^3. Raises InputError for shapes that do not fit.
+    """
+    gm_massive, (v_massive,) = massive_rows(gm, v=v)
+    return _weighted_sum(gm_massive, v_massive).rounded()
+
+
+def angular_momentum(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> Floats:
+    """G times the angular momentum about the origin, sum gm q x v.
+
+    gm : (n,) length^3/time^2; massless bodies do not count. q, v : (..., n, 3) length and length/time
+    Returns (..., 3), length^5/time^3. Raises InputError for shapes that do not fit.
+    """
+    gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
+    shape = q_massive.shape[:-2]
+    q_flat, v_flat = (x.reshape((-1, *x.shape[-2:])) for x in (q_massive, v_massive))
+    out = np.empty((len(q_flat), 3))
+    for block in blocks(len(q_flat), len(gm_massive)):
+        q_axes, v_axes = (np.ascontiguousarray(np.moveaxis(x[block], -1, 0)) for x in (q_flat, v_flat))
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            moment = subtract(two_product(q_axes[i], v_axes[j]), two_product(q_axes[j], v_axes[i]))
+            out[block, k] = total(scale(moment, gm_massive)).rounded()
+    return out.reshape((*shape, 3))
+
+
+def centre_of_mass(gm: ArrayLike, q: ArrayLike) -> Floats:
+    """Centre of mass, sum gm q / sum gm.
+
+    gm : (n,) length^3/time^2; massless bodies do not count. q : (..., n, 3) length (or velocities, for the velocity)
+    Returns (..., 3), as q. Raises InputError for shapes that do not fit, or where no body has a mass.
+    """
+    gm_massive, (q_massive,) = massive_rows(gm, q=q)
+    if not len(gm_massive):
+        raise InputError("no body has gm > 0, so there is no centre of mass; expected at least one massive body.")
+    whole = total(Pair(gm_massive, np.zeros_like(gm_massive)))
+    return divide(_weighted_sum(gm_massive, q_massive), whole).rounded()
+
+
+def noether_charges(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> NoetherCharges:
+    """The momentum maps p_k . xi(q_k) of translation and rotation, from the momenta of the step itself.
+
+    gm : (n,); q, v : (..., n, 3). v must be the step's own velocity, p_k = D2 L_d(q_{k-1}, q_k) over the mass, as every
+    sampled trajectory holds it: recomputing p_k from stored positions loses |q| / |dq| in relative precision.
+    Source: Marsden & West (2001), 1.3.3.
+    """
+    return NoetherCharges(linear_momentum(gm, v), angular_momentum(gm, q, v))
+
+
+def _weighted_sum(gm: Floats, x: Floats) -> Pair:
+    """Sum of gm x over the bodies: (..., m, 3) to (..., 3)."""
+    flat = x.reshape((-1, *x.shape[-2:]))
+    hi, lo = np.empty((len(flat), 3)), np.empty((len(flat), 3))
+    for block in blocks(len(flat), 3 * len(gm)):
+        columns = np.ascontiguousarray(np.moveaxis(flat[block], -1, -2))
+        hi[block], lo[block] = total(two_product(columns, gm))
+    shape = (*x.shape[:-2], 3)
+    return Pair(hi.reshape(shape), lo.reshape(shape))
