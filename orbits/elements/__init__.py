@@ -1,0 +1,28 @@
+"""Keplerian elements, the two-body flow and the frames they refer to. Floats in, floats out, whole arrays at once.
+
+    q, v = state_from_elements(gm, a=2.77, e=0.08, inc=0.18, Omega=1.4, omega=1.3, M=5.8)
+    elements = elements_from_state(q, v, gm);  elements.a, elements.pomega, ...
+    q, v = two_body(q, v, gm, dt)
+
+Units are any consistent ones; angles are radians. Definitions in the degenerate cases stand in `Elements`.
+"""
+
+from __future__ import annotations
+
+from orbits.elements.frames import FRAMES, OBLIQUITY, ecliptic_to_icrf, from_frame, icrf_to_ecliptic, to_frame
+from orbits.elements.osculating import Elements, elements_from_state
+from orbits.elements.states import state_from_elements
+from orbits.elements.two_body import two_body
+
+__all__ = [
+    "FRAMES",
+    "OBLIQUITY",
+    "Elements",
+    "ecliptic_to_icrf",
+    "elements_from_state",
+    "from_frame",
+    "icrf_to_ecliptic",
+    "state_from_elements",
+    "to_frame",
+    "two_body",
+]

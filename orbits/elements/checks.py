@@ -1,0 +1,82 @@
+"""What every function of elements says of a value that it cannot use: which body, which value, what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.elements.kepler import Floats
+from orbits.errors import InputError
+
+
+NO_MASS = "gm = {gm} of the attracting body; expected > 0: an orbit needs something with mass to go around"
+NO_DISTANCE = "is at the place of the attracting body; expected a distance > 0"
+RECTILINEAR = (
+    "moves straight towards or away from the attracting body (|q x v| = {h}): a rectilinear orbit has no plane and ends in a "
+    "collision. Give it some velocity across"
+)
+PARABOLA = (
+    "moves at the escape velocity (r/a = {x}): a parabola has no semi-major axis, no period and no mean anomaly. Change the "
+    "speed in its last digits, or go on with the state itself"
+)
+
+
+def label(index: tuple[int, ...], names: Sequence[str] | None) -> str:
+    """Return how a message calls the body at `index` of an array: its name, or its place, or nothing for a scalar."""
+    if names is not None and len(index) > 0 and index[-1] < len(names):
+        return f"{names[index[-1]]}: "
+    if names is not None and len(names) == 1:
+        return f"{names[0]}: "
+    if len(index) == 0:
+        return ""
+    return f"entry {index[0] if len(index) == 1 else index}: "
+
+
+def refuse(bad: NDArray[np.bool_], message: str, names: Sequence[str] | None, **values: Floats) -> None:
+    """Raise InputError for the first True of `bad`, if any.
+
+    message : a format string; {name} stands for the value of values[name] at that place
+    """
+    if not np.any(bad):
+        return
+    index = tuple(int(i) for i in np.argwhere(bad)[0])
+    here = {key: float(value[index]) for key, value in values.items()}
+    raise InputError(label(index, names) + message.format(**here))
+
+
+def finite(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
+    """Return `value` as a float64 array; raise InputError when it is no number, or not finite anywhere."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} is {value!r}; expected a number or an array of numbers ({error})") from error
+    refuse(~np.isfinite(array), what + " is {value}; expected a finite number", names, value=array)
+    return array
+
+
+def vectors(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
+    """Return `value` as a float64 array of shape (..., 3); raise InputError otherwise, or where it is not finite."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} is not an array of numbers ({error}); expected shape (..., 3)") from error
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise InputError(f"{what} has shape {array.shape}; expected (..., 3). Put x, y, z on the last axis")
+    bad = ~np.isfinite(array).all(axis=-1)
+    if np.any(bad):
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise InputError(f"{label(index, names)}{what} is {array[index].tolist()}; expected finite numbers")
+    return array
+
+
+def broadcast(names: Sequence[str] | None, **values: Floats) -> list[Floats]:
+    """Return `values` broadcast to one shape; raise InputError that lists their shapes when they do not fit."""
+    try:
+        return [np.asarray(x) for x in np.broadcast_arrays(*values.values())]
+    except ValueError as error:
+        shapes = ", ".join(f"{key} {value.shape}" for key, value in values.items() if value.ndim)
+        raise InputError(
+            f"shapes do not fit together: {shapes}; expected scalars and arrays of one shape, one value per body"
+        ) from error
