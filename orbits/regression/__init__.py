@@ -1,0 +1,12 @@
+"""Regression against REBOUND: conversion both ways, peers on the same floats, an independent yardstick, a verdict.
+
+This folder is the only place that imports `rebound`, and it does so when a function is called, not before.
+"""
+
+from __future__ import annotations
+
+from orbits.regression.comparison import compare
+from orbits.regression.conversion import from_rebound, to_rebound
+from orbits.regression.peers import PEERS
+
+__all__ = ["PEERS", "compare", "from_rebound", "to_rebound"]

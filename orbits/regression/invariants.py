@@ -1,0 +1,85 @@
+"""How far energy and angular momentum stray, by the same functions for every method."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits import diagnostics
+
+Array = NDArray[np.float64]
+
+_CANCELLED = 1e-6  # an initial value this small against its terms is no scale to compare with
+
+
+class Invariants:
+    """The conserved quantities of one start, and the errors of runs from it.
+
+    With two or more massive bodies: their energy and angular momentum about the origin, relative to the initial ones.
+    With a single one the whole has neither, and each massless particle has its own: specific energy and angular
+    momentum about the attractor; the largest relative error over the particles counts.
+    Where an initial value vanishes by cancellation (the figure-eight has no angular momentum) the scale is the sum of
+    the sizes of its terms instead; `notes` then says so.
+    """
+
+    def __init__(self, gm: Array, q: Array, v: Array, softening: float) -> None:
+        self._gm, self._softening = gm, softening
+        self._alone = np.count_nonzero(gm) == 1
+        self.notes: tuple[str, ...] = ()
+        if self._alone:
+            self.notes = (
+                "Energy and angular momentum: of each massless particle about the one massive body, the worst of them.",
+            )
+        energy, momentum = self._values(q[None], v[None])
+        self._energy, self._momentum = energy[0], momentum[0]
+        self._scales = self._compare_with(q, v)
+
+    def errors(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """|dE/E| and |dL/L| of q, v (samples, bodies, 3): each (samples,); NaN for one massive body all alone."""
+        energy, momentum = self._values(q, v)
+        energy_scale, momentum_scale = self._scales
+        de = np.abs(energy - self._energy) / energy_scale
+        dl = np.linalg.norm(momentum - self._momentum, axis=-1) / momentum_scale
+        if self._alone:
+            de, dl = (x.max(axis=1) if x.shape[1] else np.full(len(q), np.nan) for x in (de, dl))
+        return de, dl
+
+    def _values(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Energy and angular momentum: (samples,) and (samples, 3), or with a particle axis after the samples."""
+        if not self._alone:
+            gm = self._gm
+            return diagnostics.energy(gm, q, v, self._softening), diagnostics.angular_momentum(gm, q, v)
+        dq, dv = self._relative(q, v)
+        # A unit mass about the attractor held at the origin: energy v^2/2 - gm/r and momentum q x v per unit mass.
+        pair_q, pair_v = (np.stack((np.zeros_like(x), x), axis=-2) for x in (dq, dv))
+        gm = np.array([self._gm.max(), 1.0])
+        one = np.ones(1)
+        return (
+            diagnostics.energy(gm, pair_q, pair_v, self._softening),
+            diagnostics.angular_momentum(one, dq[..., None, :], dv[..., None, :]),
+        )
+
+    def _relative(self, q: Array, v: Array) -> tuple[Array, Array]:
+        centre = int(np.argmax(self._gm))
+        others = np.arange(len(self._gm)) != centre
+        return (q - q[:, centre, None])[:, others], (v - v[:, centre, None])[:, others]
+
+    def _compare_with(self, q: Array, v: Array) -> tuple[Array, Array]:
+        if self._alone:
+            dq, dv = (x[0] for x in self._relative(q[None], v[None]))
+            kinetic = 0.5 * np.sum(dv * dv, axis=-1)
+            areal = np.linalg.norm(dq, axis=-1) * np.linalg.norm(dv, axis=-1)
+        else:
+            kinetic = np.asarray(0.5 * np.sum(self._gm * np.sum(v * v, axis=-1)))
+            areal = np.asarray(np.sum(self._gm * np.linalg.norm(np.cross(q, v), axis=-1)))
+        energy, energy_cancelled = _scale(np.abs(self._energy), kinetic)
+        momentum, momentum_cancelled = _scale(np.linalg.norm(self._momentum, axis=-1), areal)
+        for what, cancelled in (("energy", energy_cancelled), ("angular momentum", momentum_cancelled)):
+            if cancelled:
+                self.notes += (f"The initial {what} vanishes: its errors are relative to the sizes of its terms.",)
+        return energy, momentum
+
+
+def _scale(value: Array, terms: Array) -> tuple[Array, bool]:
+    cancelled = value <= _CANCELLED * terms
+    return np.where(cancelled, terms, value), bool(np.any(cancelled))

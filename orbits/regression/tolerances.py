@@ -1,0 +1,156 @@
+"""What a comparison demands of our methods: checked before anything runs, judged after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import Any
+
+from orbits.errors import InputError, UnknownNameError
+from orbits.units import UnitSystem
+
+_SCALARS = {"energy": "max |dE/E|", "angular_momentum": "max |dL/L|"}
+_POSITIONS = ("position_km", "position")
+_GROUPS = ("massive", "particles")
+KEYS = (*_SCALARS, *_POSITIONS)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The tolerances of one method.
+
+    scalars : bound by key, "energy" and "angular_momentum"
+    positions : bound by body, in the unit in which positions are reported
+    """
+
+    scalars: Mapping[str, float] = field(default_factory=dict)
+    positions: Mapping[str, float] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.scalars or self.positions)
+
+    def failures(
+        self,
+        reached: Mapping[str, float],
+        positions: Mapping[str, float],
+        yardstick_errors: Mapping[str, float],
+        unit: str,
+    ) -> tuple[str, ...]:
+        """Every bound that is not kept, in words. What could not be measured (NaN, or absent) keeps no bound."""
+        found = [
+            f"{_SCALARS[key]} = {reached.get(key, math.nan):.2e} exceeds {bound:.2e}"
+            for key, bound in self.scalars.items()
+            if not reached.get(key, math.nan) <= bound
+        ]
+        for body, bound in self.positions.items():
+            if yardstick_errors.get(body, 0.0) > bound:
+                own = yardstick_errors[body]
+                found.append(f"position of {body}: the yardstick's own error {own:.2e}{unit} exceeds {bound:.2e}{unit}")
+            elif not positions.get(body, math.nan) <= bound:
+                found.append(f"position of {body}: {positions.get(body, math.nan):.2e}{unit} exceeds {bound:.2e}{unit}")
+        return tuple(found)
+
+
+def parse(
+    tolerances: Mapping[str, Any] | None,
+    *,
+    methods: Sequence[tuple[str, str]],
+    names: Sequence[str],
+    massive: Sequence[str],
+    units: UnitSystem,
+    unit_of_report: float,
+) -> list[Bounds]:
+    """The bounds of each of our methods, in their order.
+
+    tolerances : by key, for all methods: "energy" and "angular_momentum" (largest relative errors), "position_km"
+        (kilometres) or "position" (a length; a plain number is in the system's unit). A position may be one length for
+        all bodies or a mapping from body, "massive" or "particles" to lengths. A key that is a method's name or label
+        holds such a mapping for that method alone, which goes before the general one.
+    methods : (name, label) of each of our methods
+    unit_of_report : the system's length unit in the unit in which positions are reported
+    Raises InputError or UnknownNameError with what is wrong and what there is.
+    """
+    if tolerances is None:
+        tolerances = {}
+    if not isinstance(tolerances, Mapping):
+        raise InputError(f"tolerances must be a mapping such as {{'energy': 1e-12}}; got {type(tolerances).__name__}.")
+    general: dict[str, Any] = {}
+    special: dict[str, Mapping[str, Any]] = {}
+    callable_by = {key for pair in methods for key in pair}
+    for key, value in tolerances.items():
+        if key in KEYS:
+            general[key] = value
+        elif key in callable_by:
+            if not isinstance(value, Mapping):
+                raise InputError(f"tolerances[{key!r}] must be a mapping from {', '.join(KEYS)}; got {value!r}.")
+            for inner in value:
+                if inner not in KEYS:
+                    raise _unknown(f"tolerances[{key!r}]", inner, KEYS)
+            special[key] = value
+        else:
+            raise _unknown("tolerances", key, (*KEYS, *sorted(callable_by)))
+    out = []
+    for name, label in methods:
+        wanted = {**general, **special.get(name, {}), **special.get(label, {})}
+        scalars = {key: _bound(key, wanted[key]) for key in _SCALARS if key in wanted}
+        positions: dict[str, float] = {}
+        for key in _POSITIONS:
+            if key in wanted:
+                convert = _converter(key, units, unit_of_report)
+                positions.update(_positions(key, wanted[key], convert, names, massive))
+        out.append(Bounds(scalars, positions))
+    return out
+
+
+def _converter(key: str, units: UnitSystem, unit_of_report: float) -> Any:
+    from astropy import units as u
+
+    physical = units.length.is_equivalent(u.km)
+    if key == "position_km" and not physical:
+        raise InputError(
+            "tolerances['position_km'] is in km, but this system's lengths are pure numbers; use 'position'."
+        )
+
+    def convert(value: Any) -> float:
+        if key == "position_km" and not isinstance(value, u.Quantity):
+            return _bound(key, value)
+        return _bound(key, float(units.length_value(value, what=f"tolerances[{key!r}]")) * unit_of_report)
+
+    return convert
+
+
+def _positions(key: str, value: Any, convert: Any, names: Sequence[str], massive: Sequence[str]) -> dict[str, float]:
+    if not isinstance(value, Mapping):
+        bound = convert(value)
+        return dict.fromkeys(names, bound)
+    attracting = set(massive)
+    groups = {"massive": list(massive), "particles": [name for name in names if name not in attracting]}
+    out: dict[str, float] = {}
+    for body in value:
+        if body not in names and body not in _GROUPS:
+            raise _unknown(f"tolerances[{key!r}]", body, (*_GROUPS, *names))
+    for body, bound in sorted(value.items(), key=lambda item: item[0] in names):  # groups first, bodies override
+        if body in names:
+            out[body] = convert(bound)
+        else:
+            out.update(dict.fromkeys(groups[body], convert(bound)))
+    return out
+
+
+def _bound(key: str, value: Any) -> float:
+    try:
+        bound = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"tolerances[{key!r}] is {value!r}; expected a number >= 0.") from None
+    if not (math.isfinite(bound) and bound >= 0):
+        raise InputError(f"tolerances[{key!r}] is {bound!r}; expected a finite number >= 0.")
+    return bound
+
+
+def _unknown(where: str, key: Any, known: Sequence[str]) -> UnknownNameError:
+    near = get_close_matches(str(key), known, n=1)
+    hint = f" Did you mean {near[0]!r}?" if near else ""
+    listed = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")
+    return UnknownNameError(f"{where} has no key {key!r}; there are {listed}.{hint}")

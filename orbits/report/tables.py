@@ -1,0 +1,110 @@
+"""A report as rich tables, readable at 100 columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from orbits.report.values import Report, summarize
+
+BODIES_IN_FULL = 12
+"""Up to this many bodies each gets a line of its own."""
+
+_STYLE = {"ok": "green", "FAIL": "bold red", "n/a": "dim"}
+
+
+def render(report: Report) -> RenderableType:
+    """The methods, then the bodies (and the massless particles in summary), then what a reader must know."""
+    parts: list[RenderableType] = [_methods(report)]
+    if any(row.positions for row in report.rows):
+        detailed = report.names if len(report.names) <= BODIES_IN_FULL else report.massive
+        if 1 < len(detailed) <= BODIES_IN_FULL:
+            parts.append(_bodies(report, detailed))
+        if len(report.names) > BODIES_IN_FULL and len(report.massive) < len(report.names):
+            parts.append(_particles(report))
+    parts += [Text(line) for line in _footer(report)]
+    parts += [Text(f"FAIL  {failure}", style="bold red") for failure in report.failures]
+    return Group(*parts)
+
+
+def _methods(report: Report) -> Table:
+    table = _table(str(report.settings.get("title") or "Comparison"))
+    table.add_column("\nmethod", overflow="fold", min_width=18)
+    position = f"max |Δq|\n{report.length_unit}" if report.length_unit else "max\n|Δq|"
+    for head in ("\nsteps", "wall\ns", "compile\ns", "max\n|ΔE/E|", "max\n|ΔL/L|", position):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("of\nbody", overflow="fold")
+    table.add_column("\nverdict", no_wrap=True)
+    for row in report.rows:
+        measured = (row.wall_s, row.compile_s, row.energy, row.angular_momentum, row.position)
+        table.add_row(
+            Text(row.method),
+            "n/a" if row.steps is None else f"{row.steps:,}",
+            *("" if x is None and row.verdict != "n/a" else short(x) for x in measured),
+            Text(row.worst_body or ""),
+            Text(row.verdict, style=_STYLE.get(row.verdict, "")),
+        )
+    return table
+
+
+def _bodies(report: Report, bodies: Sequence[str]) -> Table:
+    table = _table(f"Largest position error{_in(report)} over all samples")
+    rows = [row for row in report.rows if row.positions]
+    table.add_column("body", overflow="fold")
+    for row in rows:
+        table.add_column(row.method, justify="right", overflow="fold", min_width=8)
+    if report.yardstick is not None:
+        table.add_column("yardstick's own", justify="right", overflow="fold", min_width=8)
+    for body in bodies:
+        own = [] if report.yardstick is None else [short(report.yardstick.errors.get(body))]
+        table.add_row(Text(body), *(short(row.positions.get(body)) for row in rows), *own)
+    return table
+
+
+def _particles(report: Report) -> Table:
+    attracting = set(report.massive)
+    particles = [name for name in report.names if name not in attracting]
+    table = _table(f"Largest position error{_in(report)} of the {len(particles):,} massless particles")
+    table.add_column("method", overflow="fold")
+    for head in ("median", "99th percentile", "worst"):
+        table.add_column(head, justify="right")
+    table.add_column("worst particle", overflow="fold")
+    for row in report.rows:
+        if row.positions:
+            summary = summarize(row.positions, particles)
+            table.add_row(
+                row.method, *(short(summary[key]) for key in ("median", "p99", "worst")), Text(summary["name"])
+            )
+    return table
+
+
+def _footer(report: Report) -> list[str]:
+    lines = []
+    if report.yardstick is not None:
+        unit = f" {report.length_unit}" if report.length_unit else ""
+        lines.append(f"Yardstick: {report.yardstick.description}; its own error {short(report.yardstick.error)}{unit}.")
+    return [*lines, *report.notes, *(f"{row.method}: {row.note}" for row in report.rows if row.note)]
+
+
+def _in(report: Report) -> str:
+    return f" in {report.length_unit}" if report.length_unit else ""
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+
+
+def short(x: float | None) -> str:
+    """Two significant digits, as short as can be read: 0.072, 13, 1.4e+05, 3.1e-15; "n/a" for None and NaN."""
+    if x is None or math.isnan(x):
+        return "n/a"
+    if x == 0:
+        return "0"
+    if 0.01 <= abs(x) < 1000:
+        return f"{x:.{max(0, 1 - math.floor(math.log10(abs(x))))}f}"
+    return f"{x:.1e}"
