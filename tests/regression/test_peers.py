@@ -1,0 +1,142 @@
+"""REBOUND as a peer gets our floats, keeps our grid, and gives its samples back in our order."""
+
+from __future__ import annotations
+
+import signal
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orbits import diagnostics
+from orbits.errors import IntegrationError, UnknownNameError
+from orbits.regression import peers, yardstick
+
+# Jupiter, a massless body, the Sun, another one, Saturn: in no order that REBOUND could use as it is. au, day.
+GM = np.array([2.825e-7, 0.0, 2.959e-4, 0.0, 8.46e-8])
+Q = np.array([[4.0, 2.9, 1.2], [2.6, 0.4, 0.1], [-0.007, -0.003, -0.001], [0.0, -3.1, 0.2], [6.4, 6.2, 2.3]])
+V = np.array(
+    [
+        [-0.0046, 0.0058, 0.0026],
+        [-0.002, 0.0103, 0.0007],
+        [5e-6, -7e-6, -3e-6],
+        [0.0098, 0.0003, 0.001],
+        [-0.0043, 0.0035, 0.0016],
+    ]
+)
+DT = 16.0
+DAYS = 128 * DT
+FIXED = [name for name, peer in peers.PEERS.items() if peer.fixed_step]
+
+
+def test_the_simulation_holds_the_same_bits_massive_bodies_first_and_central_body_leading():
+    order = peers.order_of_bodies(GM, Q, V)
+    assert order.tolist() == [2, 0, 4, 1, 3]
+    sim = peers.simulation(peers.Start(GM[order], Q[order], V[order], 0.25), ["Sun", "Jupiter", "Saturn", "a", "b"])
+    assert [(p.m, p.x, p.y, p.z, p.vx, p.vy, p.vz) for p in sim.particles] == [(GM[i], *Q[i], *V[i]) for i in order]
+    assert (sim.G, sim.softening, sim.N_active, sim.testparticle_type, sim.t) == (1.0, 0.25, 3, 0, 0.0)
+    assert [p.name for p in sim.particles] == ["Sun", "Jupiter", "Saturn", "a", "b"]
+
+
+@pytest.mark.parametrize("name", peers.PEERS)
+def test_samples_come_back_in_the_order_of_the_caller(name):
+    run = peers.run(name, GM, Q, V, times=np.array([0.0, DAYS]), dt=DT)
+    np.testing.assert_array_equal(run.q[0], Q)
+    np.testing.assert_array_equal(run.v[0], V)
+    shuffled = [3, 2, 4, 1, 0]
+    again = peers.run(name, GM[shuffled], Q[shuffled], V[shuffled], times=np.array([0.0, DAYS]), dt=DT)
+    # Only the order of the two massless bodies differs inside REBOUND, and they act on nobody.
+    np.testing.assert_array_equal(again.q, run.q[:, shuffled])
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_sampling_does_not_disturb_a_fixed_step_run(name):
+    alone = peers.run(name, GM, Q, V, times=np.array([DAYS]), dt=DT)
+    on_grid = peers.run(name, GM, Q, V, times=np.arange(0, DAYS + DT, 2 * DT), dt=DT)
+    off_grid = peers.run(name, GM, Q, V, times=np.linspace(0, DAYS, 100), dt=DT)
+    assert alone.steps == on_grid.steps == 128
+    assert off_grid.steps == 128 + 98  # one partial step for each sample between the ends
+    np.testing.assert_array_equal(on_grid.q[-1], alone.q[-1])
+    np.testing.assert_array_equal(off_grid.q[-1], alone.q[-1])
+    np.testing.assert_array_equal(off_grid.v[-1], alone.v[-1])
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_samples_between_grid_points_are_as_good_as_those_on_it(name):
+    """A partial step that begins or ends unsynchronized, or of the wrong length, would be off by 0.01 au and more."""
+    errors = []
+    for times in (np.arange(0, DAYS + DT, DT), np.linspace(0, DAYS, 100)):
+        truth = peers.run("ias15", GM, Q, V, times=times, dt=DT).q
+        errors.append(np.abs(peers.run(name, GM, Q, V, times=times, dt=DT).q - truth).max(axis=(0, 2)))
+    # Errors grow with time, so the largest on and off the grid agree: to 0.3 % where this was written.
+    np.testing.assert_allclose(errors[1], errors[0], rtol=0.01)
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_fixed_step_peers_run_backwards_to_where_they_came_from(name):
+    there = peers.run(name, GM, Q, V, times=np.array([DAYS]), dt=DT)
+    back = peers.run(name, GM, there.q[-1], there.v[-1], times=np.array([-DAYS]), dt=DT)
+    # All are symmetric maps; the correctors cost a few digits more than the bare steps.
+    np.testing.assert_allclose(back.q[-1], Q, rtol=0, atol=3e-13)
+
+
+def test_ias15_runs_backwards_and_stops_exactly_at_the_samples():
+    gm, q, v = np.array([1.0, 0.0]), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0.0, 0, 0], [0, 1.1, 0]])
+    times = -np.linspace(0, 30, 41)
+    run = peers.run("ias15", gm, q, v, times=times, dt=0.1)
+    # 1e-13: IAS15's own error over five orbits. A sample missed by 1e-12 in time would show tenfold.
+    np.testing.assert_allclose(run.q, yardstick.exact(gm, q, v, times).q, rtol=0, atol=1e-13)
+
+
+def test_massless_bodies_leave_the_massive_ones_alone():
+    massive = GM > 0
+    for name in peers.PEERS:
+        with_particles = peers.run(name, GM, Q, V, times=np.array([DAYS]), dt=DT)
+        without = peers.run(name, GM[massive], Q[massive], V[massive], times=np.array([DAYS]), dt=DT)
+        # IAS15 chooses its steps by all particles, so only it may differ in the last digits.
+        atol = 1e-13 if name == "ias15" else 0.0
+        np.testing.assert_allclose(with_particles.q[:, massive], without.q, rtol=0, atol=atol)
+
+
+def test_the_softening_length_is_passed_on():
+    gm, q, v = np.array([1.0, 0.5]), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0.0, -0.2, 0], [0, 0.4, 0]])
+    run = peers.run("ias15", gm, q, v, times=np.linspace(0, 20, 21), dt=0.1, softening=0.3)
+    softened = diagnostics.energy(gm, run.q, run.v, 0.3)
+    unsoftened = diagnostics.energy(gm, run.q, run.v, 0.0)
+    assert np.ptp(softened) < 1e-14 * abs(softened[0])
+    assert np.ptp(unsoftened) > 0.01 * abs(unsoftened[0])
+
+
+def test_whfast_is_not_offered_a_problem_that_it_cannot_do():
+    three = np.ones(3)
+    whfast = peers.lookup("whfast")
+    assert "outweighs" in (peers.unsuited(whfast, three, 0.0) or "")
+    assert "softening" in (peers.unsuited(whfast, GM, 0.1) or "")
+    assert peers.unsuited(whfast, GM, 0.0) is None
+    assert peers.unsuited(whfast, np.ones(2), 0.0) is None  # two bodies are one Kepler problem, whatever the masses
+    assert peers.unsuited(peers.lookup("ias15"), three, 0.1) is None
+    with pytest.raises(IntegrationError, match="outweighs"):
+        peers.run("whfast", three, Q[:3], V[:3], times=np.array([1.0]), dt=0.1)
+
+
+def test_an_unknown_peer_is_refused_with_the_nearest_name():
+    with pytest.raises(UnknownNameError, match="Did you mean 'whfast'"):
+        peers.lookup("whfats")
+
+
+def test_python_gets_the_keyboard_back_after_rebound():
+    """REBOUND replaces the C handler of SIGINT; Python must see Ctrl-C again afterwards."""
+    peers.run("ias15", GM, Q, V, times=np.array([DAYS]), dt=DT)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+@given(k=st.integers(0, 10**7), part=st.floats(0, 1, exclude_max=True), exponent=st.integers(-20, 10))
+def test_the_grid_position_is_whole_steps_and_a_rest_shorter_than_one(k, part, exponent):
+    dt = float(np.float32(1.7)) * 2.0**exponent  # 24 bits, as the steps of runs are, so that k dt is exact
+    t = k * dt + part * dt
+    whole, rest = peers.grid_position(t, dt)
+    assert 0 <= rest < dt
+    assert whole * dt + rest == t
+    assert peers.grid_position(-t, dt) == (whole, rest)
