@@ -49,7 +49,7 @@ def draw(report: Report, path: Path) -> None:
         axis.set_xlabel("time since the start" + (f" [{report.time_unit}]" if report.time_unit else ""), fontsize=17)
     handles, labels = axes["energy"].get_legend_handles_labels()
     if handles:
-        columns = min(5, len(handles))
+        columns = min(4, len(handles))
         figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=16, frameon=False)
     figure.suptitle(str(report.settings.get("title") or "Comparison"), fontsize=22, fontweight="bold")
     figure.savefig(path)

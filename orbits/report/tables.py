@@ -57,9 +57,9 @@ def _bodies(report: Report, bodies: Sequence[str]) -> Table:
     rows = [row for row in report.rows if row.positions]
     table.add_column("body", overflow="fold")
     for row in rows:
-        table.add_column(row.method, justify="right", overflow="fold", min_width=8)
+        table.add_column(row.method.replace(" ", "\n"), justify="right", overflow="fold", min_width=8)
     if report.yardstick is not None:
-        table.add_column("yardstick's own", justify="right", overflow="fold", min_width=8)
+        table.add_column("yardstick\nitself", justify="right", overflow="fold", min_width=8)
     for body in bodies:
         own = [] if report.yardstick is None else [short(report.yardstick.errors.get(body))]
         table.add_row(Text(body), *(short(row.positions.get(body)) for row in rows), *own)

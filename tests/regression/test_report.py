@@ -1,0 +1,117 @@
+"""A report says what was measured: in a table that fits, in JSON that any reader takes, in a picture of the right size."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from orbits.errors import InputError
+from orbits.report import Report, Row, Series, YardstickNote
+
+TIMES = np.linspace(0.0, 100.0, 11)
+
+
+def series(size):
+    return Series(size * TIMES / 100, size * TIMES / 1000, size * TIMES * 10)
+
+
+def make(names, massive, *, rows=None, length_unit="km"):
+    positions = {name: 1e-3 * (i + 1) for i, name in enumerate(names)}
+    if rows is None:
+        rows = (
+            Row("Gauss(stages=8)", "ours", "ok", 1000, 0.2, 1.5, 1e-15, 2e-16, 0.5, names[-1], positions, series=series(1e-15)),
+            Row("REBOUND whfast-corrector17", "peer", "peer", 1_234_567, 12.5, None, 1e-9, 0.0, 1.5e8, names[0], positions, series=series(1e-9)),
+            Row("REBOUND whfast", "peer", "n/a", note="it needs one body that outweighs all the others."),
+        )  # fmt: skip
+    return Report(
+        rows=rows,
+        times=TIMES,
+        time_unit="yr",
+        length_unit=length_unit,
+        names=tuple(names),
+        massive=tuple(massive),
+        followed="worst of the massive bodies",
+        yardstick=YardstickNote("step-halved", "Gauss(stages=8) at dt = 1 d", dict.fromkeys(names, 2e-4)),
+        settings={"title": "A test", "dt": 6.0},
+        notes=("A remark.",),
+    )
+
+
+NINE = [f"Planet {i}" for i in range(9)]
+MANY = [*NINE, *(f"{i} Asteroid of some length" for i in range(1, 301))]
+
+
+@pytest.mark.parametrize(("names", "massive"), [(NINE, NINE), (MANY, NINE), (MANY, MANY)])
+def test_the_table_fits_into_100_columns_and_names_every_method(names, massive):
+    text = make(names, massive).table
+    assert max(len(line) for line in text.splitlines()) <= 100
+    for part in ("Gauss(stages=8)", "corrector17", "1,234,567", "A remark.", "own error 2.0e-04 km", "outweighs"):
+        assert part in text
+    assert str(make(names, massive)) == text
+
+
+def test_many_bodies_are_summed_up_and_few_are_listed():
+    few, many = make(NINE, NINE).table, make(MANY, NINE).table
+    assert "Planet 4" in few
+    assert "Planet 4" in many
+    assert "300 massless particles" in many
+    assert "99th percentile" in many
+    assert "300 Asteroid of some length" in many  # the worst of them, by name
+    assert "17 Asteroid" not in many
+
+
+def test_a_failure_of_ours_spoils_the_verdict_and_a_peer_cannot():
+    failed = Row("Verlet", "ours", "FAIL", failures=("max |dE/E| = 1.00e-03 exceeds 1.00e-12",))
+    missing = Row("REBOUND ias15", "peer", "n/a", note="it failed.")
+    good = Row("Gauss", "ours", "ok")
+    report = make(NINE, NINE, rows=(good, failed, missing))
+    assert not report.ok
+    assert report.failures == ("Verlet: max |dE/E| = 1.00e-03 exceeds 1.00e-12",)
+    assert "exceeds 1.00e-12" in report.table
+    assert make(NINE, NINE, rows=(good, missing)).ok
+
+
+def test_json_is_strict_and_holds_every_number(tmp_path):
+    report = make(MANY, NINE)
+    path = tmp_path / "report.json"
+    assert report.to_json(path).strip() == path.read_text().strip()
+    record = json.loads(path.read_text(), parse_constant=lambda x: pytest.fail(f"{x} is not JSON"))
+    assert record["ok"] is True
+    ours = record["rows"][0]
+    assert ours["positions"]["Planet 8"] == 0.009
+    assert ours["energy"] == 1e-15
+    assert ours["series"]["position"] == report.rows[0].series.position.tolist()
+    assert ours["particles"]["name"] == "300 Asteroid of some length"
+    assert record["yardstick"]["error"] == 2e-4
+    assert len(record["times"]) == 11
+
+
+def test_numbers_that_are_not_finite_become_null():
+    row = Row("Euler", "ours", "FAIL", energy=float("inf"), position=float("nan"), failures=("energy",))
+    record = json.loads(make(NINE, NINE, rows=(row,)).to_json())
+    assert record["rows"][0]["energy"] is None
+    assert record["rows"][0]["position"] is None
+
+
+@pytest.mark.parametrize("length_unit", ["km", ""])
+def test_the_picture_is_1600_by_1000(tmp_path, length_unit):
+    from matplotlib.image import imread
+
+    path = make(NINE, NINE, length_unit=length_unit).plot(tmp_path / "report.png")
+    assert imread(path).shape[:2] == (1000, 1600)
+
+
+def test_a_picture_without_anything_measured_is_still_a_picture(tmp_path):
+    row = Row("Gauss", "ours", "not judged", series=Series(*(np.full(11, np.nan) for _ in range(3))))
+    assert make(NINE, NINE, rows=(row,)).plot(tmp_path / "report.png").exists()
+
+
+def test_an_unwritable_path_is_refused_in_words(tmp_path):
+    report = make(NINE, NINE)
+    for write in (report.to_json, report.plot):
+        with pytest.raises(InputError, match="cannot write"):
+            write(tmp_path / "no such folder" / "report.png")
+    with pytest.raises(InputError, match="cannot write"):
+        report.plot(tmp_path / "report.unknown-format")
