@@ -1,0 +1,72 @@
+"""Every exception that `orbits` raises on purpose.
+
+Each message says what was wrong, what was found, what is expected and how to mend it. `exit_code` is what the command
+line ends with: 2 for a wrong use, 1 for a run that failed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+
+class OrbitsError(Exception):
+    """Base of all errors raised by this package."""
+
+    exit_code = 1
+
+
+class InputError(OrbitsError, ValueError):
+    """A value given by the caller cannot be used."""
+
+    exit_code = 2
+
+
+class UnknownNameError(InputError):
+    """A body, method, scenario or option that does not exist."""
+
+
+class EpochError(InputError):
+    """An epoch outside an ephemeris, or epochs that do not belong together."""
+
+
+class ArchiveError(InputError):
+    """A file that is not a readable archive, or that must not be overwritten."""
+
+
+class StorageError(OrbitsError):
+    """Writing failed while a run was under way: a full disk, a lost device."""
+
+
+class IntegrationError(OrbitsError):
+    """A step could not be taken. What was computed before it stays valid.
+
+    step : index of the step that failed, counted from the epoch of the run
+    time : time since the epoch at the start of that step, in the run's time unit
+    bodies : names of the bodies concerned
+    """
+
+    def __init__(self, message: str, *, step: int = -1, time: float = float("nan"), bodies: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.step = step
+        self.time = time
+        self.bodies = tuple(bodies)
+
+
+class ConvergenceError(IntegrationError):
+    """The stages of an implicit step did not converge to the round-off floor."""
+
+
+class SingularityError(IntegrationError):
+    """The state became infinite or undefined: two bodies met, or the step was far too long."""
+
+
+class Interrupted(OrbitsError):
+    """A run was stopped by a signal after a whole chunk.
+
+    trajectory : what was computed, a `Trajectory`
+    """
+
+    def __init__(self, message: str, *, trajectory: Any = None) -> None:
+        super().__init__(message)
+        self.trajectory = trajectory

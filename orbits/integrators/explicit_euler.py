@@ -1,0 +1,78 @@
+"""Explicit Euler, the foil: q+ = q + h v, v+ = v + h g(q).
+
+It has no discrete Lagrangian: it is neither symplectic nor symmetric, keeps no angular momentum, and every orbit spirals outwards.
+Source: Hairer, Lubich & Wanner (2006), sec. I.1.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
+from orbits.kernels.binding import accelerate, field
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.state import all_finite, drift, kick, load_particles, store_particles
+from orbits.kernels.summation import add_compensated, add_product
+from orbits.lagrangians.base import SEPARABLE
+
+
+@kernel
+def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps):
+    """March the massive bodies by `steps` steps of h; `field_record` (slots, 1, padded) receives the positions before each."""
+    size = 3 * (parameters.shape[0] - 1)
+    g = work[0]
+    for step in range(steps):
+        accelerate(tag, parameters, q, g)
+        field_record[step % field_record.shape[0], 0, :size] = q[:size]
+        drift(q, q_lo, h, v, v_lo, size)
+        kick(v, v_lo, h, g, size)
+    return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, steps
+
+
+@kernel
+def advance_particles(
+    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop
+):
+    """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
+    for p in range(start, stop, WIDTH):
+        x, y, z, x_lo, y_lo, z_lo = load_particles(q, q_lo, p)
+        vx, vy, vz, vx_lo, vy_lo, vz_lo = load_particles(v, v_lo, p)
+        for step in range(steps):
+            ax, ay, az = field(tag, parameters, field_record[step, 0], x, y, z)
+            x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
+            y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
+            z, z_lo = add_product(z, z_lo, h, vz, vz_lo)
+            vx, vx_lo = add_compensated(vx, vx_lo, h * ax)
+            vy, vy_lo = add_compensated(vy, vy_lo, h * ay)
+            vz, vz_lo = add_compensated(vz, vz_lo, h * az)
+        store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
+        store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
+    return OK, steps, 0, steps * (stop - start)
+
+
+@dataclass(frozen=True)
+class ExplicitEuler(Integrator):
+    """The method one should not use: order 1, energy and angular momentum drift. It is here to show why the others exist."""
+
+    name: ClassVar[str] = "explicit-euler"
+    summary: ClassVar[str] = "explicit Euler: not variational, order 1; the foil"
+    requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE})
+    declares: ClassVar[frozenset[str]] = frozenset()
+    source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. I.1.1"
+    advance: ClassVar[Any] = staticmethod(advance)
+    advance_particles: ClassVar[Any] = staticmethod(advance_particles)
+
+    @property
+    def order(self) -> int:
+        """Order of convergence: 1."""
+        return 1
+
+    def field_shape(self, bodies: int) -> tuple[int, int]:
+        """Positions before a step."""
+        return 1, padded(3 * bodies)
+
+    def work_shape(self, bodies: int) -> tuple[int, int]:
+        """One vector of accelerations."""
+        return 1, padded(3 * bodies)

@@ -1,0 +1,79 @@
+"""How a compiled integrator finds the kernels of a Lagrangian.
+
+A Lagrangian enters compiled code as a tag: a value without content whose *type* names the Lagrangian. Each function below is
+resolved at compile time to the kernel that the Lagrangian registered under that name. (A kernel passed as an argument would never hit Numba's disk
+cache; a tag does.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from numba import types
+from numba.core.datamodel.models import OpaqueModel
+from numba.extending import NativeValue, overload, register_model, typeof_impl, unbox
+
+_KERNELS: dict[str, Mapping[str, Any]] = {}
+
+
+class Tag:
+    """The compiled face of a Lagrangian.
+
+    name : unique name of the Lagrangian
+    kernels : what it provides, by the names of the functions of this module
+    """
+
+    def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
+        self.name = name
+        _KERNELS[name] = dict(kernels)
+
+    def __repr__(self) -> str:
+        return f"Tag({self.name!r})"
+
+
+class TagType(types.Type):
+    """The Numba type of a `Tag`, keyed by its name."""
+
+    def __init__(self, tag: str) -> None:
+        super().__init__(name=f"Tag({tag})")
+        self.tag = tag
+
+
+@typeof_impl.register(Tag)
+def _typeof_tag(value, context):
+    return TagType(value.name)
+
+
+register_model(TagType)(OpaqueModel)
+
+
+@unbox(TagType)
+def _unbox_tag(kind, instance, context):
+    return NativeValue(context.context.get_dummy_value())
+
+
+def _kernel_of(tag, name):
+    return _KERNELS[tag.tag][name] if isinstance(tag, TagType) and name in _KERNELS[tag.tag] else None
+
+
+def accelerate(lagrangian, parameters, q, out):
+    """Write the accelerations g(q) of all coordinates into `out`; vectors, or rows of eight stages."""
+    raise NotImplementedError("accelerate() is for compiled code only")
+
+
+@overload(accelerate)
+def _accelerate(lagrangian, parameters, q, out):
+    compiled = _kernel_of(lagrangian, "accelerate" if getattr(q, "ndim", 0) == 1 else "accelerate_stages")
+    return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))
+
+
+def field(lagrangian, parameters, sources, x, y, z):
+    """Return the acceleration (ax, ay, az) of a massless particle at (x, y, z) in the field of `sources`."""
+    raise NotImplementedError("field() is for compiled code only")
+
+
+@overload(field)
+def _field(lagrangian, parameters, sources, x, y, z):
+    compiled = _kernel_of(lagrangian, "field")
+    return compiled and (lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z))

@@ -1,0 +1,78 @@
+"""Fixed-point iteration of the stages of an implicit step, to the round-off floor.
+
+No tolerance decides: a component is done when its largest change over the stages stops falling, or when the fall seen so far says that the next change will be
+lost in rounding. One more evaluation then follows, so that what the iteration leaves is far below one rounding error: a residual
+with a preferred sign would act like friction.
+"""
+
+from __future__ import annotations
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import any_lane, load, maximum, minimum, row_maxima, store
+
+LIMIT = 200
+"""Evaluations after which a step is given up."""
+
+PATIENCE = 8
+"""How often the change may fail to fall while it is still far above the floor."""
+
+LOST = 2.0**-53
+"""A change below this fraction of the largest stage value vanishes in rounding."""
+
+NEAR_FLOOR = 2.0**-40
+"""A change below this fraction that has stopped falling is at the floor."""
+
+CONVERGED = 2.0**-24
+"""Beyond this fraction a stalled iteration has not converged; in between, cancellation between close bodies may set the floor."""
+
+
+@kernel
+def begin(change, history, blocks):
+    """Take the first stage values, stored in `change` as if they were changes from zero, as the scale of each component."""
+    for block in range(blocks):
+        scale = row_maxima(change, 8 * block)
+        store(history, block, scale)
+        store(history, blocks + block, scale)
+        store(history, 2 * blocks + block, scale)
+
+
+@kernel
+def falling(change, history, blocks):
+    """Return whether some component's largest change still falls, and not only within rounding.
+
+    change : (8 * blocks, 8), |new - old| of each component (row) in each stage (lane)
+    history : (3 * blocks, 8), one lane for each component: least change so far, last change, scale
+    """
+    going = False
+    for block in range(blocks):
+        now = row_maxima(change, 8 * block)
+        least = load(history, block)
+        last = load(history, blocks + block)
+        scale = load(history, 2 * blocks + block)
+        going |= any_lane((now < least) * (now * now > LOST * scale * last))
+        store(history, block, minimum(now, least))
+        store(history, blocks + block, now)
+    return going
+
+
+@kernel
+def settled(history, blocks, fraction):
+    """Return whether every component's least change is below `fraction` of its scale."""
+    for block in range(blocks):
+        if any_lane(load(history, block) > fraction * load(history, 2 * blocks + block)):
+            return False
+    return True
+
+
+@kernel
+def unsettled_body(history, blocks, bodies, fraction):
+    """Return the first body whose least change exceeds `fraction` of its largest stage value in any direction; -1 if none does."""
+    for body in range(bodies):
+        least, scale = 0.0, 0.0
+        for axis in range(3):
+            k = axis * bodies + body
+            least = maximum(history[k // 8, k % 8], least)
+            scale = maximum(history[2 * blocks + k // 8, k % 8], scale)
+        if not least <= fraction * scale:
+            return body
+    return -1

@@ -1,0 +1,51 @@
+"""Kicks and drifts of a state in doubled precision, a vector at a time or eight particles in lanes."""
+
+from __future__ import annotations
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH, load, store
+from orbits.kernels.summation import add_compensated, add_product
+
+
+@kernel
+def kick(v, v_lo, h, g, size):
+    """Advance (v, v_lo) by h g, component by component; the vectors are padded."""
+    for k in range(0, size, WIDTH):
+        hi, lo = add_compensated(load(v, k), load(v_lo, k), h * load(g, k))
+        store(v, k, hi)
+        store(v_lo, k, lo)
+
+
+@kernel
+def drift(q, q_lo, h, v, v_lo, size):
+    """Advance (q, q_lo) by h (v, v_lo), component by component; the vectors are padded."""
+    for k in range(0, size, WIDTH):
+        hi, lo = add_product(load(q, k), load(q_lo, k), h, load(v, k), load(v_lo, k))
+        store(q, k, hi)
+        store(q_lo, k, lo)
+
+
+@kernel
+def all_finite(q, v, size):
+    """Return whether the first `size` elements of q and v are finite."""
+    for k in range(size):
+        if not (q[k] * 0.0 == 0.0 and v[k] * 0.0 == 0.0):
+            return False
+    return True
+
+
+@kernel(inline=True)
+def load_particles(q, q_lo, p):
+    """Return x, y, z and their low parts of particles p ... p + 7; q, q_lo : (3, padded)."""
+    return load(q[0], p), load(q[1], p), load(q[2], p), load(q_lo[0], p), load(q_lo[1], p), load(q_lo[2], p)
+
+
+@kernel(inline=True)
+def store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo):
+    """Write what `load_particles` would read."""
+    store(q[0], p, x)
+    store(q[1], p, y)
+    store(q[2], p, z)
+    store(q_lo[0], p, x_lo)
+    store(q_lo[1], p, y_lo)
+    store(q_lo[2], p, z_lo)

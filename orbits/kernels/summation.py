@@ -1,0 +1,47 @@
+"""Error-free transformations and compensated addition; float64 or `Lanes`.
+
+A number of doubled precision is an unevaluated pair (hi, lo) with |lo| at most half a unit in the last place of hi.
+Source: Dekker (1971); Knuth, The Art of Computer Programming 2, 4.2.2; Ogita, Rump & Oishi (2005).
+"""
+
+from __future__ import annotations
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import exact_add, exact_mul, exact_sub, fma
+
+
+@kernel(inline=True, exact=True)
+def two_sum(a, b):
+    """Return (s, e) with s = fl(a + b) and s + e = a + b exactly."""
+    s = exact_add(a, b)
+    c = exact_sub(s, a)
+    return s, exact_add(exact_sub(a, exact_sub(s, c)), exact_sub(b, c))
+
+
+@kernel(inline=True, exact=True)
+def quick_two_sum(a, b):
+    """Return (s, e) with s = fl(a + b) and s + e = a + b exactly, for |a| >= |b| or a = 0."""
+    s = exact_add(a, b)
+    return s, exact_sub(b, exact_sub(s, a))
+
+
+@kernel(inline=True, exact=True)
+def two_product(a, b):
+    """Return (p, e) with p = fl(a b) and p + e = a b exactly, unless e underflows."""
+    p = exact_mul(a, b)
+    return p, fma(a, b, -p)
+
+
+@kernel(inline=True, exact=True)
+def add_compensated(hi, lo, x):
+    """Return the pair (hi, lo) + x, renormalized; x is a float64 or `Lanes` of smaller size than hi."""
+    s, e = two_sum(hi, x)
+    return quick_two_sum(s, exact_add(lo, e))
+
+
+@kernel(inline=True, exact=True)
+def add_product(hi, lo, h, x, x_lo):
+    """Return the pair (hi, lo) + h (x, x_lo), renormalized; the product's rounding error is kept."""
+    p, e = two_product(x, h)
+    s, f = two_sum(hi, p)
+    return quick_two_sum(s, exact_add(lo, exact_add(f, fma(x_lo, h, e))))
