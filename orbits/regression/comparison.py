@@ -123,7 +123,6 @@ class _Grid:
 
     times: Array
     dt: float
-    duration: Any
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,6 @@ class _Attempt:
     sampled: Sampled
     run: Trajectory | None
     error: IntegrationError | None
-    duration: Any
 
 
 _Say = Callable[[str], None]
@@ -188,7 +186,7 @@ def _attempt(
     try:
         run = propagate(system, method, dt=dt, duration=duration, samples=samples, threads=threads, progress=progress)
     except IntegrationError as error:
-        return _Attempt(Sampled(method.label, "ours", compile_s=compile_s, note=str(error)), None, error, duration)
+        return _Attempt(Sampled(method.label, "ours", compile_s=compile_s, note=str(error)), None, error)
     units, statistics = system.units, run.statistics
     sampled = Sampled(
         method.label,
@@ -199,7 +197,7 @@ def _attempt(
         wall_s=float(statistics.wall_time),
         compile_s=compile_s,
     )
-    return _Attempt(sampled, run, None, duration)
+    return _Attempt(sampled, run, None)
 
 
 def _grid(attempts: list[_Attempt]) -> _Grid:
@@ -207,7 +205,7 @@ def _grid(attempts: list[_Attempt]) -> _Grid:
         if attempt.run is not None:
             unit = attempt.run.system.units.time
             times = np.asarray(attempt.run.t.to_value(unit), dtype=np.float64)
-            return _Grid(times, float(attempt.run.dt.to_value(unit)), attempt.duration)
+            return _Grid(times, float(attempt.run.dt.to_value(unit)))
     error = attempts[0].error
     assert error is not None
     raise error
@@ -229,7 +227,7 @@ def _reference(
         coarse = grid.dt / 2 if isinstance(kind, str) else float(system.units.time_value(kind, what="yardstick"))
         say("the yardstick")
         try:
-            made = rod.step_halved(system, grid.times, coarse, grid.duration, threads)
+            made = rod.step_halved(system, grid.times, coarse, threads)
         except IntegrationError as error:
             return None, None, (f"The yardstick failed, so positions are not measured: {error}",)
     errors = dict(zip(problem.names, (made.error * problem.length).tolist(), strict=True))
