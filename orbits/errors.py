@@ -44,10 +44,12 @@ class IntegrationError(OrbitsError):
     step : index of the step that failed, counted from the epoch of the run
     time : time since the epoch at the start of that step, in the run's time unit
     bodies : names of the bodies concerned
+    trajectory : the samples before the failure, a `Trajectory`, when the error comes out of `propagate` or `resume`
     """
 
     def __init__(self, message: str, *, step: int = -1, time: float = float("nan"), bodies: Sequence[str] = ()) -> None:
         super().__init__(message)
+        self.trajectory: Any = None
         self.step = step
         self.time = time
         self.bodies = tuple(bodies)

@@ -14,7 +14,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ConvergenceError, InputError, SingularityError
+from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
 from orbits.kernels.lanes import WIDTH
 from orbits.lagrangians.base import Lagrangian
@@ -81,6 +81,7 @@ class Marcher:
             "particle_v_lo": np.zeros((3, padded(m))),
             "particle_memory": np.zeros((m, integrator.particle_memory_rows, WIDTH)),
         }
+        self._backup = {name: array.copy() for name, array in self._state.items()}
         shape = integrator.field_shape(n)
         slots = 1
         if m:
@@ -93,8 +94,22 @@ class Marcher:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and len(self._tasks) > 1 else None
 
     def advance(self, steps: int) -> None:
-        """March on by `steps` >= 0 steps. Raises ConvergenceError or SingularityError; the state is then of no further use."""
-        self._march(self._state, self.h, steps)
+        """March on by `steps` >= 0 steps.
+
+        Raises ConvergenceError or SingularityError; the state is then a whole state from at most `block` steps before the failure.
+        """
+        while steps > 0:
+            count = min(steps, self.block)
+            for name, array in self._state.items():
+                np.copyto(self._backup[name], array)
+            try:
+                self._march_block(self._state, self.h, count)
+            except IntegrationError:
+                for name, array in self._state.items():
+                    np.copyto(array, self._backup[name])
+                raise
+            self.step += count
+            steps -= count
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64."""
@@ -108,9 +123,9 @@ class Marcher:
         # What is carried from step to step belongs to steps of h; a partial step starts cold.
         copy["memory"][:] = 0.0
         copy["particle_memory"][:] = 0.0
-        before = self.step, self.evaluations, self.particle_evaluations
-        self._march(copy, offset, 1)
-        self.step, self.evaluations, self.particle_evaluations = before
+        before = self.evaluations, self.particle_evaluations
+        self._march_block(copy, offset, 1)
+        self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
@@ -136,17 +151,10 @@ class Marcher:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _march(self, state: dict[str, Array], h: float, steps: int) -> None:
-        if h not in self._coefficients:
-            self._coefficients = {self.h: self._coefficients[self.h], h: self.integrator.coefficients(h)}
-        while steps > 0:
-            count = min(steps, self.block)
-            self._march_block(state, h, count)
-            self.step += count
-            steps -= count
-
     def _march_block(self, state: dict[str, Array], h: float, count: int) -> None:
         method = self.integrator
+        if h not in self._coefficients:
+            self._coefficients = {self.h: self._coefficients[self.h], h: method.coefficients(h)}
         arguments = (self.lagrangian.tag, self.parameters, self._coefficients[h], h)
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         status, done, body, evaluations = method.advance(*arguments, *massive, self._work, self._field, count)

@@ -1,0 +1,77 @@
+"""From a `System` to a bound `Marcher`, and what a run's bits depend on."""
+
+from __future__ import annotations
+
+import platform
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits._version import __version__
+from orbits.errors import InputError
+from orbits.integrators import registry
+from orbits.integrators.base import Integrator
+from orbits.integrators.marcher import Marcher, available_threads
+from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
+from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.system import System
+
+BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
+"""Entries of the provenance that must agree for a resumed run to give the same bits."""
+
+
+def bound(system: System, integrator: Integrator, h: float, threads: int | None = None) -> Marcher:
+    """Return `system` bound to `integrator` with step h, massive bodies and massless particles told apart.
+
+    Raises InputError if the integrator cannot serve the Lagrangian.
+    """
+    if not isinstance(integrator, Integrator):
+        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+    if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
+        raise InputError(f"threads must be a positive whole number or None for all processors, got {threads!r}")
+    integrator.check(newtonian, registry())
+    values = system.values
+    massive: NDArray[np.bool_] = values.gm > 0.0
+    return Marcher(
+        newtonian,
+        integrator,
+        parameters(values.gm[massive], values.softening),
+        massive,
+        values.q,
+        values.v,
+        h,
+        names=system.names,
+        threads=threads or available_threads(),
+    )
+
+
+def provenance() -> dict[str, str]:
+    """Return the versions and the processor that a run's bits come from."""
+    import h5py
+    import llvmlite
+    import numba
+
+    return {
+        "orbits": __version__,
+        "kernel_sources": source_stamp(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+        "llvmlite": llvmlite.__version__,
+        "h5py": h5py.__version__,
+        "platform": platform.platform(),
+        "cpu_name": cpu_name(),
+        "cpu_features": " ".join(sorted(cpu_features())),
+    }
+
+
+def differences(recorded: Any) -> list[str]:
+    """Return what has changed since `recorded` was written that the bits depend on, in words."""
+    now = provenance()
+    found = []
+    for key in BITS_DEPEND_ON:
+        if recorded.get(key) != now[key]:
+            brief = key in ("cpu_features", "kernel_sources")
+            found.append(key.replace("_", " ") if brief else f"{key} {recorded.get(key)} -> {now[key]}")
+    return found

@@ -1,0 +1,101 @@
+"""Steps and sample times: steps stay on t = k h, and each sample is split into whole steps and an exact remainder."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import InputError
+from orbits.units import UnitSystem
+
+Array = NDArray[np.float64]
+
+STEP_BITS = 24
+MOST_STEPS = 2**53
+
+
+def rounded_step(dt: float) -> float:
+    """Return dt rounded to 24 significant bits, so that k * dt is exact for every k below 2^29."""
+    mantissa, exponent = math.frexp(dt)
+    return math.ldexp(round(math.ldexp(mantissa, STEP_BITS)), exponent - STEP_BITS)
+
+
+def signed_step(units: UnitSystem, dt: Any, duration: float) -> float:
+    """Return the step h in units.time, its sign that of `duration`. Raises InputError unless dt is positive and finite."""
+    value = _number(units.time_value(dt, "dt"), "dt")
+    if not (math.isfinite(value) and value > 0.0):
+        raise InputError(
+            f"dt must be positive and finite, got {value:g}; the sign of duration gives the direction of time, dt only the size of a step"
+        )
+    h = rounded_step(value)
+    if not (h > 0.0 and math.isfinite(h)):
+        raise InputError(f"dt = {value:g} is out of the range of floats; choose units in which it is of ordinary size")
+    if abs(duration) / h > MOST_STEPS:
+        raise InputError(
+            f"duration / dt is {abs(duration) / h:.3g} steps; at most 2^53 = 9.0e15 are possible. Use a longer dt or a shorter duration."
+        )
+    return math.copysign(h, duration)
+
+
+def checked_duration(units: UnitSystem, duration: Any) -> float:
+    """Return the duration in units.time. Raises InputError unless it is finite and not zero."""
+    value = _number(units.time_value(duration, "duration"), "duration")
+    if not math.isfinite(value):
+        raise InputError(f"duration must be finite, got {value}; a run has to end")
+    if value == 0.0:
+        raise InputError("duration is 0; give a positive one to go forwards in time or a negative one to go backwards")
+    return value
+
+
+def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
+    """Return the times of the samples in units.time, from a count with both ends or from times between 0 and `duration`.
+
+    Raises InputError unless the times are finite, within the run and strictly ordered in the direction of the run.
+    """
+    if isinstance(samples, bool) or (isinstance(samples, float) and not samples.is_integer()):
+        raise InputError(f"samples must be a whole number or an array of times, got {samples!r}")
+    if isinstance(samples, int | np.integer | float):
+        count = int(samples)
+        if count < 2:
+            raise InputError(f"samples = {count}: a count includes both ends and is at least 2; for the end alone give samples=[duration]")
+        times: Array = np.arange(count) * duration / (count - 1)
+        times[-1] = duration
+        return times
+    times = np.array(units.time_value(samples, "samples"), dtype=np.float64)
+    if times.ndim != 1 or times.size == 0:
+        raise InputError(f"samples must be a count or a one-dimensional array of times, got shape {times.shape}")
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        raise InputError(f"samples[{bad[0]}] is {times[bad[0]]}; every sample time must be finite")
+    direction = math.copysign(1.0, duration)
+    outside = np.flatnonzero((times * direction < 0.0) | (times * direction > abs(duration)))
+    if outside.size:
+        k = outside[0]
+        raise InputError(
+            f"samples[{k}] = {times[k]:g} lies outside the run from 0 to {duration:g} (times count from the epoch, in {units.time})"
+        )
+    disorder = np.flatnonzero(np.diff(times) * direction <= 0.0)
+    if disorder.size:
+        k = disorder[0]
+        raise InputError(
+            f"samples[{k + 1}] = {times[k + 1]:g} does not come after samples[{k}] = {times[k]:g} in the direction of the run; "
+            "sort the times and drop duplicates"
+        )
+    return times + 0.0
+
+
+def split(times: Array, h: float) -> tuple[NDArray[np.int64], Array]:
+    """Return (k, r) with times = k h + r exactly, k >= 0 whole steps and a remainder of less than a step in the direction of h."""
+    remainder = np.fmod(times, h)
+    steps = np.rint((times - remainder) / h).astype(np.int64)
+    return steps, remainder
+
+
+def _number(value: Any, what: str) -> float:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim:
+        raise InputError(f"{what} must be a single number or quantity, got an array of shape {array.shape}")
+    return float(array)

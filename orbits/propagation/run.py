@@ -1,0 +1,281 @@
+"""`propagate` and `resume`: one loop from sample to sample, in memory or into an archive."""
+
+from __future__ import annotations
+
+import time
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits import integrators
+from orbits.archive import Archive, ArchiveWriter, extended
+from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted
+from orbits.integrators.base import Integrator
+from orbits.integrators.marcher import Marcher
+from orbits.propagation.binding import bound, differences, provenance
+from orbits.propagation.grid import checked_duration, sample_times, signed_step, split
+from orbits.propagation.progress import Progress
+from orbits.propagation.signals import StopRequest
+from orbits.system import System
+from orbits.trajectory import Statistics, Trajectory
+
+Array = NDArray[np.float64]
+Path = str | PathLike[str]
+
+CHUNK_BYTES = 16 * 1024 * 1024
+"""Samples kept in memory before they are written."""
+
+COMMIT_SECONDS = 10.0
+"""An archive is committed at least this often: a lost machine costs no more than this."""
+
+
+def propagate(
+    system: System,
+    integrator: Integrator,
+    *,
+    dt: Any,
+    duration: Any,
+    samples: Any = 101,
+    archive: Path | None = None,
+    overwrite: bool = False,
+    progress: bool | None = None,
+    threads: int | None = None,
+) -> Trajectory:
+    """Propagate `system` with constant steps and return the sampled trajectory.
+
+    system : a `System`; bodies with GM = 0 are massless particles in the field of the others
+    integrator : e.g. `Gauss(stages=8)`
+    dt : step > 0, a quantity or a number in the system's time unit; rounded to 24 significant bits (`run.dt` is the step used)
+    duration : how far to go; negative for backwards in time
+    samples : a count that includes both ends, or an array of times since the epoch; off the grid of steps a sample is a partial step
+        on a copy, so that sampling never changes the run
+    archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
+    overwrite : whether an existing archive may be replaced
+    progress : None or True draws a bar on a terminal, False never
+    threads : for massless particles; None takes all processors. The result does not depend on it, to the last bit.
+
+    Raises InputError for what cannot be run, ConvergenceError or SingularityError for a step that fails,
+    StorageError when writing fails, Interrupted (with `.trajectory`) after Ctrl-C or SIGTERM.
+    """
+    if not isinstance(system, System):
+        raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
+    length = checked_duration(system.units, duration)
+    h = signed_step(system.units, dt, length)
+    times = sample_times(system.units, samples, length)
+    marcher = bound(system, integrator, h, threads)
+    if archive is None:
+        return _march(system, integrator, marcher, times, 0, None, progress)
+    writer = ArchiveWriter.create(
+        archive,
+        system=system,
+        integrator=integrators.describe(integrator),
+        dt=h,
+        times=times,
+        checkpoint=marcher.checkpoint(),
+        provenance=provenance(),
+        overwrite=overwrite,
+    )
+    return _march(system, integrator, marcher, times, 0, writer, progress)
+
+
+def resume(
+    path: Path,
+    *,
+    until: Any = None,
+    progress: bool | None = None,
+    threads: int | None = None,
+    same_bits: bool = True,
+) -> Trajectory:
+    """Go on with the run in an archive, bit for bit as if it had never stopped.
+
+    path : an archive written by `propagate`
+    until : for a finished run, the time since the epoch to extend it to, sampled as densely as before; None completes an interrupted run
+    same_bits : refuse when processor, Numba or the kernels have changed since, because the last bits then may; False goes on all the same
+
+    Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
+    """
+    old = Archive.open(path)
+    system, h = old.system, old.dt
+    integrator = integrators.build(old.integrator)
+    changed = differences(old.provenance)
+    if changed and same_bits:
+        raise ArchiveError(
+            f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out differently here. "
+            "Resume with same_bits=False (--any-bits) to accept that."
+        )
+    target = None if until is None else float(np.asarray(system.units.time_value(until, "until")))
+    times = old.times if target is None else _extended_times(old, target)
+    marcher = bound(system, integrator, h, threads)
+    committed, checkpoint = old.committed, old.checkpoint()
+    old.close()
+    if committed == len(times):
+        return Trajectory.open(path)
+    marcher.restore(checkpoint)
+    writer = ArchiveWriter.reopen(path) if target is None else extended(path, times)
+    return _march(system, integrator, marcher, times, committed, writer, progress)
+
+
+def _extended_times(old: Archive, target: float) -> Array:
+    times = old.times
+    if not old.complete:
+        raise ArchiveError("this run is not complete yet: resume it without until=..., then extend it")
+    end = float(times[-1])
+    direction = np.sign(old.dt)
+    if not np.isfinite(target) or (target - end) * direction < 0.0:
+        raise InputError(f"until = {target:g} lies before the end of the run, {end:g} {old.system.units.time}")
+    if len(times) < 2:
+        return np.unique([end, target])
+    spacing = (end - times[0]) / (len(times) - 1) if len(times) > 1 else target - end
+    count = int(np.floor((target - end) / spacing * (1 + 1e-12)))
+    more = end + spacing * np.arange(1, count + 1)
+    if count and abs(more[-1] - target) <= 1e-9 * abs(spacing):
+        more[-1] = target
+    elif target != end:
+        more = np.append(more, target)
+    return np.concatenate([times, more])
+
+
+def _march(
+    system: System,
+    integrator: Integrator,
+    marcher: Marcher,
+    times: Array,
+    first: int,
+    writer: ArchiveWriter | None,
+    progress: bool | None,
+) -> Trajectory:
+    """March from sample `first` to the last one; every way out leaves the archive closed and readable."""
+    begun = time.perf_counter()
+    failure: IntegrationError | None = None
+    try:
+        with StopRequest() as stop:
+            marcher.compile()
+            compiled = time.perf_counter()
+            keeper = _Keeper(len(system.names), times, first, writer)
+            last_step = int(split(times[-1:], marcher.h)[0][0])
+            bar = Progress(
+                progress, label=integrator.label, total=float(times[-1]), unit=str(system.units.time), steps=last_step
+            )
+            try:
+                _sample(marcher, times, first, keeper, bar, stop)
+            except IntegrationError as error:
+                failure = error
+            finally:
+                bar.close()
+            keeper.commit(marcher)
+        statistics = Statistics(
+            steps=marcher.step,
+            evaluations=marcher.evaluations,
+            particle_evaluations=marcher.particle_evaluations,
+            wall_time=time.perf_counter() - compiled,
+            compile_time=compiled - begun,
+        )
+    finally:
+        marcher.close()
+        if writer is not None:
+            writer.close()
+    trajectory = _result(system, integrator, marcher.h, times, keeper, writer, statistics)
+    if failure is not None:
+        failure.trajectory = trajectory
+        raise failure
+    if stop.name:
+        at = f"{marcher.step * marcher.h:,.6g} of {times[-1]:,.6g} {system.units.time}"
+        how = (
+            f"go on with: orbits resume {writer.path}"
+            if writer is not None
+            else "nothing was stored; give archive=... to be able to resume"
+        )
+        raise Interrupted(
+            f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(times)} samples done; {how}", trajectory=trajectory
+        )
+    return trajectory
+
+
+def _result(
+    system: System,
+    integrator: Integrator,
+    h: float,
+    times: Array,
+    keeper: _Keeper,
+    writer: ArchiveWriter | None,
+    statistics: Statistics,
+) -> Trajectory:
+    if writer is not None:
+        return Trajectory.open(writer.path, statistics=statistics)
+    q, v = keeper.arrays()
+    return Trajectory(
+        system,
+        times[: len(q)],
+        q,
+        v,
+        step=h,
+        integrator=integrator,
+        statistics=statistics,
+        complete=len(q) == len(times),
+    )
+
+
+def _sample(marcher: Marcher, times: Array, first: int, keeper: _Keeper, bar: Progress, stop: StopRequest) -> None:
+    """Visit every sample from `first` on, or as many as there are before a stop is asked for."""
+    steps, remainders = split(times, marcher.h)
+    for index in range(first, len(times)):
+        while marcher.step < steps[index]:
+            marcher.advance(min(marcher.block, int(steps[index]) - marcher.step))
+            bar.update(marcher.step * marcher.h)
+            if stop.name:
+                return
+            if keeper.overdue:
+                keeper.commit(marcher)
+        keeper.add(*marcher.state_after(float(remainders[index])))
+        if keeper.full:
+            keeper.commit(marcher)
+        if stop.name:
+            return
+
+
+class _Keeper:
+    """Collects samples; hands them to the archive chunk by chunk, or keeps them all when there is none."""
+
+    def __init__(self, bodies: int, times: Array, first: int, writer: ArchiveWriter | None) -> None:
+        self._writer = writer
+        room = len(times) - first
+        if writer is not None:
+            room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
+        try:
+            self._q = np.empty((room, bodies, 3))
+            self._v = np.empty((room, bodies, 3))
+        except MemoryError:
+            raise InputError(
+                f"{room} samples of {bodies} bodies need {room * bodies * 48 / 2**30:.1f} GiB of memory; "
+                "take fewer samples, or give archive=... to write them to a file as they come"
+            ) from None
+        self._count = 0
+        self._committed_at = time.perf_counter()
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no room for another sample before a commit."""
+        return self._writer is not None and (self._count == len(self._q) or self.overdue)
+
+    @property
+    def overdue(self) -> bool:
+        """Whether the archive should be brought up to date."""
+        return self._writer is not None and time.perf_counter() - self._committed_at > COMMIT_SECONDS
+
+    def add(self, q: Array, v: Array) -> None:
+        """Take one more sample."""
+        self._q[self._count], self._v[self._count] = q, v
+        self._count += 1
+
+    def commit(self, marcher: Marcher) -> None:
+        """Make everything taken so far durable, together with the state to go on from."""
+        if self._writer is not None:
+            self._writer.commit(self._q[: self._count], self._v[: self._count], marcher.checkpoint())
+            self._count = 0
+            self._committed_at = time.perf_counter()
+
+    def arrays(self) -> tuple[Array, Array]:
+        """Return what was kept."""
+        return self._q[: self._count], self._v[: self._count]
