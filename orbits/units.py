@@ -1,0 +1,245 @@
+"""Unit systems, and the one border where quantities become floats and floats become quantities.
+
+Below this border everything is float64 in one system of units. GM is what is known, so a unit system carries G only to
+turn GM into masses, energies and momenta.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.errors import EpochError, InputError
+
+if TYPE_CHECKING:
+    from astropy.time import Time
+
+Floats = NDArray[np.float64]
+
+GM_SUN = 0.00029591220828411956
+"""GM of the Sun in au^3/d^2 as DE440 was integrated with (Park et al. 2021, AJ 161, 105)."""
+
+# G is known to 2e-5; further off than this is a slip in the units, not another edition of CODATA.
+G_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class UnitSystem:
+    """Units of length, time and mass, and G in them.
+
+    name : what messages and files call it
+    length, time, mass : astropy units; all three physical, or all three dimensionless
+    G : the constant of gravitation in length^3/(mass time^2); by default CODATA's in these units
+
+    Its methods `*_value` turn a quantity in any fitting unit into float64 in this system's unit, and take plain numbers
+    as being in that unit already. They raise InputError, naming the value, for another kind of unit.
+    """
+
+    name: str
+    length: u.UnitBase
+    time: u.UnitBase
+    mass: u.UnitBase
+    G: float = math.nan
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise InputError(f"a unit system is called {self.name!r}; expected a name such as 'SI'.")
+        kinds = {"length": u.m, "time": u.s, "mass": u.kg}
+        for what in kinds:
+            object.__setattr__(self, what, _unit(getattr(self, what), f"the unit of {what} of {self.name!r}"))
+        units = {what: getattr(self, what) for what in kinds}
+        physical = [units[what].is_equivalent(kind) for what, kind in kinds.items()]
+        plain = [unit == u.dimensionless_unscaled for unit in units.values()]
+        if not (all(physical) or all(plain)):
+            got = ", ".join(f"{what} {str(unit) or 'dimensionless'}" for what, unit in units.items())
+            raise InputError(
+                f"unit system {self.name!r} has {got}; expected units of length, time and mass such as u.au, u.day, "
+                "u.M_sun, or u.dimensionless_unscaled three times."
+            )
+        object.__setattr__(self, "G", self._checked_G())
+
+    def _checked_G(self) -> float:
+        try:
+            G = float(self.G)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"unit system {self.name!r}: G = {self.G!r}; expected a number.") from error
+        if not self.is_physical:
+            if math.isnan(G):
+                raise InputError(f"unit system {self.name!r} has no physical units; give G, usually G=1.")
+            nature = None
+        else:
+            from astropy import constants
+
+            nature = float(constants.G.to_value(self.gm / self.mass))
+            G = nature if math.isnan(G) else G
+        if not (math.isfinite(G) and G > 0.0):
+            raise InputError(f"unit system {self.name!r}: G = {G!r}; expected a finite number > 0.")
+        if nature is not None and abs(G / nature - 1.0) > G_TOLERANCE:
+            raise InputError(
+                f"unit system {self.name!r}: G = {G!r}, but G is {nature:.6g} {self.gm / self.mass}. Leave G out to "
+                "have that value, or use dimensionless units for a G of your own."
+            )
+        return G
+
+    @property
+    def is_physical(self) -> bool:
+        """Whether the units are physical ones; False where every number is dimensionless."""
+        return bool(self.length != u.dimensionless_unscaled)
+
+    @property
+    def speed(self) -> u.UnitBase:
+        """The unit of velocity, length/time."""
+        return self.length / self.time
+
+    @property
+    def gm(self) -> u.UnitBase:
+        """The unit of GM, length^3/time^2."""
+        return self.length**3 / self.time**2
+
+    @property
+    def momentum(self) -> u.UnitBase:
+        """The unit of linear momentum, mass length/time."""
+        return self.mass * self.speed
+
+    @property
+    def angular_momentum(self) -> u.UnitBase:
+        """The unit of angular momentum, mass length^2/time."""
+        return self.mass * self.length * self.speed
+
+    @property
+    def energy(self) -> u.UnitBase:
+        """The unit of energy, mass length^2/time^2."""
+        return self.mass * self.speed**2
+
+    def length_value(self, x: Any, what: str = "length") -> Floats:
+        """Return a length as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.length, what, "length")
+
+    def time_value(self, x: Any, what: str = "time") -> Floats:
+        """Return a time as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.time, what, "time")
+
+    def speed_value(self, x: Any, what: str = "speed") -> Floats:
+        """Return a velocity as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.speed, what, "velocity")
+
+    def mass_value(self, x: Any, what: str = "mass") -> Floats:
+        """Return a mass as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.mass, what, "mass")
+
+    def gm_value(self, x: Any, what: str = "gm") -> Floats:
+        """Return GM as float64 in this system's unit; `what` names it in errors. A mass is refused."""
+        return self._value(x, self.gm, what, "GM")
+
+    def angle_value(self, x: Any, what: str = "angle") -> Floats:
+        """Return an angle as float64 in radians, which plain numbers are taken to be; `what` names it in errors."""
+        return self._value(x, u.rad, what, "angle")
+
+    def pure_value(self, x: Any, what: str = "number") -> Floats:
+        """Return a number without a unit, such as an eccentricity, as float64; `what` names it in errors."""
+        return self._value(x, u.dimensionless_unscaled, what, "number")
+
+    def _value(self, x: Any, unit: u.UnitBase, what: str, kind: str) -> Floats:
+        if isinstance(x, np.ma.MaskedArray):
+            raise InputError(f"{what} is a masked array; expected plain numbers: a masked value is no value.")
+        try:
+            x = _gathered(x)
+            if isinstance(x, u.Quantity):
+                x = x.to_value(unit)
+            array = np.asarray(x)
+            if array.dtype.kind not in "iuf":
+                raise TypeError(f"{array.dtype.name} is no type of real numbers")
+            return np.asarray(array, dtype=np.float64)
+        except u.UnitConversionError as error:
+            got = str(getattr(x, "unit", "")) or "no unit"
+            raise InputError(f"{what} is in {got}; expected {self._expected(unit, kind)}.{_remedy(x, unit)}") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(
+                f"{what} is {_short(x)}; expected real numbers, {self._expected(unit, kind)} ({error})."
+            ) from error
+
+    def _expected(self, unit: u.UnitBase, kind: str) -> str:
+        if unit != u.dimensionless_unscaled:
+            return f"{kind} in {unit} or a unit that converts to it, or plain numbers in {unit}"
+        return "no unit" if self.is_physical else f"no unit, as everywhere in {self.name}"
+
+
+def _unit(unit: Any, what: str) -> u.UnitBase:
+    try:
+        return u.Unit(unit)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} is {unit!r}; expected an astropy unit such as u.km ({error}).") from error
+
+
+def _gathered(x: Any) -> Any:
+    """Return lists of quantities, to any depth of two, as one quantity, and all else as it is."""
+    if isinstance(x, list | tuple):
+        rows = [_gathered(row) for row in x]
+        if any(isinstance(row, u.Quantity) for row in rows):
+            return u.Quantity(rows)
+    return x
+
+
+def _remedy(x: Any, unit: u.UnitBase) -> str:
+    got = getattr(x, "unit", None)
+    if got is not None and got.is_equivalent(u.kg) and unit.is_equivalent(u.m**3 / u.s**2):
+        return " This is a mass: give mass=... where it is taken, or GM, such as astropy.constants.GM_sun."
+    return ""
+
+
+def _short(x: Any) -> str:
+    text = " ".join(repr(x).split())
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+SOLAR = UnitSystem("SOLAR", length=u.au, time=u.day, mass=u.M_sun, G=GM_SUN)
+"""au, days of TDB and the Sun's mass: G is DE440's GM of the Sun, so a body of that GM has the mass 1."""
+
+DIMENSIONLESS = UnitSystem(
+    "DIMENSIONLESS", u.dimensionless_unscaled, u.dimensionless_unscaled, u.dimensionless_unscaled, G=1.0
+)
+"""Pure numbers with G = 1, so GM and mass are one number."""
+
+
+# From 4713 BC to the end of AD 9999, which is also what astropy can write as a date.
+JULIAN_DATES = (0.0, 5373484.5)
+# A plain number below this (2026 BC) is rather a modified Julian date, or a year.
+SMALLEST_PLAIN_JULIAN_DATE = 1e6
+
+
+def as_epoch(epoch: Any, what: str = "epoch") -> Time:
+    """Return an epoch as a scalar astropy Time in the scale TDB.
+
+    epoch : a Time in any scale; a string such as "2022-08-09", "2022-08-09 12:00" or "J2000", taken as TDB; a plain
+        number, taken as a Julian date, TDB.
+    Raises EpochError, naming `what`, for anything else.
+    """
+    from astropy.time import Time
+
+    expected = "expected a moment: an astropy Time, a string such as '2022-08-09' or 'J2000', or a Julian date"
+    try:
+        if isinstance(epoch, Time):
+            time = epoch.tdb
+        elif isinstance(epoch, str):
+            text = epoch.strip()
+            time = Time(text + ".0" if text == "J2000" else text, scale="tdb")
+        elif isinstance(epoch, int | float | np.integer | np.floating) and not isinstance(epoch, bool):
+            if epoch < SMALLEST_PLAIN_JULIAN_DATE:
+                raise ValueError("too small: a modified Julian date is written Time(mjd, format='mjd', scale='tdb')")
+            time = Time(float(epoch), format="jd", scale="tdb")
+        else:
+            raise TypeError(f"a {type(epoch).__name__}")
+        if not time.isscalar:
+            raise ValueError(f"{time.size} moments")
+        if not JULIAN_DATES[0] <= time.jd <= JULIAN_DATES[1]:
+            raise ValueError("before 4713 BC or after AD 9999, or no number")
+    # What astropy raises for a date it cannot read has no base class of its own: ValueError, ErfaError, UnitsError, ...
+    except Exception as error:
+        reason = str(error).strip().partition("\n")[0].rstrip(".:")
+        raise EpochError(f"{what} is {_short(epoch)}; {expected} ({reason}).") from error
+    return time
