@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from orbits import integrators as methods
 from orbits.errors import InputError, IntegrationError, Interrupted
+from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
+from orbits.propagation.grid import checked_duration, sample_times, signed_step
 from orbits.regression import peers
-from orbits.regression import tolerances as bounds
+from orbits.regression import tolerances as tolerance
 from orbits.regression import yardstick as rod
 from orbits.regression.invariants import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
@@ -48,6 +50,7 @@ def compare(
     tolerances: Mapping[str, Any] | None = None,
     yardstick: str | Quantity | float = "auto",
     title: str | None = None,
+    runs: Sequence[Trajectory] = (),
     threads: int | None = None,
     progress: bool | None = None,
 ) -> Report:
@@ -65,6 +68,8 @@ def compare(
         largest difference between the two its own error, which is printed. A time is the coarser of the two steps
         instead of dt/2. "exact" insists on the exact solution; "none" measures no positions
     title : heads the table and the picture
+    runs : finished runs of `integrators` from this system with this dt and these samples, which are then not run again;
+        wall and compile times are then those of these runs (a run into an archive includes its writing)
     progress : True, False or None (on a terminal): says on stderr which run is under way
 
     Wall times are of integration alone. Ours are compiled beforehand in a run of a few steps, whose time is the column
@@ -78,8 +83,9 @@ def compare(
     ours = _ours(integrators)
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
-    _check(yardstick, samples, problem)
-    wanted = bounds.parse(
+    grid = _Grid.of(system, dt, duration, samples)
+    _check_yardstick(yardstick, problem)
+    wanted = tolerance.parse(
         tolerances,
         methods=[(method.name, method.label) for method in ours],
         names=problem.names,
@@ -87,21 +93,25 @@ def compare(
         units=system.units,
         unit_of_report=problem.length,
     )
+    done = _given(runs, system, ours, grid)
     say = _teller(progress)
     try:
-        attempts = [_attempt(system, method, dt, duration, samples, threads, progress, say) for method in ours]
-        grid = _grid(attempts)
-        reference = _reference(system, problem, grid, yardstick, threads, say)
+        sampled = [
+            _finished(done[method.label], method)
+            if method.label in done
+            else _run(system, method, grid, threads, progress, say)
+            for method in ours
+        ]
+        reference, note, remarks = _reference(system, problem, grid, yardstick, threads, say)
         others = [_peer(problem, peer, grid, say) for peer in theirs]
     except KeyboardInterrupt:
         raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
     invariants = Invariants(problem.gm, problem.q, problem.v, problem.softening)
-    rod_q, rod_note, rod_remark = reference
     rows = [
-        _judged(attempt.sampled.measured(problem, invariants, rod_q), bound, rod_note, problem)
-        for attempt, bound in zip(attempts, wanted, strict=True)
+        _judged(method.measured(problem, invariants, reference), bounds, note, problem)
+        for method, bounds in zip(sampled, wanted, strict=True)
     ]
-    rows += [other.measured(problem, invariants, rod_q) for other in others]
+    rows += [other.measured(problem, invariants, reference) for other in others]
     times, time_unit = time_axis(grid.times, _in_days(system))
     return Report(
         rows=tuple(rows),
@@ -111,40 +121,40 @@ def compare(
         names=problem.names,
         massive=problem.massive_names,
         followed="worst of the massive bodies" if np.count_nonzero(problem.massive) > 1 else "worst of the bodies",
-        yardstick=rod_note,
+        yardstick=note,
         settings=_settings(system, problem, grid, ours, tolerances, title),
-        notes=(*invariants.notes, *rod_remark),
+        notes=(*invariants.notes, *remarks),
     )
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """The times of all samples since the epoch, and the step that was taken, as floats in the system's unit of time."""
+    """Times of the samples since the epoch, end of the run and step (> 0): floats in the unit of time."""
 
     times: Array
+    duration: float
     dt: float
 
-
-@dataclass(frozen=True)
-class _Attempt:
-    sampled: Sampled
-    run: Trajectory | None
-    error: IntegrationError | None
+    @classmethod
+    def of(cls, system: System, dt: Any, duration: Any, samples: Any) -> _Grid:
+        """The very times and step that `propagate` will use; InputError for what it refuses."""
+        length = checked_duration(system.units, duration)
+        step = signed_step(system.units, dt, length)
+        return cls(sample_times(system.units, samples, length), length, abs(step))
 
 
 _Say = Callable[[str], None]
 
 
-def _ours(integrators: Any) -> list[Any]:
+def _ours(integrators: Any) -> list[Integrator]:
     several = list(integrators) if isinstance(integrators, list | tuple) else [integrators]
     if not several:
         raise InputError("no integrator to compare; give one, such as orbits.Gauss(stages=8), or a list of them.")
     out = [methods.parse(method) if isinstance(method, str) else method for method in several]
-    known = tuple(methods.registry().values())
     for method in out:
-        if not isinstance(method, known):
-            names = ", ".join(kind.__name__ for kind in known)
-            raise InputError(f"{method!r} is no integrator; expected one of {names}.")
+        if not isinstance(method, Integrator):
+            names = ", ".join(kind.__name__ for kind in methods.registry().values())
+            raise InputError(f"{method!r} is no integrator; expected one of {names}, such as orbits.Gauss(stages=8).")
     labels = [method.label for method in out]
     for label in labels:
         if labels.count(label) > 1:
@@ -152,7 +162,7 @@ def _ours(integrators: Any) -> list[Any]:
     return out
 
 
-def _check(yardstick: Any, samples: Any, problem: Problem) -> None:
+def _check_yardstick(yardstick: Any, problem: Problem) -> None:
     if isinstance(yardstick, str) and yardstick not in _YARDSTICKS:
         raise InputError(f"yardstick is {yardstick!r}; expected {', '.join(_YARDSTICKS)} or a step (a time).")
     exact = rod.exact_applies(problem.gm, problem.q, problem.v, problem.softening)
@@ -161,8 +171,21 @@ def _check(yardstick: Any, samples: Any, problem: Problem) -> None:
             "yardstick='exact' needs one massive body with massless ones, or two massive bodies alone, without "
             "softening; this system has no exact solution. Use 'auto' or 'step-halved'."
         )
-    if np.size(samples) == 0 or (np.ndim(samples) == 0 and np.isscalar(samples) and samples == 0):
-        raise InputError("samples is empty; expected a count of at least 2, or an array of times.")
+
+
+def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: _Grid) -> dict[str, Trajectory]:
+    """Finished runs by their method's label; InputError for one that is not a run of this comparison."""
+    out = {}
+    for run in runs:
+        label = run.integrator.label
+        if label not in [method.label for method in ours]:
+            raise InputError(f"runs holds one of {label}, which is not compared; give its integrator too.")
+        times = np.asarray(run.t.to_value(system.units.time))
+        step = abs(float(run.dt.to_value(system.units.time)))
+        if run.system != system or step != grid.dt or not np.array_equal(times, grid.times):
+            raise InputError(f"the run of {label} is of another system, step or samples; leave it out of runs.")
+        out[label] = run
+    return out
 
 
 def _teller(progress: bool | None) -> _Say:
@@ -171,44 +194,36 @@ def _teller(progress: bool | None) -> _Say:
     return lambda what: None
 
 
-def _attempt(
-    system: System, method: Any, dt: Any, duration: Any, samples: Any, threads: int | None, progress: Any, say: _Say
-) -> _Attempt:
-    """Compile in a run of a few steps, then run; an IntegrationError becomes a row, a wrong use is raised."""
+def _run(
+    system: System, method: Integrator, grid: _Grid, threads: int | None, progress: bool | None, say: _Say
+) -> Sampled:
+    """Compile in a run of a few steps, then run for real. A failing step makes a result that says so."""
     say(method.label)
     started = perf_counter()
-    direction = np.sign(system.units.time_value(duration, what="duration"))
-    if direction in (1.0, -1.0):
-        short = direction * (_WARM_UP_STEPS + 0.5) * dt
-        with contextlib.suppress(IntegrationError):  # the run itself fails in the same way, and says so
-            propagate(system, method, dt=dt, duration=short, samples=2, threads=threads, progress=False)
+    short = np.copysign((_WARM_UP_STEPS + 0.5) * grid.dt, grid.duration)
+    with contextlib.suppress(IntegrationError):  # the run itself fails in the same way, and says so
+        propagate(system, method, dt=grid.dt, duration=short, samples=2, threads=threads, progress=False)
     compile_s = perf_counter() - started
     try:
-        run = propagate(system, method, dt=dt, duration=duration, samples=samples, threads=threads, progress=progress)
+        run = propagate(
+            system, method, dt=grid.dt, duration=grid.duration, samples=grid.times, threads=threads, progress=progress
+        )
     except IntegrationError as error:
-        return _Attempt(Sampled(method.label, "ours", compile_s=compile_s, note=str(error)), None, error)
-    units, statistics = system.units, run.statistics
-    sampled = Sampled(
+        return Sampled(method.label, "ours", compile_s=compile_s, note=str(error))
+    return _finished(run, method, compile_s)
+
+
+def _finished(run: Trajectory, method: Integrator, compile_s: float | None = None) -> Sampled:
+    units, statistics = run.system.units, run.statistics
+    return Sampled(
         method.label,
         "ours",
         q=np.asarray(run.q.to_value(units.length)),
         v=np.asarray(run.v.to_value(units.speed)),
         steps=int(statistics.steps),
         wall_s=float(statistics.wall_time),
-        compile_s=compile_s,
+        compile_s=float(statistics.compile_time) if compile_s is None else compile_s,
     )
-    return _Attempt(sampled, run, None)
-
-
-def _grid(attempts: list[_Attempt]) -> _Grid:
-    for attempt in attempts:
-        if attempt.run is not None:
-            unit = attempt.run.system.units.time
-            times = np.asarray(attempt.run.t.to_value(unit), dtype=np.float64)
-            return _Grid(times, float(attempt.run.dt.to_value(unit)))
-    error = attempts[0].error
-    assert error is not None
-    raise error
 
 
 def _reference(
@@ -249,11 +264,11 @@ def _peer(problem: Problem, peer: peers.Peer, grid: _Grid, say: _Say) -> Sampled
     return Sampled(peer.label, "peer", run.q, run.v, run.steps, run.wall_s, note=" ".join(run.warnings))
 
 
-def _judged(row: Row, bound: bounds.Bounds, note: YardstickNote | None, problem: Problem) -> Row:
+def _judged(row: Row, bounds: tolerance.Bounds, note: YardstickNote | None, problem: Problem) -> Row:
     """The row of one of ours with its verdict."""
     if row.verdict == "n/a":
         return replace(row, verdict="FAIL", failures=(row.note,), note="")
-    if not bound:
+    if not bounds:
         return replace(row, verdict="not judged")
     reached = {
         key: value
@@ -261,7 +276,7 @@ def _judged(row: Row, bound: bounds.Bounds, note: YardstickNote | None, problem:
         if value is not None
     }
     unit = f" {problem.length_unit}" if problem.length_unit else ""
-    failures = bound.failures(reached, row.positions, note.errors if note is not None else {}, unit)
+    failures = bounds.failures(reached, row.positions, note.errors if note is not None else {}, unit)
     return replace(row, verdict="FAIL" if failures else "ok", failures=failures)
 
 
@@ -272,7 +287,7 @@ def _in_days(system: System) -> float | None:
 
 
 def _settings(
-    system: System, problem: Problem, grid: _Grid, ours: list[Any], wanted: Any, title: str | None
+    system: System, problem: Problem, grid: _Grid, ours: list[Integrator], wanted: Any, title: str | None
 ) -> dict[str, Any]:
     """What was compared, ready for JSON."""
     from orbits._version import __version__

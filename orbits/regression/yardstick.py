@@ -227,7 +227,7 @@ def step_halved(system: System, times: Array, coarse: float, threads: int | None
     Cost: three times that of a run at the step `coarse`, massless particles included.
     Raises IntegrationError when the stages do not converge.
     """
-    from orbits.integrators import Gauss
+    from orbits.integrators.gauss import Gauss
     from orbits.propagation import propagate
 
     unit = system.units.time
