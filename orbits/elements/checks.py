@@ -10,16 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.elements.kepler import Floats
 from orbits.errors import InputError
 
-
 NO_MASS = "gm = {gm} of the attracting body; expected > 0: an orbit needs something with mass to go around"
 NO_DISTANCE = "is at the place of the attracting body; expected a distance > 0"
 RECTILINEAR = (
-    "moves straight towards or away from the attracting body (|q x v| = {h}): a rectilinear orbit has no plane and ends in a "
-    "collision. Give it some velocity across"
+    "moves straight towards or away from the attracting body (|q x v| = {h}): a rectilinear orbit has no plane and "
+    "ends in a collision. Give it some velocity across"
 )
 PARABOLA = (
-    "moves at the escape velocity (r/a = {x}): a parabola has no semi-major axis, no period and no mean anomaly. Change the "
-    "speed in its last digits, or go on with the state itself"
+    "moves at the escape velocity (r/a = {x}): a parabola has no semi-major axis, no period and no mean anomaly. "
+    "Change the speed in its last digits, or go on with the state itself"
 )
 
 

@@ -3,9 +3,9 @@
     ellipse:    M = E - e sin E          written as  (1 - e) sin E + (E - sin E)
     hyperbola:  M = e sinh F - F         written as  (e - 1) S + (S - asinh S),   S = sinh F
 
-In the forms on the right every term has the sign of M, so nothing cancels however close e is to 1, as long as E - sin E is
-not formed by subtraction (1 - e itself is exact for a given float e > 1/2). The hyperbola is solved for S: states need S
-and cosh F, and exponentiating F would multiply its rounding error by F.
+In the forms on the right every term has the sign of M, so nothing cancels however close e is to 1, as long as
+E - sin E is not formed by subtraction (1 - e itself is exact for a given float e > 1/2). The hyperbola is solved for S:
+states need S and cosh F, and exponentiating F would multiply its rounding error by F.
 
 Sources: Mikkola (1987), Celest. Mech. 40, 329 (starting values); Gooding & Odell (1988), Celest. Mech. 44, 267 (sinh F
 as the unknown).
@@ -24,12 +24,12 @@ TWO_PI = 2.0 * np.pi
 # 2 pi = TWO_PI + TWO_PI_REST to 33 digits: reduces angles of many turns without losing what their floats still know.
 TWO_PI_REST = 2.4492935982947064e-16
 
-# Below this argument x - sin x and sinh x - x come from their series; above it the plain difference loses at most a bit.
+# Below this argument x - sin x and sinh x - x come from their series; above it, subtraction loses one bit at most.
 SERIES_BELOW = 1.6
 # Twelve terms: the next one is 1.6**24 * 6 / 27!, less than 1e-22 of the sum.
 SERIES_TERMS = 12
 
-# The starting values are good to 1 %, and Halley's iteration cubes the error: three rounds reach the floor, one is spare.
+# The starting values are good to 1 %, and Halley's iteration cubes the error: three rounds reach the floor; one more.
 HALLEY_ROUNDS = 4
 
 

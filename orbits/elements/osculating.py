@@ -6,8 +6,9 @@ What keeps the digits:
 - inclination and node come from the components of q x v, by atan2;
 - near pericentre the true anomaly comes first, from e cos f = p/r - 1, far from it the eccentric one, from
   e cos E = 1 - r/a; each of the other anomalies comes from that one;
-- omega is what f leaves of the argument of latitude, which needs no pericentre. So for a nearly circular orbit omega and
-  M are as ill-determined as nature makes them, but their sum, and the state made from them, is good to the last digits.
+- omega is what f leaves of the argument of latitude, which needs no pericentre. So for a nearly circular orbit omega
+  and M are as ill-determined as nature makes them, but their sum, and the state made from them, is good to the last
+  digits.
 
 Sources: Murray & Dermott (1999), Solar System Dynamics, 2.8; Battin (1999), ch. 4.
 """
@@ -40,8 +41,8 @@ class Elements:
     Omega : longitude of the ascending node, 0 ... 2 pi; 0 for an orbit in the reference plane
     omega : argument of pericentre, 0 ... 2 pi; 0 for a circle; counted from the x axis where Omega is 0 by definition
     pomega : longitude of pericentre, 0 ... 2 pi: Omega + omega, or Omega - omega where inc > pi/2
-    M, E, f : mean, eccentric (hyperbolic where e > 1) and true anomaly, signed, counted from pericentre: -pi ... pi for an
-        ellipse; a signed angle keeps its digits just before pericentre. For a circle they are counted from the node
+    M, E, f : mean, eccentric (hyperbolic where e > 1) and true anomaly, signed, counted from pericentre: -pi ... pi for
+        an ellipse; a signed angle keeps its digits just before pericentre. For a circle they are counted from the node
     l, theta : mean and true longitude: pomega + M and pomega + f, or pomega - M and pomega - f where inc > pi/2;
         0 ... 2 pi, but l of a hyperbola is no angle and is not wrapped
     n : mean motion, radians per time, > 0
@@ -69,7 +70,9 @@ class Elements:
 
     def __post_init__(self) -> None:
         for key in self.keys():
-            getattr(self, key).flags.writeable = False
+            array = np.asarray(getattr(self, key))
+            array.flags.writeable = False
+            object.__setattr__(self, key, array)
 
     def keys(self) -> tuple[str, ...]:
         """Return the names of the elements."""
@@ -134,9 +137,9 @@ def elements_from_state(
     ellipse = e < 1.0
     longitude = pomega + sense * M
     return Elements(
-        a=a, e=e, q=h2 / gm / (1.0 + e), inc=inc, Omega=positive_angle(Omega), omega=omega, pomega=pomega, M=M, E=E, f=f,
-        l=np.where(ellipse, positive_angle(longitude), longitude), theta=positive_angle(pomega + sense * f),
-        n=n, P=np.where(ellipse, 2.0 * np.pi / n, np.inf), T=t - M / n,
+        a=a, e=e, q=h2 / gm / (1.0 + e), inc=inc, Omega=positive_angle(Omega), omega=omega, pomega=pomega,
+        M=M, E=E, f=f, l=np.where(ellipse, positive_angle(longitude), longitude),
+        theta=positive_angle(pomega + sense * f), n=n, P=np.where(ellipse, 2.0 * np.pi / n, np.inf), T=t - M / n,
     )  # fmt: skip
 
 

@@ -4,8 +4,8 @@ With beta = gm/a and the universal anomaly s (ds = dt/r), Kepler's equation in d
 
     dt = r0 G1(s) + (q.v) G2(s) + gm G3(s),     G_k(s) = s^k c_k(beta s^2),   c_k Stumpff's functions
 
-and q(dt) = f q + g v with f - 1 = -gm G2/r0, g = r0 G1 + (q.v) G2. No pericentre and no anomaly enters but in the starting
-value, so circular orbits, small dt and eccentricities around 1 lose nothing.
+and q(dt) = f q + g v with f - 1 = -gm G2/r0, g = r0 G1 + (q.v) G2. No pericentre and no anomaly enters but in the
+starting value, so circular orbits, small dt and eccentricities around 1 lose nothing.
 Sources: Stumpff (1959), Himmelsmechanik I; Battin (1999), 4.5-4.6; Danby (1992), Fundamentals of Celestial Mechanics,
 6.9.
 """
@@ -13,9 +13,10 @@ Sources: Stumpff (1959), Himmelsmechanik I; Battin (1999), 4.5-4.6; Danby (1992)
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from orbits.elements.checks import NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, label, refuse, vectors
 from orbits.elements.kepler import (
@@ -26,6 +27,7 @@ from orbits.elements.kepler import (
     cubic_and_beyond,
     eccentric_anomaly,
     sinh_anomaly,
+    sinh_minus_angle,
 )
 from orbits.elements.osculating import INDISTINCT, anomalies
 from orbits.errors import ConvergenceError
@@ -58,18 +60,40 @@ def two_body(
     h = np.linalg.norm(np.cross(q, v), axis=-1)
     refuse(h <= INDISTINCT * r0 * np.sqrt(v2), RECTILINEAR, names, h=h)
 
-    beta = 2.0 * gm / r0 - v2
-    tau = _within_one_period(dt, beta, gm)
-    s = _universal_anomaly(r0, qv, h * h, beta, gm, tau, names)
-    c0, c1, c2, _ = stumpff(beta * s * s)
-    G1, G2 = s * c1, s * s * c2
-    r = r0 * c0 + qv * G1 + gm * G2
-    f_less_1, g = -gm * G2 / r0, r0 * G1 + qv * G2
-    df, dg_less_1 = -gm * G1 / (r * r0), -gm * G2 / r
+    orbit = _orbit(r0, qv, h * h, 2.0 * gm / r0 - v2, gm)
+    dt = _within_one_period(dt, orbit)
+    s = _universal_anomaly(orbit, dt, names)
+    _, r, _, (G1, G2, G3) = _kepler(orbit, s)
+    f_less_1, df, dg_less_1 = -gm * G2 / r0, -gm * G1 / (r * r0), -gm * G2 / r
+    # Two forms of g; far out on a hyperbola the terms of the first are large and cancel.
+    first, second = r0 * G1 + qv * G2, dt - gm * G3
+    g = np.where(np.abs(r0 * G1) + np.abs(qv * G2) <= np.abs(dt) + np.abs(gm * G3), first, second)
     return (
         q + (f_less_1[..., None] * q + g[..., None] * v),
         v + (df[..., None] * q + dg_less_1[..., None] * v),
     )
+
+
+class _Orbit(NamedTuple):
+    """What stays constant along the orbit, and where on it the motion starts; arrays of one shape."""
+
+    r0: Floats
+    qv: Floats
+    beta: Floats  # gm/a
+    gm: Floats
+    nearly_parabolic: NDArray[np.bool_]
+    a: Floats  # 1 for a near-parabola, whose anomalies are not used
+    e: Floats
+    E: Floats  # at the start: F for a hyperbola
+    M: Floats
+
+
+def _orbit(r0: Floats, qv: Floats, h2: Floats, beta: Floats, gm: Floats) -> _Orbit:
+    binding = beta * r0 / gm
+    nearly_parabolic = np.abs(binding) <= NEARLY_PARABOLIC
+    binding = np.where(nearly_parabolic, 1.0, binding)
+    e, E, M, _ = anomalies(r0, qv, h2, r0 / binding, binding, gm)
+    return _Orbit(r0, qv, beta, gm, nearly_parabolic, r0 / binding, e, E, M)
 
 
 def stumpff(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -91,29 +115,50 @@ def stumpff(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     return 1.0 - z * c2, 1.0 - z * c3, c2, c3
 
 
-def _within_one_period(dt: Floats, beta: Floats, gm: Floats) -> Floats:
+def _kepler(orbit: _Orbit, s: Floats) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats, Floats]]:
+    """Return the time since the start, r = dt/ds, dr/ds, and G1, G2, G3, at the universal anomaly s."""
+    r0, qv, beta, gm, _, a, e, F, _ = orbit
+    c0, c1, c2, c3 = stumpff(beta * s * s)
+    G1, G2, G3 = s * c1, s * s * c2, s * s * s * c3
+    time = r0 * G1 + qv * G2 + gm * G3
+    r = r0 * c0 + qv * G1 + gm * G2
+    slope = qv * c0 + (gm - beta * r0) * G1
+    # On the way in along a hyperbola those sums cancel as exp(F). Measured from pericentre, all terms have one sign:
+    # n dt = 2 sinh(x/2) (e cosh(F + x/2) - 1) + (2 sinh(x/2) - x),  r = |a| (e cosh(F + x) - 1),  x = sqrt(-beta) s.
+    far = beta * r0 < -0.1 * gm
+    F, e, size = np.where(far, F, 0.0), np.where(far, e, 1.0), np.abs(a)
+    w = np.sqrt(np.where(far, -beta, 0.0))
+    half = 0.5 * w * s
+    sinh = np.sinh(half)
+    middle = (e - 1.0) + 2.0 * e * np.sinh(0.5 * (F + half)) ** 2
+    time_far = 2.0 * (sinh * middle + sinh_minus_angle(half, sinh)) * np.sqrt(size / gm) * size
+    r_far = size * ((e - 1.0) + 2.0 * e * np.sinh(0.5 * F + half) ** 2)
+    return (
+        np.where(far, time_far, time),
+        np.where(far, r_far, r),
+        np.where(far, size * w * e * np.sinh(F + 2.0 * half), slope),
+        (G1, G2, G3),
+    )
+
+
+def _within_one_period(dt: Floats, orbit: _Orbit) -> Floats:
     """Return dt less a whole number of periods, in [-P/2, P/2]; dt itself for open orbits."""
-    bound = beta > 0.0
-    period = np.where(bound, 2.0 * np.pi * gm / np.where(bound, beta, 1.0) ** 1.5, 1.0)
+    bound = orbit.beta > 0.0
+    period = 2.0 * np.pi * orbit.gm / np.where(bound, orbit.beta, 1.0) ** 1.5
     rest = np.fmod(dt, period)
-    rest = rest - period * np.rint(rest / period)
-    return np.where(bound, rest, dt)
+    return np.where(bound, rest - period * np.rint(rest / period), dt)
 
 
-def _universal_anomaly(
-    r0: Floats, qv: Floats, h2: Floats, beta: Floats, gm: Floats, dt: Floats, names: Sequence[str] | None
-) -> Floats:
-    """Return s with dt = r0 G1 + qv G2 + gm G3, by Halley's iteration run to the round-off floor."""
-    s = _start(r0, qv, h2, beta, gm, dt)
-    last = np.full_like(s, np.inf)
+def _universal_anomaly(orbit: _Orbit, dt: Floats, names: Sequence[str] | None) -> Floats:
+    """Return s at the time dt, by Halley's iteration run to the round-off floor."""
     going = dt != 0.0
+    s = np.where(going, _start(orbit, dt), 0.0)
+    last = np.full_like(s, np.inf)
     for _ in range(MAX_ROUNDS):
-        c0, c1, c2, c3 = stumpff(beta * s * s)
-        G1, G2 = s * c1, s * s * c2
-        value = r0 * G1 + qv * G2 + gm * s * s * s * c3 - dt
-        r = r0 * c0 + qv * G1 + gm * G2
-        change = value / (r - 0.5 * value * (qv * c0 + (gm - beta * r0) * G1) / r)
-        s = np.where(going, s - change, s)
+        time, r, slope, _ = _kepler(orbit, s)
+        miss = time - dt
+        change = np.where(going, miss / (r - 0.5 * miss * slope / r), 0.0)
+        s = s - change
         size = np.abs(change)
         # At the floor the changes are rounding noise: they have stopped shrinking.
         going = going & (size > 2e-16 * np.abs(s)) & ((size < 0.5 * last) | (size > 1e-6 * np.abs(s)))
@@ -123,15 +168,14 @@ def _universal_anomaly(
     index = tuple(int(i) for i in np.argwhere(going)[0])
     raise ConvergenceError(
         f"{label(index, names)}Kepler's equation did not converge in {MAX_ROUNDS} rounds for dt = {dt[index]:g}, "
-        f"r = {r0[index]:g}, gm = {gm[index]:g}; the orbit is too close to a straight line to be followed"
+        f"r = {orbit.r0[index]:g}, gm = {orbit.gm[index]:g}; the orbit is too close to a straight line to be followed"
     )
 
 
-def _start(r0: Floats, qv: Floats, h2: Floats, beta: Floats, gm: Floats, dt: Floats) -> Floats:
+def _start(orbit: _Orbit, dt: Floats) -> Floats:
     """Return a starting value of s: from the eccentric anomalies, or from Barker's cubic for a near-parabola."""
-    binding = beta * r0 / gm
-    flat = np.abs(binding) <= NEARLY_PARABOLIC
-    # The parabola's r0 s + qv s^2/2 + gm s^3/6 = dt, a cubic x^3 + 3 A x = 2 B in x = s + qv/gm.
+    r0, qv, _, gm, nearly_parabolic, a, e, E, M = orbit
+    # r0 s + qv s^2/2 + gm s^3/6 = dt, a cubic x^3 + 3 A x = 2 B in x = s + qv/gm.
     shift = qv / gm
     A = np.maximum(2.0 * r0 / gm - shift * shift, 0.0)
     B = 3.0 * dt / gm + shift * (3.0 * r0 / gm - shift * shift)
@@ -139,8 +183,6 @@ def _start(r0: Floats, qv: Floats, h2: Floats, beta: Floats, gm: Floats, dt: Flo
     z = np.where(z > 0.0, z, 1.0)
     parabola = 2.0 * B / (z * z + A + (A / z) ** 2) - shift
 
-    a = r0 / np.where(flat, 1.0, binding)
-    e, E, M, _ = anomalies(r0, qv, h2, a, np.where(flat, 1.0, binding), gm)
     root = np.sqrt(gm / np.abs(a))
     M = M + root / np.abs(a) * dt
     ellipse = a > 0.0
@@ -148,4 +190,4 @@ def _start(r0: Floats, qv: Floats, h2: Floats, beta: Floats, gm: Floats, dt: Flo
     reached = eccentric_anomaly(M[ellipse], e[ellipse])
     s[ellipse] = reached + TWO_PI * np.rint((M[ellipse] - reached) / TWO_PI)
     s[~ellipse] = np.arcsinh(sinh_anomaly(M[~ellipse], e[~ellipse]))
-    return np.where(flat, parabola, (s - E) / root)
+    return np.where(nearly_parabolic, parabola, (s - E) / root)

