@@ -1,0 +1,209 @@
+"""`orbits.compare` measures ours and REBOUND's alike, judges ours, and says what could not be measured."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.errors import ConvergenceError, InputError, UnknownNameError
+
+GAUSS = orbits.Gauss(stages=8)
+KEPLER = orbits.System(
+    ["star", "circular", "eccentric"],
+    gm=[1.0, 0.0, 0.0],
+    q=[[0, 0, 0], [1, 0, 0], [0, 0.4, 0]],
+    v=[[0, 0, 0], [0, 1, 0], [-2, 0, 0]],
+    units=orbits.DIMENSIONLESS,
+)
+GIANTS = orbits.System(
+    ["Saturn", "a rock", "Sun", "Jupiter"],
+    gm=[8.46e-8, 0.0, 2.959e-4, 2.825e-7],
+    q=[[6.4, 6.2, 2.3], [2.6, 0.4, 0.1], [-0.007, -0.003, -0.001], [4.0, 2.9, 1.2]],
+    v=[[-0.0043, 0.0035, 0.0016], [-0.002, 0.0103, 0.0007], [5e-6, -7e-6, -3e-6], [-0.0046, 0.0058, 0.0026]],
+)
+FIGURE_EIGHT = orbits.System(
+    ["a", "b", "c"],
+    gm=[1, 1, 1],
+    q=[[0.97000436, -0.24308753, 0], [-0.97000436, 0.24308753, 0], [0, 0, 0]],
+    v=[[0.466203685, 0.43236573, 0], [0.466203685, 0.43236573, 0], [-0.93240737, -0.86473146, 0]],
+    units=orbits.DIMENSIONLESS,
+)
+
+
+def rows(report):
+    return {row.method: row for row in report.rows}
+
+
+def test_on_keplers_problem_the_yardstick_is_exact_and_ours_and_ias15_reach_it():
+    report = orbits.compare(
+        KEPLER, [GAUSS, orbits.ExplicitEuler()], dt=0.1, duration=20 * math.pi, samples=41, against=("ias15", "whfast"),
+        tolerances={"gauss": {"energy": 1e-13, "angular_momentum": 1e-14, "position": 1e-12}},
+    )  # fmt: skip
+    assert report.ok, report.table
+    assert report.yardstick.kind == "exact"
+    assert report.yardstick.error <= 2.0**-53
+    got = rows(report)
+    # Ten orbits: round-off in the phase, a few ulps each. Euler is the foil that shows the yardstick is no tautology.
+    for method in ("Gauss(stages=8)", "REBOUND ias15", "REBOUND whfast"):
+        assert got[method].position < 1e-11, method
+    assert got["ExplicitEuler()"].position > 0.1
+    assert got["ExplicitEuler()"].verdict == "not judged"
+    assert got["Gauss(stages=8)"].verdict == "ok"
+    assert got["REBOUND ias15"].verdict == "peer"
+    assert set(got["REBOUND ias15"].positions) == {"star", "circular", "eccentric"}
+
+
+def test_every_method_has_the_same_start_times_and_step():
+    report = orbits.compare(
+        GIANTS, GAUSS, dt=30 * u.day, duration=-20 * u.yr, samples=7, against=("leapfrog", "whfast")
+    )
+    got = rows(report)
+    whole = math.ceil(20 * 365.25 / 30)
+    for row in report.rows:
+        assert row.steps in (whole - 1, whole - 1 + 6), row  # the end and most samples are off the grid: partial steps
+        assert row.series.energy[0] == row.series.angular_momentum[0] == row.series.position[0] == 0.0
+        assert row.series.energy.shape == (7,)
+    assert report.times[-1] == -20.0
+    assert report.time_unit == "yr"
+    assert got["Gauss(stages=8)"].wall_s > 0
+    assert got["Gauss(stages=8)"].compile_s > 0
+    assert got["REBOUND whfast"].compile_s is None
+
+
+def test_the_step_halved_yardstick_agrees_with_ias15_which_shares_no_code_with_it():
+    report = orbits.compare(GIANTS, GAUSS, dt=20, duration=3652.5, samples=11)
+    assert report.yardstick.kind == "step-halved"
+    assert report.length_unit == "km"
+    got = rows(report)
+    # Ten years of giants: metres, where a kilometre is 7e-9 au; the yardstick's own error is less.
+    assert 0 < report.yardstick.error < 1e-3
+    assert got["REBOUND ias15"].position < 1e-2
+    assert got["Gauss(stages=8)"].position < 1e-2
+    assert got["REBOUND whfast"].position > 100  # and it is not blind
+    assert got["REBOUND whfast"].worst_body == "a rock"
+    assert "step-halved" not in report.table
+    assert "dt = 10 d" in report.table
+    assert "dt = 5 d" in report.table
+
+
+def test_a_tolerance_that_is_exceeded_fails_the_report_and_says_which():
+    report = orbits.compare(
+        GIANTS, [GAUSS, "stormer-verlet"], dt=20, duration=3652.5, samples=11, against=(),
+        tolerances={"energy": 1e-12, "position_km": {"Saturn": 1.0}},
+    )  # fmt: skip
+    assert not report.ok
+    got = rows(report)
+    assert got["Gauss(stages=8)"].verdict == "ok"
+    assert got["StormerVerlet()"].verdict == "FAIL"
+    energy, saturn = got["StormerVerlet()"].failures
+    assert re.fullmatch(r"max \|dE/E\| = .* exceeds 1.00e-12", energy)
+    assert re.fullmatch(r"position of Saturn: .* km exceeds 1.00e\+00 km", saturn)
+    assert f"FAIL  StormerVerlet(): {energy}" in report.table
+
+
+def test_a_peer_that_cannot_do_the_problem_has_a_row_with_the_reason():
+    report = orbits.compare(FIGURE_EIGHT, GAUSS, dt=0.02, duration=6.3, samples=5, against=("whfast", "ias15"))
+    whfast = rows(report)["REBOUND whfast"]
+    assert (whfast.verdict, whfast.steps, whfast.energy) == ("n/a", None, None)
+    assert "outweighs" in whfast.note
+    assert rows(report)["REBOUND ias15"].energy < 1e-14
+    assert report.ok
+    assert any("angular momentum vanishes" in note for note in report.notes)
+
+
+def test_a_method_of_ours_that_fails_fails_the_report_and_the_others_go_on():
+    # At a step of half a period the stages of Gauss do not converge.
+    report = orbits.compare(
+        KEPLER, [GAUSS, "stormer-verlet"], dt=4.0, duration=40.0, samples=5, against="leapfrog", yardstick="exact"
+    )
+    got = rows(report)
+    assert got["Gauss(stages=8)"].verdict == "FAIL"
+    assert got["Gauss(stages=8)"].failures
+    assert got["StormerVerlet()"].energy is not None
+    assert got["REBOUND leapfrog"].energy is not None
+    assert not report.ok
+    assert issubclass(ConvergenceError, orbits.IntegrationError)
+
+
+def test_softening_reaches_every_method():
+    softened = orbits.System(
+        ["a", "b"],
+        [1, 0.5],
+        [[0, 0, 0], [1, 0, 0]],
+        [[0, -0.2, 0], [0, 0.4, 0]],
+        units=orbits.DIMENSIONLESS,
+        softening=0.3,
+    )
+    report = orbits.compare(softened, GAUSS, dt=0.05, duration=20, samples=21, against=("ias15", "leapfrog", "whfast"))
+    got = rows(report)
+    assert report.yardstick.kind == "step-halved"
+    assert got["REBOUND ias15"].position < 1e-12
+    assert got["REBOUND ias15"].energy < 1e-14
+    assert "softening" in got["REBOUND whfast"].note
+
+
+def test_finished_runs_are_used_and_foreign_ones_refused():
+    arguments = {"dt": 20.0, "duration": 3652.5, "samples": 11}
+    run = orbits.propagate(GIANTS, GAUSS, **arguments)
+    report = orbits.compare(GIANTS, GAUSS, runs=[run], against=(), **arguments)
+    assert report.rows[0].wall_s == run.statistics.wall_time
+    assert report.rows[0].steps == run.statistics.steps
+    with pytest.raises(InputError, match="another system, step or samples"):
+        orbits.compare(GIANTS, GAUSS, runs=[run], against=(), **{**arguments, "dt": 10.0})
+    with pytest.raises(InputError, match="not compared"):
+        orbits.compare(GIANTS, "stormer-verlet", runs=[run], against=(), **arguments)
+
+
+def test_no_yardstick_measures_no_positions():
+    report = orbits.compare(GIANTS, GAUSS, dt=20, duration=400, samples=3, against=(), yardstick="none")
+    assert report.yardstick is None
+    assert report.rows[0].position is None
+    assert report.rows[0].energy is not None
+    assert "not measured" in report.table
+
+
+def test_the_report_of_a_comparison_is_strict_json_with_its_settings(tmp_path):
+    report = orbits.compare(GIANTS, GAUSS, dt=20 * u.day, duration=400 * u.day, samples=3, title="Giants")
+    record = json.loads(report.to_json(tmp_path / "r.json"))
+    assert record["settings"]["title"] == "Giants"
+    assert record["settings"]["dt"] == 20.0
+    assert record["settings"]["time_unit"] == "d"
+    assert record["settings"]["integrators"] == [{"name": "gauss", "parameters": {"stages": 8}}]
+    assert record["settings"]["versions"]["rebound"]
+    assert record["massive"] == ["Saturn", "Sun", "Jupiter"]
+    assert len(record["rows"]) == 3
+    assert (report.plot(tmp_path / "r.png")).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"integrators": []}, InputError, "no integrator"),
+        ({"integrators": 3}, InputError, "no integrator; expected one of"),
+        ({"integrators": [GAUSS, GAUSS]}, InputError, "twice"),
+        ({"integrators": "gaus"}, UnknownNameError, "gauss"),
+        ({"against": ("whfsat",)}, UnknownNameError, "Did you mean 'whfast'"),
+        ({"tolerances": {"enegry": 1.0}}, UnknownNameError, "Did you mean 'energy'"),
+        ({"samples": 0}, InputError, "samples"),
+        ({"samples": []}, InputError, "samples"),
+        ({"dt": 0}, InputError, "dt"),
+        ({"dt": 1 * u.km}, InputError, "dt"),
+        ({"duration": math.inf}, InputError, "duration"),
+        ({"yardstick": "perfect"}, InputError, "expected auto, exact"),
+        ({"yardstick": "exact"}, InputError, "no exact solution"),
+        ({"yardstick": 1 * u.km}, InputError, "yardstick"),
+    ],
+)
+def test_a_wrong_use_is_refused_before_anything_runs(change, error, message, monkeypatch):
+    from orbits.regression import comparison
+
+    monkeypatch.setattr(comparison, "propagate", lambda *_, **__: pytest.fail("ran before it was checked"))
+    arguments = {"integrators": GAUSS, "dt": 20.0, "duration": 400.0, "samples": 3, **change}
+    with pytest.raises(error, match=message):
+        orbits.compare(GIANTS, arguments.pop("integrators"), **arguments)
