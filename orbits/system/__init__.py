@@ -1,0 +1,9 @@
+"""Systems of bodies: names, GM, positions, velocities, an epoch and units, checked where they are made."""
+
+from __future__ import annotations
+
+from orbits.system.checks import StateValues
+from orbits.system.osculating import OrbitalElements, osculating
+from orbits.system.value import System
+
+__all__ = ["OrbitalElements", "StateValues", "System", "osculating"]

@@ -1,0 +1,155 @@
+"""What a system must be: every check names the body and the value, and says what to do."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import InputError, UnknownNameError
+from orbits.units import UnitSystem
+
+Floats = NDArray[np.float64]
+
+LONGEST_NAME = 128
+
+
+class StateValues(NamedTuple):
+    """The floats of a system in its own units: read-only, C-contiguous float64.
+
+    gm (n,), q and v (n, 3), softening a length; length, time and GM in the units of the system
+    """
+
+    gm: Floats
+    q: Floats
+    v: Floats
+    softening: float
+
+
+def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any, units: UnitSystem) -> StateValues:
+    """Return the floats of a system in `units`; raise InputError for what cannot be one, naming body and value."""
+    values = StateValues(
+        gm=checked_array("gm", units.gm_value(gm, "gm"), names, None, units.gm),
+        q=checked_array("q", units.length_value(q, "q"), names, 3, units.length),
+        v=checked_array("v", units.speed_value(v, "v"), names, 3, units.speed),
+        softening=scalar(units.length_value(softening, "softening"), "softening", units.length),
+    )
+    check_not_negative("gm", values.gm, names, units.gm)
+    check_some_mass(values.gm, names)
+    if values.softening < 0.0:
+        raise InputError(f"softening is {values.softening!r} {units.length}; expected a length >= 0.")
+    if values.softening == 0.0:
+        check_apart(values.gm, values.q, names, units.length)
+    return values
+
+
+def checked_radii(names: Sequence[str], radii: Any, units: UnitSystem) -> Floats | None:
+    """Return radii as floats in `units`, or None; raise InputError, naming the body, for one that is negative."""
+    if radii is None:
+        return None
+    values = checked_array("radii", units.length_value(radii, "radii"), names, None, units.length)
+    check_not_negative("radii", values, names, units.length)
+    return values
+
+
+def scalar(value: Floats, what: str, unit: Any) -> float:
+    """Return a single finite float; raise InputError for an array or a number that is not finite."""
+    if value.shape != () or not np.isfinite(value):
+        raise InputError(f"{what} is {value.tolist()} {unit}; expected one finite number.")
+    return float(value)
+
+
+def checked_names(names: Any) -> tuple[str, ...]:
+    """Return names as a tuple of str; raise InputError for one that is no name, and for names that occur twice."""
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise InputError(f"names is {names!r}; expected a sequence of strings, one for each body, such as ['Sun'].")
+    result = []
+    for i, name in enumerate(names):
+        if not isinstance(name, str):
+            raise InputError(f"the name of body {i} is {name!r}; expected a string.")
+        if not name or len(name) > LONGEST_NAME or name != name.strip() or not name.isprintable():
+            shown = repr(name if len(name) <= LONGEST_NAME else name[:32] + "...")
+            raise InputError(
+                f"the name of body {i} is {shown}; expected 1 to {LONGEST_NAME} printable characters without blanks at "
+                "the ends."
+            )
+        result.append(str(name))
+    if len(set(result)) < len(result):
+        twice = next(name for name in result if result.count(name) > 1)
+        places = [i for i, name in enumerate(result) if name == twice]
+        raise InputError(f"bodies {places[0]} and {places[1]} are both called {twice!r}; give each its own name.")
+    return tuple(result)
+
+
+def checked_array(what: str, values: Floats, names: Sequence[str], width: int | None, unit: Any) -> Floats:
+    """Return a read-only C-contiguous copy of shape (n,) or (n, width); raise InputError where it is not finite."""
+    n = len(names)
+    shape = (n,) if width is None else (n, width)
+    if values.shape != shape:
+        rows = "one value" if width is None else "one row x, y, z"
+        raise InputError(
+            f"{what} has shape {values.shape}; expected {shape}: {rows} for each of the {n} names ({few(names)})."
+        )
+    copy = np.array(values, dtype=np.float64, order="C")
+    wrong = ~np.isfinite(copy) if width is None else ~np.isfinite(copy).all(axis=1)
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"{what} of {names[i]!r} is {copy[i].tolist()} {unit}; expected finite numbers.")
+    copy.flags.writeable = False
+    return copy
+
+
+def check_not_negative(what: str, values: Floats, names: Sequence[str], unit: Any) -> None:
+    """Raise InputError, naming the body, where a value is negative."""
+    if (values < 0.0).any():
+        i = int(np.argmax(values < 0.0))
+        remedy = " A body without mass has gm = 0." if what == "gm" else ""
+        raise InputError(f"{what} of {names[i]!r} is {values[i].item()!r} {unit}; expected >= 0.{remedy}")
+
+
+def check_some_mass(gm: Floats, names: Sequence[str]) -> None:
+    """Raise InputError when there is no body, or none with mass."""
+    if not len(names):
+        raise InputError("a system without bodies; expected at least one with gm > 0.")
+    if not (gm > 0.0).any():
+        raise InputError(f"gm of {few(names)} is 0; expected at least one body with gm > 0: nothing attracts here.")
+
+
+def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
+    """Raise InputError, naming both, when two bodies, one of them massive, are at the same place."""
+    order = np.lexsort(q.T)
+    same = (q[order[1:]] == q[order[:-1]]).all(axis=1)
+    if not same.any():
+        return
+    # Bodies at one place are neighbours in the sorted order: number the places and look for mass among company.
+    place = np.concatenate([[0], np.cumsum(~same)])
+    company, mass = np.bincount(place), np.bincount(place, weights=gm[order] > 0.0)
+    wrong = np.flatnonzero((company > 1) & (mass > 0))
+    if len(wrong):
+        bodies = np.sort(order[place == wrong[0]])
+        heavy = bodies[gm[bodies] > 0.0][0]
+        other = next(i for i in bodies if i != heavy)
+        raise InputError(
+            f"{names[min(heavy, other)]!r} and {names[max(heavy, other)]!r} are both at {q[heavy].tolist()} {unit}; "
+            "expected different places: at none the attraction is infinite. Move one, or give a softening length."
+        )
+
+
+def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
+    """Return the place of `name` in `names`; raise UnknownNameError with the names that come close."""
+    if name in names:
+        return names.index(name)
+    close = difflib.get_close_matches(str(name).lower(), {n.lower(): None for n in names}, n=3, cutoff=0.6)
+    meant = [n for n in names if n.lower() in close]
+    hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
+    raise UnknownNameError(f"there is no {what} {name!r}; expected one of {few(names)}.{hint}")
+
+
+def few(names: Sequence[str], most: int = 12) -> str:
+    """Return names as a list in words, cut short when there are many."""
+    if len(names) <= most:
+        return ", ".join(names)
+    return f"{', '.join(names[:most])} and {len(names) - most} more"

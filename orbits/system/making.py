@@ -1,0 +1,251 @@
+"""How the states of new bodies come about: from elements, from DE440, from the catalogue of asteroids."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits import elements as kepler
+from orbits import ephemeris
+from orbits.errors import EpochError, InputError, UnknownNameError
+from orbits.system import checks
+from orbits.units import UnitSystem, as_epoch
+
+if TYPE_CHECKING:
+    from astropy.time import Time
+
+    from orbits.system.value import System
+
+Floats = NDArray[np.float64]
+State = tuple[Floats, Floats]
+
+LENGTHS = ("a", "q")
+TIMES = ("P", "T")
+ANGLES = ("inc", "Omega", "omega", "pomega", "M", "f", "E", "l", "theta")
+ELEMENTS = ("a", "P", "q", "e", *ANGLES, "T")
+OF_A_BODY = ("gm", "mass", "radius")
+
+# A Julian date as one float64 resolves 4e-10 d: epochs closer than this are the same.
+SAME_EPOCH_DAYS = 1e-9
+
+EXAMPLE = "System.from_elements({'Sun': dict(mass=1 * u.M_sun), 'Ceres': dict(a=2.77 * u.au, e=0.08)})"
+
+
+def per_body(value: Floats, what: str, names: Sequence[str]) -> Floats:
+    """Return one value for each new body, shape (k,); raise InputError when there are not k, or one for all."""
+    if value.shape not in ((), (len(names),)):
+        who = repr(names[0]) if len(names) == 1 else f"the {len(names)} bodies {checks.few(names, 3)}"
+        shapes = "one number" if len(names) == 1 else f"one number, or {len(names)}"
+        raise InputError(f"{what} of {who} has shape {value.shape}; expected {shapes}.")
+    return np.broadcast_to(value, (len(names),))
+
+
+def masses(names: Sequence[str], gm: Any, mass: Any, units: UnitSystem) -> Floats:
+    """Return GM of new bodies, shape (k,), from GM or mass; 0 where neither is given. Raises InputError for both."""
+    who = checks.few(names, 3)
+    if gm is not None and mass is not None:
+        raise InputError(f"{who}: both gm and mass are given; expected one of them, as gm = G mass.")
+    if mass is not None:
+        return per_body(units.G * units.mass_value(mass, f"mass of {who}"), "mass", names)
+    return per_body(units.gm_value(0.0 if gm is None else gm, f"gm of {who}"), "gm", names)
+
+
+def extended_radii(
+    radii: Floats | None, bodies: int, names: Sequence[str], radius: Any, units: UnitSystem
+) -> Floats | None:
+    """Return the radii of a system with new bodies: 0 for those whose radius is not known, None when none is."""
+    if radii is None and radius is None:
+        return None
+    value = units.length_value(0.0 if radius is None else radius, f"radius of {checks.few(names, 3)}")
+    return np.concatenate([np.zeros(bodies) if radii is None else radii, per_body(value, "radius", names)])
+
+
+def split_mapping(bodies: Any) -> tuple[str, dict[str, Mapping[str, Any]]]:
+    """Return the name of the primary and the other entries of what `System.from_elements` is given, checked by key."""
+    if not isinstance(bodies, Mapping) or not bodies:
+        raise InputError(f"from_elements got {bodies!r}; expected names with what is known of each, as in {EXAMPLE}.")
+    for name, given in bodies.items():
+        if not isinstance(given, Mapping):
+            raise InputError(f"{name!r} is {given!r}; expected a dict of gm or mass and elements, as in {EXAMPLE}.")
+    first, *others = bodies
+    checks.checked_names([first])
+    for key in bodies[first]:
+        if key not in OF_A_BODY:
+            raise InputError(
+                f"{first!r} is the first body and so the primary, but has {key!r}; expected only some of "
+                f"{', '.join(OF_A_BODY)}. Put the body that the others go around first."
+            )
+    for name in others:
+        _check_keys(name, [key for key in bodies[name] if key not in (*OF_A_BODY, "primary", "frame", "v")])
+    return first, {name: bodies[name] for name in others}
+
+
+def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[float, float | None]:
+    """Return GM and radius of the first body of `System.from_elements`. Raises InputError when it has no mass."""
+    if given.get("gm") is None and given.get("mass") is None:
+        raise InputError(f"{name!r} is the primary and needs gm or mass, as in {EXAMPLE}.")
+    gm = checks.scalar(masses([name], given.get("gm"), given.get("mass"), units)[0], f"gm of {name!r}", units.gm)
+    if gm <= 0.0:
+        raise InputError(f"gm of {name!r} is {gm!r} {units.gm}; expected > 0: it is what the others go around.")
+    if given.get("radius") is None:
+        return gm, None
+    what = f"radius of {name!r}"
+    return gm, checks.scalar(units.length_value(given["radius"], what), what, units.length)
+
+
+def primary_name(names: Sequence[str], gm: Floats, name: str | None) -> str:
+    """Return `name`, or where it is None the only body with mass; raise InputError when there are several."""
+    if name is not None:
+        return name
+    heavy = _heavy(names, gm)
+    if len(heavy) > 1:
+        raise InputError(f"around which body? Say primary=..., one of {checks.few(heavy)}.")
+    return heavy[0]
+
+
+def new_states(
+    system: System,
+    names: Sequence[str],
+    gm: Floats,
+    around: str | None,
+    frame: str | None,
+    given: Mapping[str, Any],
+) -> State:
+    """Return positions and velocities (k, 3) in the system's axes and units for what `System.add` is given."""
+    units = system.units
+    given = {key: value for key, value in given.items() if value is not None}
+    if "v" in given:
+        return _from_state(system, names, around, frame, given)
+    _check_keys(names[0], list(given))
+    place = system.index(primary_name(system.names, system.values.gm, around))
+    centre = system.values
+    if centre.gm[place] == 0.0:
+        raise InputError(
+            f"{checks.few(names, 3)}: the primary {system.names[place]!r} has no mass, so nothing goes around it. "
+            f"Choose one of {checks.few(_heavy(system.names, centre.gm))}."
+        )
+    floats = {key: per_body(_element(key, value, names, system), key, names) for key, value in given.items()}
+    q, v = kepler.state_from_elements(centre.gm[place] + gm, **floats, names=names)
+    frame = default_frame(units) if frame is None else frame
+    return centre.q[place] + kepler.from_frame(q, frame), centre.v[place] + kepler.from_frame(v, frame)
+
+
+def default_frame(units: UnitSystem) -> str:
+    """Return the frame that elements refer to where none is named: the ecliptic, if there is a sky to have one."""
+    return "ecliptic" if units.is_physical else "icrf"
+
+
+def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
+    """Return the arguments of `System` for bodies of DE440, relative to the barycentre of the Solar System."""
+    if isinstance(bodies, str):
+        raise InputError(f"bodies is {bodies!r}; expected a sequence of names, such as [{bodies!r}].")
+    names = [ephemeris.canonical_name(name) for name in (ephemeris.SOLAR_SYSTEM if bodies is None else bodies)]
+    pair = {"Earth", "Moon"}
+    if 0 < len(pair & set(names)) < 2:
+        (there,), (missing,) = pair & set(names), pair - set(names)
+        raise InputError(
+            f"bodies has {there!r} without {missing!r}, but each bends the other's orbit. Name both, or "
+            "'Earth-Moon barycenter' for the two as one."
+        )
+    if "Earth" in names and "Earth-Moon barycenter" in names:
+        raise InputError(
+            "bodies has 'Earth', 'Moon' and 'Earth-Moon barycenter'; the barycentre stands for the other two. Name "
+            "either the pair or the barycentre."
+        )
+    gm, q, v = ephemeris.states(names, epoch.jd1, epoch.jd2)
+    return {"names": names, "gm": gm, "q": q, "v": v, "epoch": epoch}
+
+
+def particle_states(system: System, catalogue: Any, propagate_to_epoch: bool) -> State:
+    """Return positions and velocities of a catalogue's asteroids in the system's axes and units."""
+    if not isinstance(catalogue, ephemeris.Catalogue):
+        raise InputError(f"add_particles got a {type(catalogue).__name__}; expected orbits.asteroids(...).")
+    units = system.units
+    if system.epoch is None:
+        raise InputError("the system has no epoch, so the asteroids have no place in it. Make it with epoch=...")
+    if "Sun" not in system:
+        raise UnknownNameError(
+            f"the asteroids' elements are heliocentric, but there is no 'Sun' among {checks.few(system.names)}."
+        )
+    sun = system.index("Sun")
+    gm = system.gm[sun].to_value(u.au**3 / u.day**2)
+    angles = {key: getattr(catalogue, key) for key in ("inc", "Omega", "omega", "M")}
+    q, v = kepler.state_from_elements(gm, a=catalogue.a, e=catalogue.e, **angles, names=catalogue.names)
+    days = (system.epoch.jd1 - 2400000.5 - catalogue.epoch) + system.epoch.jd2
+    late = np.abs(days) > SAME_EPOCH_DAYS
+    if late.any():
+        if not propagate_to_epoch:
+            i = int(np.argmax(late))
+            raise EpochError(
+                f"the system's epoch is MJD {system.epoch.mjd:.9g} TDB, but the elements of {catalogue.names[i]!r} are "
+                f"of MJD {catalogue.epoch[i]:.9g} TDB. Make the system at that epoch, or say propagate_to_epoch=True "
+                "to carry them over along two-body orbits."
+            )
+        q, v = kepler.two_body(q, v, gm, days, names=catalogue.names)
+    return (
+        system.values.q[sun] + units.length_value(kepler.from_frame(q, catalogue.frame) * u.au),
+        system.values.v[sun] + units.speed_value(kepler.from_frame(v, catalogue.frame) * (u.au / u.day)),
+    )
+
+
+def _from_state(
+    system: System, names: Sequence[str], around: str | None, frame: str | None, given: Mapping[str, Any]
+) -> State:
+    if set(given) != {"q", "v"} or frame is not None:
+        extra = [*given, *(["frame"] if frame is not None else [])]
+        raise InputError(
+            f"{checks.few(names, 3)}: given are {', '.join(extra)}; expected q and v alone (position and velocity in "
+            "the system's axes), or elements without v."
+        )
+    states = []
+    shape = (len(names), 3)
+    values = {"q": system.units.length_value(given["q"], "q"), "v": system.units.speed_value(given["v"], "v")}
+    for what, value in values.items():
+        if value.shape not in ((3,), shape):
+            expected = "(3,): x, y, z" if len(names) == 1 else f"(3,) or {shape}"
+            raise InputError(f"{what} of {checks.few(names, 3)} has shape {value.shape}; expected {expected}.")
+        states.append(np.broadcast_to(value, shape))
+    if around is None:
+        return states[0], states[1]
+    place = system.index(around)
+    return system.values.q[place] + states[0], system.values.v[place] + states[1]
+
+
+def _heavy(names: Sequence[str], gm: Floats) -> list[str]:
+    return [name for name, value in zip(names, gm.tolist(), strict=True) if value > 0.0]
+
+
+def _check_keys(name: str, keys: Sequence[str]) -> None:
+    for key in keys:
+        if key not in ELEMENTS:
+            raise UnknownNameError(
+                f"{name!r} has {key!r}, which is no element here; expected a, P or q (pericentre distance), e, inc, "
+                "Omega, omega or pomega, and one of M, f, E, l, theta or T (or q with v, a position and a velocity); "
+                "besides gm or mass, radius, primary, frame."
+            )
+
+
+def _element(key: str, value: Any, names: Sequence[str], system: System) -> Floats:
+    what = f"{key} of {checks.few(names, 3)}"
+    units = system.units
+    if key in LENGTHS:
+        return units.length_value(value, what)
+    if key in ANGLES:
+        return units.angle_value(value, what)
+    if key == "T" and _is_moment(value):
+        if system.epoch is None:
+            raise EpochError(f"{what} is {value}, but the system has no epoch. Give the system one, or T as a time.")
+        return units.time_value((as_epoch(value, what) - system.epoch).to(u.day), what)
+    if key in TIMES:
+        return units.time_value(value, what)
+    return units.pure_value(value, what)
+
+
+def _is_moment(value: Any) -> bool:
+    from astropy.time import Time
+
+    return isinstance(value, str | Time)

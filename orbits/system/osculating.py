@@ -1,0 +1,152 @@
+"""Osculating elements with names and units, of one state or of all samples of a run at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import ArrayLike, NDArray
+
+from orbits import diagnostics
+from orbits.elements import elements_from_state, to_frame
+from orbits.errors import InputError
+from orbits.system import checks, making
+from orbits.units import UnitSystem
+
+Floats = NDArray[np.float64]
+
+BARYCENTRIC = ("barycentre", "barycenter")
+JACOBI = "jacobi"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OrbitalElements:
+    """Osculating elements of k bodies: quantities of shape (k,) for one state, (samples, k) for a run.
+
+    names : the bodies, in the order of the last axis; the primary is not among them
+    primary : what the orbits are around: a body, "barycentre" (of the massive bodies) or "jacobi" (of those before)
+    frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself)
+    a, e, q, inc, Omega, omega, pomega, M, E, f, l, theta, n, P, T : as defined in `orbits.elements.Elements`; angles
+        in radians, T a time since the epoch
+
+    elements["Ceres"] is that body alone, without the last axis.
+    """
+
+    names: tuple[str, ...]
+    primary: str
+    frame: str
+    a: u.Quantity
+    e: u.Quantity
+    q: u.Quantity
+    inc: u.Quantity
+    Omega: u.Quantity
+    omega: u.Quantity
+    pomega: u.Quantity
+    M: u.Quantity
+    E: u.Quantity
+    f: u.Quantity
+    l: u.Quantity  # noqa: E741 - the mean longitude's own symbol
+    theta: u.Quantity
+    n: u.Quantity
+    P: u.Quantity
+    T: u.Quantity
+
+    def keys(self) -> tuple[str, ...]:
+        """Return the names of the elements."""
+        return tuple(field.name for field in fields(self))[3:]
+
+    def __getitem__(self, name: str) -> OrbitalElements:
+        """Return the elements of one body. Raises UnknownNameError, with the names that come close."""
+        i = checks.index_of(name, self.names, "orbit of")
+        if self.a.ndim == 0:
+            return self
+        one = {key: getattr(self, key)[..., i] for key in self.keys()}
+        return OrbitalElements(names=(self.names[i],), primary=self.primary, frame=self.frame, **one)
+
+    def __repr__(self) -> str:
+        shape = "" if self.a.ndim < 2 else f" at {' x '.join(map(str, self.a.shape[:-1]))} samples"
+        head = f"elements of {checks.few(self.names)}{shape} about {self.primary}, {self.frame}"
+        if self.a.ndim > 1 or (self.a.ndim == 0 and len(self.names) != 1):
+            return f"<{head}>"
+        shown = {"a": self.a, "e": self.e, "inc": self.inc.to(u.deg), "Omega": self.Omega.to(u.deg),
+                 "omega": self.omega.to(u.deg), "M": self.M.to(u.deg)}  # fmt: skip
+        rows = [["", *(f"{key} [{x.unit}]" if str(x.unit) else key for key, x in shown.items())]]
+        columns = [np.atleast_1d(x.value) for x in shown.values()]
+        rows += [[name, *(f"{c[i]:.6g}" for c in columns)] for i, name in enumerate(self.names[:MOST_ROWS])]
+        widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
+        lines = ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
+        more = [f"... and {len(self.names) - MOST_ROWS} more"] if len(self.names) > MOST_ROWS else []
+        return "\n".join([head, *lines, *more])
+
+
+MOST_ROWS = 20
+
+
+def osculating(
+    names: Sequence[str],
+    gm: Floats,
+    q: Floats,
+    v: Floats,
+    *,
+    units: UnitSystem,
+    primary: str,
+    frame: str | None = None,
+    t: ArrayLike = 0.0,
+) -> OrbitalElements:
+    """Return the osculating elements of all bodies but the primary.
+
+    gm (n,), q and v (..., n, 3), t (...) : floats in `units`; t is the time of the states and enters T alone
+    primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi": each body about the centre
+        of mass of those before it, with the GM of these and its own
+    frame : "ecliptic", "icrf", or None for the ecliptic, and the system's axes where units are dimensionless
+
+    Raises UnknownNameError for a primary or a frame that does not exist, InputError, naming the body, for a state
+    without elements.
+    """
+    frame = making.default_frame(units) if frame is None else frame
+    around = primary if primary in names else str(primary).lower()
+    if around in BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
+        around = names[int(np.argmax(gm > 0.0))]
+    if around == JACOBI:
+        bodies, centre_gm, centre_q, centre_v = _before(names, gm, q, v)
+        two_body_gm = centre_gm + gm[bodies]
+    elif around in BARYCENTRIC:
+        bodies = np.arange(len(names))
+        two_body_gm = np.full(len(names), gm.sum())
+        centre_q, centre_v = (diagnostics.centre_of_mass(gm, x)[..., None, :] for x in (q, v))
+    else:
+        place = _place(names, around)
+        bodies = np.delete(np.arange(len(names)), place)
+        two_body_gm = gm[bodies] + gm[place]
+        centre_q, centre_v = q[..., [place], :], v[..., [place], :]
+        if gm[place] == 0.0:
+            raise InputError(f"{around!r} has no mass, so nothing goes around it. Choose a body with mass as primary.")
+    chosen = tuple(names[i] for i in bodies)
+    found = elements_from_state(
+        to_frame(q[..., bodies, :] - centre_q, frame),
+        to_frame(v[..., bodies, :] - centre_v, frame),
+        two_body_gm,
+        t=np.asarray(t, dtype=np.float64)[..., None],
+        names=chosen,
+    )
+    kinds: dict[str, Any] = {"a": units.length, "q": units.length, "e": u.dimensionless_unscaled}
+    kinds |= {"P": units.time, "T": units.time, "n": u.rad / units.time}
+    quantities = {key: u.Quantity(found[key], kinds.get(key, u.rad), copy=False) for key in found}
+    return OrbitalElements(names=chosen, primary=around, frame=frame.lower(), **quantities)
+
+
+def _place(names: Sequence[str], primary: str) -> int:
+    return checks.index_of(primary, names, "primary")
+
+
+def _before(names: Sequence[str], gm: Floats, q: Floats, v: Floats) -> tuple[NDArray[np.intp], Floats, Floats, Floats]:
+    """Return the bodies from the second on, and GM, place and velocity of the centre of mass of those before each."""
+    if gm[0] == 0.0:
+        raise InputError(f"Jacobi elements start from the first body, but {names[0]!r} has no mass.")
+    bodies = np.arange(1, len(names))
+    total = np.cumsum(gm)[:-1]
+    centres = [np.cumsum(gm[:, None] * x, axis=-2)[..., :-1, :] / total[:, None] for x in (q, v)]
+    return bodies, total, centres[0], centres[1]

