@@ -84,7 +84,7 @@ def compare(
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
     grid = _Grid.of(system, dt, duration, samples)
-    _check_yardstick(yardstick, problem)
+    kind = _yardstick(system, yardstick, problem, grid)
     wanted = tolerance.parse(
         tolerances,
         methods=[(method.name, method.label) for method in ours],
@@ -102,7 +102,7 @@ def compare(
             else _run(system, method, grid, threads, progress, say)
             for method in ours
         ]
-        reference, note, remarks = _reference(system, problem, grid, yardstick, threads, say)
+        reference, note, remarks = _reference(system, problem, grid, kind, threads, say)
         others = [_peer(problem, peer, grid, say) for peer in theirs]
     except KeyboardInterrupt:
         raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
@@ -162,15 +162,22 @@ def _ours(integrators: Any) -> list[Integrator]:
     return out
 
 
-def _check_yardstick(yardstick: Any, problem: Problem) -> None:
-    if isinstance(yardstick, str) and yardstick not in _YARDSTICKS:
+def _yardstick(system: System, yardstick: Any, problem: Problem, grid: _Grid) -> str | float:
+    """What to measure positions against: "exact", "none", or the coarser of two steps."""
+    if not isinstance(yardstick, str):
+        return abs(signed_step(system.units, system.units.time_value(yardstick, "yardstick"), grid.duration))
+    if yardstick not in _YARDSTICKS:
         raise InputError(f"yardstick is {yardstick!r}; expected {', '.join(_YARDSTICKS)} or a step (a time).")
     exact = rod.exact_applies(problem.gm, problem.q, problem.v, problem.softening)
-    if isinstance(yardstick, str) and yardstick == "exact" and not exact:
+    if yardstick == "exact" and not exact:
         raise InputError(
             "yardstick='exact' needs one massive body with massless ones, or two massive bodies alone, without "
             "softening; this system has no exact solution. Use 'auto' or 'step-halved'."
         )
+    affordable = len(problem.gm) * len(grid.times) <= EXACT_SOLVES
+    if yardstick == "exact" or (yardstick == "auto" and exact and affordable):
+        return "exact"
+    return "none" if yardstick == "none" else grid.dt / 2
 
 
 def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: _Grid) -> dict[str, Trajectory]:
@@ -227,22 +234,18 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
 
 
 def _reference(
-    system: System, problem: Problem, grid: _Grid, kind: Any, threads: int | None, say: _Say
+    system: System, problem: Problem, grid: _Grid, kind: str | float, threads: int | None, say: _Say
 ) -> tuple[Array | None, YardstickNote | None, tuple[str, ...]]:
     """Reference positions, the note about them, and remarks where there are none."""
-    if isinstance(kind, str) and kind == "none":
+    if kind == "none":
         return None, None, ("No yardstick: positions are not measured.",)
-    exact = rod.exact_applies(problem.gm, problem.q, problem.v, problem.softening)
-    if isinstance(kind, str) and (
-        kind == "exact" or (kind == "auto" and exact and len(problem.gm) * len(grid.times) <= EXACT_SOLVES)
-    ):
+    if kind == "exact":
         say("the exact solution")
         made = rod.exact(problem.gm, problem.q, problem.v, grid.times)
     else:
-        coarse = grid.dt / 2 if isinstance(kind, str) else float(system.units.time_value(kind, what="yardstick"))
         say("the yardstick")
         try:
-            made = rod.step_halved(system, grid.times, coarse, threads)
+            made = rod.step_halved(system, grid.times, float(kind), threads)
         except IntegrationError as error:
             return None, None, (f"The yardstick failed, so positions are not measured: {error}",)
     errors = dict(zip(problem.names, (made.error * problem.length).tolist(), strict=True))

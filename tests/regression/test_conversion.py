@@ -120,7 +120,7 @@ def without_gravity():
         (with_forces, "additional forces"),
         (with_boundary, "periodic"),
         (without_gravity, "none"),
-        (rebound.Simulation, "no bod"),
+        (rebound.Simulation, "without bodies"),
     ],
 )
 def test_what_a_system_cannot_be_is_refused_in_words(make, message):
