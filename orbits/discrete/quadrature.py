@@ -3,8 +3,9 @@
     trapezoidal   L_d(q0, q1; h) = h/2 [L(q0, (q1 - q0)/h) + L(q1, (q1 - q0)/h)]
     midpoint      L_d(q0, q1; h) = h L((q0 + q1)/2, (q1 - q0)/h)
 
-The discrete Euler–Lagrange equations are D2 L_d(q_{k-1}, q_k; h) + D1 L_d(q_k, q_{k+1}; h) = 0, and the discrete momenta are
-p_k = -D1 L_d(q_k, q_{k+1}; h) = D2 L_d(q_{k-1}, q_k; h). Masses are GM throughout, so momenta are GM times velocity.
+The discrete Euler–Lagrange equations are D2 L_d(q_{k-1}, q_k; h) + D1 L_d(q_k, q_{k+1}; h) = 0, and the discrete
+momenta are p_k = -D1 L_d(q_k, q_{k+1}; h) = D2 L_d(q_{k-1}, q_k; h). Masses are GM throughout, so momenta are GM times
+velocity.
 
 Source: Marsden & West (2001), sec. 1.3, 2.1, 2.6.
 """
@@ -54,7 +55,9 @@ def trapezoidal(gm: Array, softening: float = 0.0) -> DiscreteLagrangian:
 
 
 def midpoint(gm: Array, softening: float = 0.0) -> DiscreteLagrangian:
-    """Return the midpoint discrete Lagrangian; its Euler–Lagrange equations are the implicit midpoint rule, Gauss with one stage."""
+    """Return the midpoint discrete Lagrangian; its Euler–Lagrange equations are the implicit midpoint rule, Gauss with
+    one stage.
+    """
     mass, potential, force = _ingredients(gm, softening)
 
     def value(q0: Array, q1: Array, h: float) -> float:
@@ -73,8 +76,8 @@ def euler_lagrange_residual(discrete: DiscreteLagrangian, path: Array, h: float)
     """Return D2 L_d(q_{k-1}, q_k) + D1 L_d(q_k, q_{k+1}) at the inner points of a path with uniform spacing h.
 
     path : (N, n, 3) with N >= 3; the result is (N - 2, n, 3), in units of momentum
-    A path that solves the equations leaves round-off: about 2^-53 |q| GM / h, because neighbouring positions are subtracted.
-    Raises InputError for a path of another shape.
+    A path that solves the equations leaves round-off: about 2^-53 |q| GM / h, because neighbouring positions are
+    subtracted. Raises InputError for a path of another shape.
     """
     if path.ndim != 3 or path.shape[2] != 3 or len(path) < 3:
         raise InputError(f"a path has shape (N, bodies, 3) with N >= 3 points, got {path.shape}")
@@ -90,7 +93,7 @@ def _kinetic_action(mass: Array, q0: Array, q1: Array, h: float) -> float:
 def _ingredients(gm: Array, softening: float) -> tuple[Array, Callable[[Array], float], Callable[[Array], Array]]:
     gm = np.asarray(gm, dtype=np.float64)
     if not np.all(gm > 0.0):
-        raise InputError("a discrete Lagrangian of the whole is that of the massive bodies; leave the massless ones out")
+        raise InputError("a discrete Lagrangian is that of the massive bodies, all GM > 0; leave the massless ones out")
     strength = parameters(gm, softening)
     mass = gm[:, None]
 

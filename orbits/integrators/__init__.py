@@ -60,7 +60,7 @@ def parse(text: str) -> Integrator:
             parameters = None
         if parameters is not None:
             return build({"name": tree.func.id, "parameters": parameters})
-    raise InputError(f"cannot read the integrator {text!r}; write e.g. gauss, \"gauss(stages=4)\" or stormer-verlet")
+    raise InputError(f'cannot read the integrator {text!r}; write e.g. gauss, "gauss(stages=4)" or stormer-verlet')
 
 
 def _find(name: str) -> type[Integrator]:

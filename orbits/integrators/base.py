@@ -1,9 +1,9 @@
-"""The contract of an integrator: one frozen value that says what it is, what it asks for, what it promises, and how it steps.
+"""The contract of an integrator: a frozen value that says what it is, asks for and promises, and how it steps.
 
-The state of n bodies is four vectors q, q_lo, v, v_lo of 3n coordinates (all x, all y, all z) padded to `padded(3 n)` elements; (q, q_lo) and
-(v, v_lo) are numbers of doubled precision. While the massive bodies march, the positions that the method evaluates forces at are recorded in
-`field`; each massless particle is then marched through that field on its own, so that particles may be shared among threads and no particle's bits depend on
-its neighbours.
+The state of n bodies is four vectors q, q_lo, v, v_lo of 3n coordinates (all x, all y, all z) padded to `padded(3 n)`
+elements; (q, q_lo) and (v, v_lo) are numbers of doubled precision. While the massive bodies march, the positions that
+the method evaluates forces at are recorded in `field`; each massless particle is then marched through that field on
+its own, so that particles may be shared among threads and no particle's bits depend on its neighbours.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ class Integrator:
     summary : one line for people
     requires : traits that a Lagrangian must have
     declares : properties that hold to round-off; contract tests check each, and that the others fail
-    discrete_lagrangian : name in `orbits.discrete` of the discrete Lagrangian whose Euler–Lagrange equations the step solves, if there is one
+    discrete_lagrangian : name in `orbits.discrete` of the discrete Lagrangian whose Euler–Lagrange equations the step
+        solves, if there is one
     source : where the method comes from
 
     Kernels, the same signature for all methods; both return (status, steps done, index, evaluations):
@@ -76,7 +77,9 @@ class Integrator:
         raise NotImplementedError
 
     def memory_rows(self, bodies: int) -> int:
-        """Return how many rows of eight the method carries from step to step for the massive bodies (it is stored for resuming)."""
+        """Return how many rows of eight the method carries from step to step for the massive bodies (it is stored for
+        resuming).
+        """
         return 0
 
     @property

@@ -1,6 +1,7 @@
 """Explicit Euler, the foil: q+ = q + h v, v+ = v + h g(q).
 
-It has no discrete Lagrangian: it is neither symplectic nor symmetric, keeps no angular momentum, and every orbit spirals outwards.
+It has no discrete Lagrangian: it is neither symplectic nor symmetric, keeps no angular momentum, and every orbit
+spirals outwards.
 Source: Hairer, Lubich & Wanner (2006), sec. I.1.1.
 """
 
@@ -20,7 +21,9 @@ from orbits.lagrangians.base import SEPARABLE
 
 @kernel
 def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps):
-    """March the massive bodies by `steps` steps of h; `field_record` (slots, 1, padded) receives the positions before each."""
+    """March the massive bodies by `steps` steps of h; `field_record` (slots, 1, padded) receives the positions before
+    each.
+    """
     size = 3 * (parameters.shape[0] - 1)
     g = work[0]
     for step in range(steps):
@@ -54,7 +57,9 @@ def advance_particles(
 
 @dataclass(frozen=True)
 class ExplicitEuler(Integrator):
-    """The method one should not use: order 1, energy and angular momentum drift. It is here to show why the others exist."""
+    """The method one should not use: order 1, energy and angular momentum drift. It is here to show why the others
+    exist.
+    """
 
     name: ClassVar[str] = "explicit-euler"
     summary: ClassVar[str] = "explicit Euler: not variational, order 1; the foil"

@@ -7,8 +7,8 @@ For a separable Lagrangian, q'' = g(q), with L_i = h b_i g(Q_i):
     Q_i = q + h c_i v + h sum_j eta_ij L_j,     eta_ij = (A^2)_ij / b_j
     v+  = v + sum_i L_i,     q+ = q + h v + h sum_i (1 - c_i) L_i
 
-The stages are the lanes of one register. They are iterated, each component, until the largest change stops falling: to the round-off floor, with no tolerance.
-The iteration starts from the collocation polynomial of the step before.
+The stages are the lanes of one register. They are iterated, each component, until the largest change stops falling: to
+the round-off floor, with no tolerance. The iteration starts from the collocation polynomial of the step before.
 
 Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & West (2001), sec. 2.6.
 """
@@ -156,7 +156,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 def advance_particles(
     tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop
 ):
-    """March particles start ... stop - 1 through the stages that the massive bodies went through; the same method, one particle at a time.
+    """March particles start ... stop - 1, one at a time, through the stages that the massive bodies went through.
 
     q, q_lo, v, v_lo : (3, padded); memory : (particles, 3, 8), L of the step before
     Returns (status, steps done by the particle that failed, particle, evaluations).
@@ -204,7 +204,7 @@ def advance_particles(
                 return NOT_CONVERGED, step, particle, evaluations
             kicks = (total(lx), total(ly), total(lz))
             drifts = (total(rest * lx), total(rest * ly), total(rest * lz))
-            if not (kicks[0] + kicks[1] + kicks[2] + drifts[0] + drifts[1] + drifts[2]) * 0.0 == 0.0:
+            if (kicks[0] + kicks[1] + kicks[2] + drifts[0] + drifts[1] + drifts[2]) * 0.0 != 0.0:
                 return NOT_FINITE, step, particle, evaluations
             for k in range(3):
                 speed, speed_lo = v[k, particle], v_lo[k, particle]
@@ -221,14 +221,15 @@ class Gauss(Integrator):
 
     stages : s; 8 stages (order 16) fill one register and cost hardly more than 2
 
-    Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off. A step of about 1/15 of the shortest period is solved to
-    round-off with 8 stages; a step whose iteration does not converge is an error, never a result.
+    Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off. A step of about 1/15 of the
+    shortest period is solved to round-off with 8 stages; a step whose iteration does not converge is an error, never a
+    result.
     """
 
     stages: int = 8
 
     name: ClassVar[str] = "gauss"
-    summary: ClassVar[str] = "Gauss collocation, variational, order 2s; exactly symplectic coefficients, to the round-off floor"
+    summary: ClassVar[str] = "Gauss collocation: variational, implicit, order 2s, to the round-off floor"
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE})
     declares: ClassVar[frozenset[str]] = frozenset({SYMPLECTIC, SYMMETRIC, MOMENTUM_MAPS})
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.1.3, VIII.6; Marsden & West (2001), sec. 2.6"
@@ -252,7 +253,8 @@ class Gauss(Integrator):
         out = np.zeros((_START + WIDTH, WIDTH))
         hc = h * t.c
         out[_HC] = hc[lane]
-        out[_HC_LO] = np.array([float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(t.c, hc, strict=True)])[lane]
+        rounding = [float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(t.c, hc, strict=True)]
+        out[_HC_LO] = np.array(rounding)[lane]
         out[_HB, :s] = h * t.b
         out[_REST] = t.one_minus_c[lane]
         out[_ETA : _ETA + s] = t.eta[lane].T

@@ -1,7 +1,7 @@
 """A system bound to an integrator and a step: floats in, floats out, marching on the grid t = step * h.
 
-The massive bodies march a block of steps; then the massless particles follow through the recorded field, shared among threads in groups of whole lanes, so
-that the bits do not depend on the number of threads nor on the size of the block.
+The massive bodies march a block of steps; then the massless particles follow through the recorded field, shared among
+threads in groups of whole lanes, so that the bits do not depend on the number of threads nor on the size of the block.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import NoReturn
 
 import numpy as np
@@ -96,7 +97,8 @@ class Marcher:
     def advance(self, steps: int) -> None:
         """March on by `steps` >= 0 steps.
 
-        Raises ConvergenceError or SingularityError; the state is then a whole state from at most `block` steps before the failure.
+        Raises ConvergenceError or SingularityError; the state is then a whole state from at most `block` steps before
+        the failure.
         """
         while steps > 0:
             count = min(steps, self.block)
@@ -230,4 +232,4 @@ def _shares(particles: int, threads: int) -> list[tuple[int, int]]:
     groups = (particles + WIDTH - 1) // WIDTH
     count = min(groups, 4 * threads if threads > 1 else 1)
     edges = [WIDTH * (groups * k // count) for k in range(count + 1)] if count else [0]
-    return [(a, min(b, particles)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [(a, min(b, particles)) for a, b in pairwise(edges)]

@@ -5,7 +5,8 @@ For q'' = g(q) its four stages are
     Q_1 = q,   Q_2 = q + h/2 v,   Q_3 = q + h/2 v + h^2/4 g_1,   Q_4 = q + h v + h^2/2 g_2,      g_i = g(Q_i)
     q+  = q + h v + h^2/6 (g_1 + g_2 + g_3),     v+ = v + h/6 (g_1 + 2 g_2 + 2 g_3 + g_4)
 
-It has no discrete Lagrangian: it is neither symplectic nor symmetric, and energy and angular momentum drift at order h^5 a step.
+It has no discrete Lagrangian: it is neither symplectic nor symmetric, and energy and angular momentum drift at order
+h^5 a step.
 Source: Kutta (1901); Hairer, Lubich & Wanner (2006), sec. II.1.1.
 """
 
@@ -25,7 +26,9 @@ from orbits.lagrangians.base import SEPARABLE
 
 @kernel
 def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps):
-    """March the massive bodies by `steps` steps of h; `field_record` (slots, 4, padded) receives the positions of the stages."""
+    """March the massive bodies by `steps` steps of h; `field_record` (slots, 4, padded) receives the positions of the
+    stages.
+    """
     size = 3 * (parameters.shape[0] - 1)
     g1, g2, g3, g4 = work[0], work[1], work[2], work[3]
     for step in range(steps):
@@ -96,7 +99,9 @@ def advance_particles(
 
 @dataclass(frozen=True)
 class RungeKutta4(Integrator):
-    """The classical Runge–Kutta method: accurate for a while, then energy and angular momentum leave. A foil for long runs."""
+    """The classical Runge–Kutta method: accurate for a while, then energy and angular momentum leave. A foil for long
+    runs.
+    """
 
     name: ClassVar[str] = "runge-kutta-4"
     summary: ClassVar[str] = "classical Runge–Kutta: not variational, order 4; the foil for long runs"

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from orbits.integrators.base import MOMENTUM_MAPS, NOT_FINITE, OK, SYMMETRIC, SYMPLECTIC, Integrator, padded
 from orbits.kernels.binding import accelerate, field
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, load, store
+from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, kick, load_particles, store_particles
 from orbits.kernels.summation import add_compensated, add_product
 from orbits.lagrangians.base import SEPARABLE
@@ -73,8 +73,9 @@ def advance_particles(
 class StormerVerlet(Integrator):
     """The explicit second-order workhorse, known in the field as leapfrog.
 
-    One force evaluation a step; symplectic, symmetric, keeps linear and angular momentum to round-off. Its energy error is bounded and
-    proportional to dt^2: take some hundreds of steps for the shortest period, or `Gauss` where more than a few digits matter.
+    One force evaluation a step; symplectic, symmetric, keeps linear and angular momentum to round-off. Its energy
+    error is bounded and proportional to dt^2: take some hundreds of steps for the shortest period, or `Gauss` where
+    more than a few digits matter.
     """
 
     name: ClassVar[str] = "stormer-verlet"

@@ -1,8 +1,8 @@
 """How a compiled integrator finds the kernels of a Lagrangian.
 
-A Lagrangian enters compiled code as a tag: a value without content whose *type* names the Lagrangian. Each function below is
-resolved at compile time to the kernel that the Lagrangian registered under that name. (A kernel passed as an argument would never hit Numba's disk
-cache; a tag does.)
+A Lagrangian enters compiled code as a tag: a value without content whose *type* names the Lagrangian. Each function
+below is resolved at compile time to the kernel that the Lagrangian registered under that name. (A kernel passed as an
+argument would never hit Numba's disk cache; a tag does.)
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """`@kernel`, the only way this package compiles a function.
 
-Numba's disk cache looks at the file of the function it compiles, not at the files of the functions called from it: after an
-edit in `gravity.py` a loop cached from `gauss.py` would go on computing the old digits. Every cache entry is therefore
-stamped with a hash of all kernel sources; any edit makes all entries stale at once.
+Numba's disk cache looks at the file of the function it compiles, not at the files of the functions called from it:
+after an edit in `gravity.py` a loop cached from `gauss.py` would go on computing the old digits. Every cache entry is
+therefore stamped with a hash of all kernel sources; any edit makes all entries stale at once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ from typing import Any
 
 import llvmlite.binding
 import numba
-from numba.core import config
+from numba.core import config as numba_config
+
+config: Any = numba_config  # its attributes are set at run time
 
 KERNEL_FOLDERS = ("kernels", "lagrangians", "discrete", "integrators", "diagnostics")
 
@@ -53,7 +55,7 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
     """
 
     def compile_function(function: Callable) -> Any:
-        dispatcher = numba.njit(
+        dispatcher: Any = numba.njit(
             cache=True, nogil=True, error_model="numpy", forceinline=inline, fastmath=set() if exact else {"contract"}
         )(function)
         # Private to Numba; pyproject.toml pins the range in which tests have seen it work.

@@ -1,8 +1,8 @@
 """Pair sums of Newtonian gravity, plain or with Plummer softening.
 
-Positions of n bodies are a vector of 3n coordinates, all x, then all y, then all z; in an (3n, 8) array each row holds one
-coordinate in eight lanes (the stages of an implicit step). `strength` is a vector of 1 + n numbers: the softening length squared, then GM of
-each body. Two bodies at one place give values that are not finite; callers look for them.
+Positions of n bodies are a vector of 3n coordinates, all x, then all y, then all z; in an (3n, 8) array each row holds
+one coordinate in eight lanes (the stages of an implicit step). `strength` is a vector of 1 + n numbers: the softening
+length squared, then GM of each body. Two bodies at one place give values that are not finite; callers look for them.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def attraction(strength, sources, x, y, z):
 def body_accelerations(strength, q, out):
     """Write the accelerations of n mutually attracting bodies into `out`, eight bodies in lanes.
 
-    q, out : (3n + 8,) float64; the last eight elements of `out` are overwritten. Both directions of a pair are evaluated, by the same
-    arithmetic up to the sign.
+    q, out : (3n + 8,) float64; the last eight elements of `out` are overwritten. Both directions of a pair are
+        evaluated, by the same arithmetic up to the sign.
     """
     n = strength.shape[0] - 1
     softening2 = strength[0]

@@ -1,8 +1,8 @@
 """Fixed-point iteration of the stages of an implicit step, to the round-off floor.
 
-No tolerance decides: a component is done when its largest change over the stages stops falling, or when the fall seen so far says that the next change will be
-lost in rounding. One more evaluation then follows, so that what the iteration leaves is far below one rounding error: a residual
-with a preferred sign would act like friction.
+No tolerance decides: a component is done when its largest change over the stages stops falling, or when the fall seen
+so far says that the next change will be lost in rounding. One more evaluation then follows, so that what the iteration
+leaves is far below one rounding error: a residual with a preferred sign would act like friction.
 """
 
 from __future__ import annotations
@@ -23,12 +23,16 @@ NEAR_FLOOR = 2.0**-40
 """A change below this fraction that has stopped falling is at the floor."""
 
 CONVERGED = 2.0**-24
-"""Beyond this fraction a stalled iteration has not converged; in between, cancellation between close bodies may set the floor."""
+"""Beyond this fraction a stalled iteration has not converged; in between, cancellation between close bodies may set
+the floor.
+"""
 
 
 @kernel
 def begin(change, history, blocks):
-    """Take the first stage values, stored in `change` as if they were changes from zero, as the scale of each component."""
+    """Take the first stage values, stored in `change` as if they were changes from zero, as the scale of each
+    component.
+    """
     for block in range(blocks):
         scale = row_maxima(change, 8 * block)
         store(history, block, scale)
@@ -66,7 +70,9 @@ def settled(history, blocks, fraction):
 
 @kernel
 def unsettled_body(history, blocks, bodies, fraction):
-    """Return the first body whose least change exceeds `fraction` of its largest stage value in any direction; -1 if none does."""
+    """Return the first body whose least change exceeds `fraction` of its largest stage value in any direction; -1 if
+    none does.
+    """
     for body in range(bodies):
         least, scale = 0.0, 0.0
         for axis in range(3):

@@ -1,8 +1,9 @@
 """`Lanes`: eight float64 in one value, with arithmetic.
 
-Numba leaves loops over pairs of bodies scalar. This type is LLVM's `<8 x double>`: one AVX-512 register, two AVX2 or four
-NEON ones, chosen by LLVM. Kernels written with `get`, `put`, `rsqrt_cubed` and operators serve float64 and `Lanes` from one source: the
-element of a vector of shape (n,) is a float64, the row of an array of shape (n, 8) is a `Lanes`.
+Numba leaves loops over pairs of bodies scalar. This type is LLVM's `<8 x double>`: one AVX-512 register, two AVX2 or
+four NEON ones, chosen by LLVM. Kernels written with `get`, `put`, `rsqrt_cubed` and operators serve float64 and
+`Lanes` from one source: an element of a vector of shape (n,) is a float64, a row of an array of shape (n, 8) is a
+`Lanes`.
 
 Comparison gives `Lanes` of 1.0 and 0.0. Nothing here checks bounds.
 """
@@ -48,7 +49,9 @@ class _LanesModel(PrimitiveModel):
 
 def _splat(builder, value):
     seed = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, _INT32(0))
-    return builder.shuffle_vector(seed, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(_INT32, WIDTH), [0] * WIDTH))
+    return builder.shuffle_vector(
+        seed, ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.VectorType(_INT32, WIDTH), [0] * WIDTH)
+    )
 
 
 def _constant(value):
@@ -142,7 +145,9 @@ def _element_pointer(context, builder, kind, array, index):
 
 
 def _is_contiguous(kind, *dimensions):
-    return isinstance(kind, types.Array) and kind.layout == "C" and kind.dtype == types.float64 and kind.ndim in dimensions
+    return (
+        isinstance(kind, types.Array) and kind.layout == "C" and kind.dtype == types.float64 and kind.ndim in dimensions
+    )
 
 
 @intrinsic
@@ -330,9 +335,9 @@ minimum = _elementwise(
     lambda b, x, y: b.select(b.fcmp_ordered("<", x, y), x, y),
     "Return the smaller of a and b, lane by lane; b where one of them is NaN.",
 )
-exact_add = _elementwise(lambda b, x, y: b.fadd(x, y), "Return fl(a + b), never fused with a product; float64 or `Lanes`.")
-exact_mul = _elementwise(lambda b, x, y: b.fmul(x, y), "Return fl(a b), never fused with a sum; float64 or `Lanes`.")
-exact_sub = _elementwise(lambda b, x, y: b.fsub(x, y), "Return fl(a - b), never fused with a product; float64 or `Lanes`.")
+exact_add = _elementwise(lambda b, x, y: b.fadd(x, y), "Return fl(a + b), never fused; float64 or `Lanes`.")
+exact_mul = _elementwise(lambda b, x, y: b.fmul(x, y), "Return fl(a b), never fused; float64 or `Lanes`.")
+exact_sub = _elementwise(lambda b, x, y: b.fsub(x, y), "Return fl(a - b), never fused; float64 or `Lanes`.")
 
 
 @intrinsic

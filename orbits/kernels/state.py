@@ -28,7 +28,7 @@ def drift(q, q_lo, h, v, v_lo, size):
 @kernel
 def all_finite(q, v, size):
     """Return whether the first `size` elements of q and v are finite."""
-    for k in range(size):
+    for k in range(size):  # noqa: SIM110 - Numba compiles loops, not all() of a generator
         if not (q[k] * 0.0 == 0.0 and v[k] * 0.0 == 0.0):
             return False
     return True

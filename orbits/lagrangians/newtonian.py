@@ -2,8 +2,8 @@
 
     L(q, v) = sum_i m_i |v_i|^2 / 2 + sum_{i<j} G m_i m_j / sqrt(|q_i - q_j|^2 + eps^2)
 
-A massless particle at x has its own Lagrangian per unit mass, |x'|^2 / 2 + sum_j G m_j / sqrt(|x - q_j(t)|^2 + eps^2), in which the
-massive bodies are given functions of time.
+A massless particle at x has its own Lagrangian per unit mass, |x'|^2 / 2 + sum_j G m_j / sqrt(|x - q_j(t)|^2 + eps^2),
+in which the massive bodies are given functions of time.
 
 Parameters: eps^2, then GM of each massive body. Any units in which GM is length^3 / time^2.
 Source: Hairer, Lubich & Wanner (2006), sec. I.2.4; Plummer (1911) for the softening eps.

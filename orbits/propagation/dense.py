@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def state_at(trajectory: Trajectory, t: Any) -> System:
-    """Return the state at time t (a quantity or a number in the run's time unit), between the first and the last sample.
+    """Return the state at time t, a quantity or a number in the run's time unit, within the span of the samples.
 
     The nearest sample before t is propagated with the run's own integrator and step, so the error is that of the run.
     Raises InputError if t lies outside the run.

@@ -24,18 +24,21 @@ def rounded_step(dt: float) -> float:
 
 
 def signed_step(units: UnitSystem, dt: Any, duration: float) -> float:
-    """Return the step h in units.time, its sign that of `duration`. Raises InputError unless dt is positive and finite."""
+    """Return the step h in units.time, its sign that of `duration`. Raises InputError unless dt is positive and
+    finite.
+    """
     value = _number(units.time_value(dt, "dt"), "dt")
     if not (math.isfinite(value) and value > 0.0):
         raise InputError(
-            f"dt must be positive and finite, got {value:g}; the sign of duration gives the direction of time, dt only the size of a step"
+            f"dt must be positive and finite, got {value:g}; the sign of duration gives the direction of time"
         )
     h = rounded_step(value)
     if not (h > 0.0 and math.isfinite(h)):
         raise InputError(f"dt = {value:g} is out of the range of floats; choose units in which it is of ordinary size")
     if abs(duration) / h > MOST_STEPS:
         raise InputError(
-            f"duration / dt is {abs(duration) / h:.3g} steps; at most 2^53 = 9.0e15 are possible. Use a longer dt or a shorter duration."
+            f"duration / dt is {abs(duration) / h:.3g} steps; at most 2^53 = 9.0e15 are possible. "
+            "Use a longer dt or a shorter duration."
         )
     return math.copysign(h, duration)
 
@@ -51,7 +54,7 @@ def checked_duration(units: UnitSystem, duration: Any) -> float:
 
 
 def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
-    """Return the times of the samples in units.time, from a count with both ends or from times between 0 and `duration`.
+    """Return the times of the samples in units.time, from a count with both ends or from times within the run.
 
     Raises InputError unless the times are finite, within the run and strictly ordered in the direction of the run.
     """
@@ -60,7 +63,9 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
     if isinstance(samples, int | np.integer | float):
         count = int(samples)
         if count < 2:
-            raise InputError(f"samples = {count}: a count includes both ends and is at least 2; for the end alone give samples=[duration]")
+            raise InputError(
+                f"samples = {count}: a count includes both ends, so at least 2; for the end alone: samples=[duration]"
+            )
         times: Array = np.arange(count) * duration / (count - 1)
         times[-1] = duration
         return times
@@ -75,20 +80,23 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
     if outside.size:
         k = outside[0]
         raise InputError(
-            f"samples[{k}] = {times[k]:g} lies outside the run from 0 to {duration:g} (times count from the epoch, in {units.time})"
+            f"samples[{k}] = {times[k]:g} lies outside the run from 0 to {duration:g} "
+            f"(times count from the epoch, in {units.time})"
         )
     disorder = np.flatnonzero(np.diff(times) * direction <= 0.0)
     if disorder.size:
         k = disorder[0]
         raise InputError(
-            f"samples[{k + 1}] = {times[k + 1]:g} does not come after samples[{k}] = {times[k]:g} in the direction of the run; "
-            "sort the times and drop duplicates"
+            f"samples[{k + 1}] = {times[k + 1]:g} does not come after samples[{k}] = {times[k]:g} in the direction of "
+            "the run; sort the times and drop duplicates"
         )
     return times + 0.0
 
 
 def split(times: Array, h: float) -> tuple[NDArray[np.int64], Array]:
-    """Return (k, r) with times = k h + r exactly, k >= 0 whole steps and a remainder of less than a step in the direction of h."""
+    """Return (k, r) with times = k h + r exactly, k >= 0 whole steps and a remainder of less than a step in the
+    direction of h.
+    """
     remainder = np.fmod(times, h)
     steps = np.rint((times - remainder) / h).astype(np.int64)
     return steps, remainder

@@ -30,7 +30,12 @@ class Progress:
             self._open()
         fraction = abs(done / self._total)
         rate = fraction * self._steps / (time.perf_counter() - self._begun)
-        self._bar.update(self._task, completed=fraction, at=f"{done:,.6g} / {self._total:,.6g} {self._unit}", rate=f"{rate:,.0f} steps/s")
+        self._bar.update(
+            self._task,
+            completed=fraction,
+            at=f"{done:,.6g} / {self._total:,.6g} {self._unit}",
+            rate=f"{rate:,.0f} steps/s",
+        )
 
     def close(self) -> None:
         """Take the bar away."""
@@ -42,7 +47,13 @@ class Progress:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-        columns = ("[bold]{task.description}", BarColumn(), "{task.percentage:>4.0f} %", "{task.fields[at]}", "{task.fields[rate]}")
+        columns = (
+            "[bold]{task.description}",
+            BarColumn(),
+            "{task.percentage:>4.0f} %",
+            "{task.fields[at]}",
+            "{task.fields[rate]}",
+        )
         console = Console(file=sys.stderr)
         self._bar = Progress(
             *(c if not isinstance(c, str) else TextColumn(c) for c in columns),

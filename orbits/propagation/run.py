@@ -47,10 +47,11 @@ def propagate(
 
     system : a `System`; bodies with GM = 0 are massless particles in the field of the others
     integrator : e.g. `Gauss(stages=8)`
-    dt : step > 0, a quantity or a number in the system's time unit; rounded to 24 significant bits (`run.dt` is the step used)
+    dt : step > 0, a quantity or a number in the system's time unit; rounded to 24 significant bits (`run.dt` is the
+        step used)
     duration : how far to go; negative for backwards in time
-    samples : a count that includes both ends, or an array of times since the epoch; off the grid of steps a sample is a partial step
-        on a copy, so that sampling never changes the run
+    samples : a count that includes both ends, or an array of times since the epoch; off the grid of steps a sample is
+        a partial step on a copy, so that sampling never changes the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
     overwrite : whether an existing archive may be replaced
     progress : None or True draws a bar on a terminal, False never
@@ -91,8 +92,10 @@ def resume(
     """Go on with the run in an archive, bit for bit as if it had never stopped.
 
     path : an archive written by `propagate`
-    until : for a finished run, the time since the epoch to extend it to, sampled as densely as before; None completes an interrupted run
-    same_bits : refuse when processor, Numba or the kernels have changed since, because the last bits then may; False goes on all the same
+    until : for a finished run, the time since the epoch to extend it to, sampled as densely as before; None completes
+        an interrupted run
+    same_bits : refuse when processor, Numba or the kernels have changed since, because the last bits then may; False
+        goes on all the same
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
@@ -102,8 +105,8 @@ def resume(
     changed = differences(old.provenance)
     if changed and same_bits:
         raise ArchiveError(
-            f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out differently here. "
-            "Resume with same_bits=False (--any-bits) to accept that."
+            f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out differently "
+            "here. Resume with same_bits=False (--any-bits) to accept that."
         )
     target = None if until is None else float(np.asarray(system.units.time_value(until, "until")))
     times = old.times if target is None else _extended_times(old, target)
@@ -188,7 +191,8 @@ def _march(
             else "nothing was stored; give archive=... to be able to resume"
         )
         raise Interrupted(
-            f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(times)} samples done; {how}", trajectory=trajectory
+            f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(times)} samples done; {how}",
+            trajectory=trajectory,
         )
     return trajectory
 

@@ -6,12 +6,12 @@ For q'' = g(q) with L_i = h b_i g(Q_i) the step needs eta_ij = (A^2)_ij / b_j on
 
     eta_ij - eta_ji = c_i - c_j.
 
-Tables rounded to nearest miss this by about 1e-17, which shows as a secular drift of the energy. Here c and the lower triangle of eta are multiples
-of 2^-53 and the upper triangle is *formed* from the identity, so that it holds exactly, and so does the symmetry
-c_{s+1-i} = 1 - c_i, eta_{s+1-i,s+1-j} = eta_ji.
+Tables rounded to nearest miss this by about 1e-17, which shows as a secular drift of the energy. Here c and the lower
+triangle of eta are multiples of 2^-53 and the upper triangle is *formed* from the identity, so that it holds exactly,
+and so does the symmetry c_{s+1-i} = 1 - c_i, eta_{s+1-i,s+1-j} = eta_ji.
 
-Source: Hairer, Lubich & Wanner (2006), sec. II.1.3 (collocation), VI.4.1 (symplecticity); Hairer, McLachlan & Razakarivony (2008) for why the rounding of
-the coefficients matters.
+Source: Hairer, Lubich & Wanner (2006), sec. II.1.3 (collocation), VI.4.1 (symplecticity); Hairer, McLachlan &
+Razakarivony (2008) for why the rounding of the coefficients matters.
 """
 
 from __future__ import annotations
@@ -63,22 +63,24 @@ class GaussTableau:
         """Return the largest defect of eta_ij - eta_ji = c_i - c_j and mu_ij + mu_ji = 1, in exact arithmetic."""
         s = range(self.stages)
         eta, mu, c = _fractions(self.eta), _fractions(self.mu), _fractions(self.c)
-        second = max(abs(eta[i, j] - eta[j, i] - (c[i] - c[j])) for i in s for j in s)
-        return max(second, *(abs(mu[i, j] + mu[j, i] - 1) for i in s for j in s))
+        second: Fraction = max(abs(eta[i, j] - eta[j, i] - (c[i] - c[j])) for i in s for j in s)
+        worst: Fraction = max(second, *(abs(mu[i, j] + mu[j, i] - 1) for i in s for j in s))
+        return worst
 
     def symmetry_residual(self) -> Fraction:
         """Return the largest defect of c_{s+1-i} = 1 - c_i and eta_{s+1-i,s+1-j} = eta_ji, in exact arithmetic."""
         s = range(self.stages)
         eta, c = _fractions(self.eta), _fractions(self.c)
-        nodes = max(abs(c[i] + c[-1 - i] - 1) for i in s)
-        return max(nodes, *(abs(eta[-1 - i, -1 - j] - eta[j, i]) for i in s for j in s))
+        nodes: Fraction = max(abs(c[i] + c[-1 - i] - 1) for i in s)
+        worst: Fraction = max(nodes, *(abs(eta[-1 - i, -1 - j] - eta[j, i]) for i in s for j in s))
+        return worst
 
     def rounding_residual(self) -> float:
         """Return how far the floats lie from the true coefficients, in units of 2^-53."""
         s = range(self.stages)
         with mpmath.workdps(DIGITS):
             eta = _eta(self.exact_a, self.exact_b)
-            worst = max(abs(mpmath.mpf(float(self.eta[i, j])) - eta[i][j]) for i in s for j in s)
+            worst: Any = max(abs(mpmath.mpf(float(self.eta[i, j])) - eta[i][j]) for i in s for j in s)
             worst = max(worst, *(abs(mpmath.mpf(float(self.c[i])) - self.exact_c[i]) for i in s))
             return float(worst * 2**53)
 

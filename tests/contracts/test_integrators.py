@@ -1,4 +1,6 @@
-"""What a method declares holds to round-off; what it does not declare visibly fails. Every registered method is met here."""
+"""What a method declares holds to round-off; what it does not declare visibly fails. Every registered method is met
+here.
+"""
 
 import numpy as np
 import pytest
@@ -49,9 +51,7 @@ def test_each_particle_fibre_is_symplectic_if_and_only_if_declared(method):
     (x,), (w,) = particles_around(1)
 
     def step(z):
-        a, b = march(
-            method, np.append(gm, 0.0), np.vstack([q, z[:3]]), np.vstack([v, z[3:]]), 3 * H, 1
-        )
+        a, b = march(method, np.append(gm, 0.0), np.vstack([q, z[:3]]), np.vstack([v, z[3:]]), 3 * H, 1)
         return np.concatenate([a[-1], b[-1]])
 
     M = jacobian(step, np.concatenate([x, w]), np.full(6, 0.3))
@@ -108,7 +108,9 @@ def errors_against_the_exact_orbit(method, eccentricity, end, counts):
 
 @pytest.mark.parametrize("method", ALL, ids=IDS)
 def test_order_of_convergence_is_the_declared_one(method):
-    """The error against the exact two-body orbit falls as h^order, between the first decay and the round-off plateau."""
+    """The error against the exact two-body orbit falls as h^order, between the first decay and the round-off
+    plateau.
+    """
     if method.order <= 8:
         steps, errors = errors_against_the_exact_orbit(method, 0.3, 2.0, 2 ** np.arange(18))
     else:
@@ -183,6 +185,8 @@ def test_a_partial_step_leaves_the_march_untouched(method):
 
 @pytest.mark.parametrize("method", ALL, ids=IDS)
 def test_every_method_says_where_it_comes_from_and_what_it_is(method):
-    assert method.source and method.summary and type(method).__doc__
+    assert method.source
+    assert method.summary
+    assert type(method).__doc__
     assert method.order >= 1
     assert method.declares <= {SYMPLECTIC, SYMMETRIC, MOMENTUM_MAPS}

@@ -74,7 +74,10 @@ def gauss(stages):
                 newQ.append(x)
                 newV.append(w)
             change = max(
-                abs(a - b) for X, Y in zip(newQ, Q, strict=True) for r, u in zip(X, Y, strict=True) for a, b in zip(r, u, strict=True)
+                abs(a - b)
+                for X, Y in zip(newQ, Q, strict=True)
+                for r, u in zip(X, Y, strict=True)
+                for a, b in zip(r, u, strict=True)
             )
             Q, V = newQ, newV
             if change < mpmath.mpf(10) ** -(DIGITS - 5):

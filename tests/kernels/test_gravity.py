@@ -40,7 +40,8 @@ def vector(q):
     return np.concatenate([q.T.ravel(), np.zeros(8)])
 
 
-# A rounded difference of coordinates enters once itself and three times through r^-3, r^2 adds 1.5, the products 1: 4.6 units were reached.
+# A rounded difference of coordinates enters once itself and three times through r^-3, r^2 adds 1.5, the products 1:
+# 4.6 units were reached.
 FORCE_ULPS = 6.0
 
 
@@ -93,8 +94,14 @@ def test_the_field_at_a_particle_equals_forty_digits():
     at = np.array([0.3, -0.2, 0.1])
     with mpmath.workdps(40):
         truth = [
-            float(sum(g * (mpmath.mpf(b[k]) - at[k]) / mpmath.sqrt(sum((mpmath.mpf(b[m]) - at[m]) ** 2 for m in range(3))) ** 3
-                      for g, b in zip(gm, q, strict=True)))
+            float(
+                sum(
+                    g
+                    * (mpmath.mpf(b[k]) - at[k])
+                    / mpmath.sqrt(sum((mpmath.mpf(b[m]) - at[m]) ** 2 for m in range(3))) ** 3
+                    for g, b in zip(gm, q, strict=True)
+                )
+            )
             for k in range(3)
         ]
     size = sum(g / np.sum((b - at) ** 2) for g, b in zip(gm, q, strict=True))
