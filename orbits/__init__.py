@@ -33,7 +33,10 @@ if TYPE_CHECKING:
         StorageError,
         UnknownNameError,
     )
-    from orbits.integrators import ExplicitEuler, Gauss, RungeKutta4, StormerVerlet
+    from orbits.integrators.explicit_euler import ExplicitEuler
+    from orbits.integrators.gauss import Gauss
+    from orbits.integrators.runge_kutta_4 import RungeKutta4
+    from orbits.integrators.stormer_verlet import StormerVerlet
     from orbits.propagation import propagate, resume
     from orbits.regression import compare, from_rebound, to_rebound
     from orbits.scenario import Scenario
@@ -87,7 +90,10 @@ _HOME = {
         "StorageError",
         "UnknownNameError",
     ],
-    "integrators": ["ExplicitEuler", "Gauss", "RungeKutta4", "StormerVerlet"],
+    "integrators.explicit_euler": ["ExplicitEuler"],
+    "integrators.gauss": ["Gauss"],
+    "integrators.runge_kutta_4": ["RungeKutta4"],
+    "integrators.stormer_verlet": ["StormerVerlet"],
     "propagation": ["propagate", "resume"],
     "regression": ["compare", "from_rebound", "to_rebound"],
     "scenario": ["Scenario"],
@@ -105,7 +111,7 @@ def __getattr__(name: str) -> Any:
         globals()[name] = value
         return value
     if not name.startswith("_") and importlib.util.find_spec(f"orbits.{name}") is not None:
-        return importlib.import_module(f"orbits.{name}")
+        return importlib.import_module(f"orbits.{name}")  # the import system sets it as an attribute
     raise AttributeError(f"module 'orbits' has no attribute {name!r}; its public names are {', '.join(__all__)}")
 
 
