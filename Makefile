@@ -1,0 +1,64 @@
+# orbits: everything from a fresh clone needs only make, python3 >= 3.11 with venv, and the Python package index.
+#
+#     make run     make test     make bench     make slow     make clean     make help
+#
+# PYTHON=python3.12 chooses another interpreter for .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+MINIMUM := 3, 11
+
+# Stamps. Each is newer than pyproject.toml when all that it asks for is installed.
+MADE := $(VENV)/.made
+BASE := $(VENV)/.installed
+DEV := $(VENV)/.installed-dev
+BENCH := $(VENV)/.installed-bench
+
+.DEFAULT_GOAL := help
+.PHONY: run test bench slow clean help
+
+run: $(BASE)  ## set up .venv and run the asteroid belt with its comparison against REBOUND
+	$(BIN)/orbits run asteroid_belt
+
+test: $(DEV)  ## set up .venv and run every check: ruff, mypy, import-linter, pytest
+	$(BIN)/python -m ruff check .
+	$(BIN)/python -m mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest
+
+slow: $(DEV)  ## the tests that take minutes
+	$(BIN)/python -m pytest -m slow
+
+bench: $(BENCH)  ## measure speed and accuracy against the peers
+	$(BIN)/python scripts/benchmark.py
+
+clean:  ## remove .venv, caches and builds; results/ stays
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
+
+$(BASE): pyproject.toml | $(MADE)
+	$(PIP) install --editable .
+	@touch $@
+
+$(DEV): pyproject.toml | $(MADE)
+	$(PIP) install --editable ".[dev]"
+	@touch $@ $(BASE)
+
+$(BENCH): pyproject.toml | $(MADE)
+	$(PIP) install --editable ".[bench]"
+	@touch $@ $(BASE)
+
+# The stamp, not the folder, says that .venv is whole: one interrupted half-way is completed by the next make.
+$(MADE):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < ($(MINIMUM)))' 2>/dev/null || { \
+	  echo "orbits needs Python >= 3.11, but '$(PYTHON)' is $$($(PYTHON) --version 2>&1 | head -n 1)."; \
+	  echo "Name a newer one, for example: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; } >&2
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { \
+	  echo "'$(PYTHON)' comes without venv or pip. On Debian and Ubuntu: apt install python3-venv"; exit 1; } >&2
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
