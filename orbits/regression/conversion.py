@@ -82,8 +82,8 @@ def _refuse(sim: Any, m: np.ndarray, names: list[str]) -> None:
     if heavy:
         i = heavy[0]
         raise InputError(
-            f"{names[i]!r} is a test particle (index {i}, N_active = {active}) with mass {float(m[i])!r}; here a body that "
-            "attracts nothing has no mass. Set its mass to 0, or let it attract by raising N_active."
+            f"{names[i]!r} is a test particle (index {i}, N_active = {active}) with mass {float(m[i])!r}; here a body "
+            "that attracts nothing has no mass. Set its mass to 0, or let it attract by raising N_active."
         )
     if sim.gravity not in ("basic", "compensated", "tree", "jacobi"):
         raise InputError(f"the simulation's gravity is {sim.gravity!r}; a System has Newton's. Set 'basic'.")
