@@ -57,7 +57,7 @@ from orbits.kernels.lanes import (
     store,
     total,
 )
-from orbits.kernels.summation import add_compensated, two_product, two_sum
+from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux.gauss import gauss
 
@@ -134,7 +134,9 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
             store(change, k, rest * load(L, k))
         finite = True
         for block in range(blocks):
-            kick, drift = row_sums(L, WIDTH * block), row_sums(change, WIDTH * block)
+            kick, kick_lo = compensated_row_sums(L, WIDTH * block)
+            drift = row_sums(change, WIDTH * block)
+            store(base, block, kick_lo)
             store(history, block, kick)
             store(history, blocks + block, drift)
             finite &= not any_lane(1.0 - (kick * 0.0 == 0.0) * (drift * 0.0 == 0.0))
@@ -146,7 +148,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
             x, x_rest = _moved(h, load(q, k), load(q_lo, k), v_now, v_rest, h * load(history, blocks + block))
             store(q, k, x)
             store(q_lo, k, x_rest)
-            v_now, v_rest = add_compensated(v_now, v_rest, load(history, block))
+            v_now, v_rest = add_compensated(v_now, v_rest + load(base, block), load(history, block))
             store(v, k, v_now)
             store(v_lo, k, v_rest)
     return OK, steps, 0, evaluations

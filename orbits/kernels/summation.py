@@ -7,7 +7,7 @@ Source: Dekker (1971); Knuth, The Art of Computer Programming 2, 4.2.2; Ogita, R
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import exact_add, exact_mul, exact_sub, fma
+from orbits.kernels.lanes import exact_add, exact_mul, exact_sub, fma, transposed
 
 
 @kernel(inline=True, exact=True)
@@ -45,3 +45,17 @@ def add_product(hi, lo, h, x, x_lo):
     p, e = two_product(x, h)
     s, f = two_sum(hi, p)
     return quick_two_sum(s, exact_add(lo, exact_add(f, fma(x_lo, h, e))))
+
+
+@kernel(inline=True, exact=True)
+def compensated_row_sums(rows, first):
+    """Return the sums of rows `first` ... `first` + 7 of an (n, 8) array as pairs (hi, lo), one pair in each lane."""
+    x0, x1, x2, x3, x4, x5, x6, x7 = transposed(rows, first)
+    a, a_lo = two_sum(x0, x1)
+    b, b_lo = two_sum(x2, x3)
+    c, c_lo = two_sum(x4, x5)
+    d, d_lo = two_sum(x6, x7)
+    ab, ab_lo = two_sum(a, b)
+    cd, cd_lo = two_sum(c, d)
+    hi, lo = two_sum(ab, cd)
+    return hi, lo + (ab_lo + cd_lo) + (a_lo + b_lo + c_lo + d_lo)

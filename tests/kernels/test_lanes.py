@@ -10,7 +10,14 @@ import pytest
 
 from orbits.kernels import lanes as L  # noqa: N812 - L.fma reads as the lanes' fma
 from orbits.kernels.compile import cpu_features, kernel
-from orbits.kernels.summation import add_compensated, add_product, quick_two_sum, two_product, two_sum
+from orbits.kernels.summation import (
+    add_compensated,
+    add_product,
+    compensated_row_sums,
+    quick_two_sum,
+    two_product,
+    two_sum,
+)
 
 EDGE = np.array([0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 5e-324, -2.2e-308, 1.7e308, 2.0**52 + 0.5, 1e-300])
 
@@ -200,16 +207,18 @@ def test_reductions_over_lanes_and_rows():
         out[0], out[1] = L.total(L.load(rows, 1)), L.largest(L.load(rows, 1))
         L.store(out, 2, L.row_sums(rows, 1))
         L.store(out, 10, L.row_maxima(rows, 1))
+        L.store(out, 20, L.transposed(rows, 1)[2])
         out[18] = L.any_lane(L.load(rows, 1) > 7.5)
         out[19] = L.any_lane(L.load(rows, 1) > 1e9)
 
     rng = np.random.default_rng(2)
-    rows, out = rng.integers(-50, 50, (10, 8)).astype(float), np.empty(20)
+    rows, out = rng.integers(-50, 50, (10, 8)).astype(float), np.empty(28)
     rows[1, 3] = 60.0
     run(rows, out)
     assert (out[0], out[1]) == (rows[1].sum(), 60.0)  # integers: every order of adding gives the same
     assert np.array_equal(out[2:10], rows[1:9].sum(axis=1))
     assert np.array_equal(out[10:18], rows[1:9].max(axis=1))
+    assert np.array_equal(out[20:28], rows[1:9, 2])
     assert (out[18], out[19]) == (1.0, 0.0)
 
 
@@ -278,6 +287,23 @@ def test_two_sum_and_two_product_are_exact_also_inside_fused_code():
     for x, y, s, e, p, f in zip(a, b, *out, strict=True):
         assert Fraction(s) + Fraction(e) == Fraction(x) + Fraction(y * y)
         assert Fraction(p) + Fraction(f) == Fraction(x) * Fraction(y)
+
+
+def test_compensated_row_sums_keep_what_cancels():
+    @kernel
+    def run(rows, out):
+        hi, lo = compensated_row_sums(rows, 0)
+        L.store(out[0], 0, hi)
+        L.store(out[1], 0, lo)
+
+    from fractions import Fraction
+
+    rng = np.random.default_rng(5)
+    rows, out = rng.normal(size=(8, 8)) * 10.0 ** rng.uniform(-6, 6, (8, 8)), np.empty((2, 8))
+    run(rows, out)
+    for row, hi, lo in zip(rows, *out, strict=True):
+        error = abs(Fraction(hi) + Fraction(lo) - sum(Fraction(x) for x in row))
+        assert error < Fraction(2) ** -100 * Fraction(np.abs(row).sum())
 
 
 def test_a_million_compensated_additions_keep_the_digits_that_plain_ones_lose():

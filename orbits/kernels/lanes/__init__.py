@@ -1,0 +1,52 @@
+"""`Lanes`: eight float64 in one value, with arithmetic.
+
+Numba leaves loops over pairs of bodies scalar. This type is LLVM's `<8 x double>`: one AVX-512 register, two AVX2 or
+four NEON ones, chosen by LLVM. Kernels written with `get`, `put`, `rsqrt_cubed` and operators serve float64 and
+`Lanes` from one source: an element of a vector of shape (n,) is a float64, a row of an array of shape (n, 8) is a
+`Lanes`.
+
+Comparison gives `Lanes` of 1.0 and 0.0. Nothing here checks bounds.
+"""
+
+from orbits.kernels.lanes.arithmetic import (
+    exact_add,
+    exact_mul,
+    exact_sub,
+    fma,
+    maximum,
+    minimum,
+    rsqrt_cubed,
+    select,
+    sqrt,
+)
+from orbits.kernels.lanes.memory import full, get, lane, load, put, store, unit
+from orbits.kernels.lanes.reductions import any_lane, largest, row_maxima, row_sums, total, transposed
+from orbits.kernels.lanes.type import WIDTH, LanesType, lanes
+
+__all__ = [
+    "WIDTH",
+    "LanesType",
+    "any_lane",
+    "exact_add",
+    "exact_mul",
+    "exact_sub",
+    "fma",
+    "full",
+    "get",
+    "lane",
+    "lanes",
+    "largest",
+    "load",
+    "maximum",
+    "minimum",
+    "put",
+    "row_maxima",
+    "row_sums",
+    "rsqrt_cubed",
+    "select",
+    "sqrt",
+    "store",
+    "total",
+    "transposed",
+    "unit",
+]

@@ -1,0 +1,206 @@
+"""Arithmetic, comparison and choice, lane by lane; most of it serves float64 as well."""
+
+from __future__ import annotations
+
+import operator
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic
+
+from orbits.kernels.compile import cpu_features, kernel
+from orbits.kernels.lanes.type import (
+    DOUBLE,
+    FUSE,
+    INT64,
+    VECTOR,
+    WIDTH,
+    LanesType,
+    call_intrinsic,
+    common_type,
+    constant,
+    is_operand,
+    lanes,
+    widen,
+)
+
+
+def _register_binary(symbol, emit):
+    class Template(AbstractTemplate):
+        def generic(self, args, kws):
+            if len(args) == 2 and any(isinstance(a, LanesType) for a in args) and all(map(is_operand, args)):
+                return signature(lanes, *args)
+            return None
+
+    infer_global(symbol)(Template)
+
+    def lower(context, builder, sig, args):
+        a, b = (widen(context, builder, value, kind) for value, kind in zip(args, sig.args, strict=True))
+        return emit(builder, a, b)
+
+    for left, right in ((LanesType, LanesType), (LanesType, types.Number), (types.Number, LanesType)):
+        lower_builtin(symbol, left, right)(lower)
+
+
+def _compare(predicate):
+    def emit(builder, a, b):
+        return builder.uitofp(builder.fcmp_ordered(predicate, a, b), VECTOR)
+
+    return emit
+
+
+_register_binary(operator.add, lambda b, x, y: b.fadd(x, y, flags=FUSE))
+_register_binary(operator.sub, lambda b, x, y: b.fsub(x, y, flags=FUSE))
+_register_binary(operator.mul, lambda b, x, y: b.fmul(x, y, flags=FUSE))
+_register_binary(operator.truediv, lambda b, x, y: b.fdiv(x, y, flags=FUSE))
+# Numba turns `a += b` into these.
+_register_binary(operator.iadd, lambda b, x, y: b.fadd(x, y, flags=FUSE))
+_register_binary(operator.isub, lambda b, x, y: b.fsub(x, y, flags=FUSE))
+_register_binary(operator.imul, lambda b, x, y: b.fmul(x, y, flags=FUSE))
+for _symbol, _predicate in (
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+    (operator.eq, "=="),
+):
+    _register_binary(_symbol, _compare(_predicate))
+
+
+def _register_unary(symbol, emit):
+    class Template(AbstractTemplate):
+        def generic(self, args, kws):
+            if len(args) == 1 and isinstance(args[0], LanesType):
+                return signature(lanes, *args)
+            return None
+
+    infer_global(symbol)(Template)
+    lower_builtin(symbol, LanesType)(lambda context, builder, sig, args: emit(builder, args[0]))
+
+
+_register_unary(operator.neg, lambda b, x: b.fneg(x))
+_register_unary(operator.pos, lambda b, x: x)
+_register_unary(abs, lambda b, x: call_intrinsic(b, "llvm.fabs.v8f64", [x]))
+
+
+@intrinsic
+def fma(typingctx, a, b, c):
+    """Return a*b + c rounded once; float64 or `Lanes`."""
+    kind = common_type(a, b, c)
+    if kind is None:
+        return None
+
+    def codegen(context, builder, sig, args):
+        if kind is types.float64:
+            values = [context.cast(builder, v, k, kind) for v, k in zip(args, sig.args, strict=True)]
+            return builder.fma(*values)
+        operands = [widen(context, builder, v, k) for v, k in zip(args, sig.args, strict=True)]
+        return call_intrinsic(builder, "llvm.fma.v8f64", operands)
+
+    return kind(a, b, c), codegen
+
+
+def _emit_sqrt(builder, value):
+    name = "llvm.sqrt.f64" if value.type == DOUBLE else "llvm.sqrt.v8f64"
+    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(value.type, [value.type]), name)
+    return builder.call(function, [value])
+
+
+def _elementwise(emit, doc):
+    def typing(typingctx, a, b):
+        kind = common_type(a, b)
+        if kind is None:
+            return None
+
+        def codegen(context, builder, sig, args):
+            pairs = zip(args, sig.args, strict=True)
+            if kind is lanes:
+                x, y = (widen(context, builder, v, k) for v, k in pairs)
+            else:
+                x, y = (context.cast(builder, v, k, kind) for v, k in pairs)
+            return emit(builder, x, y)
+
+        return kind(a, b), codegen
+
+    typing.__doc__ = doc
+    typing.__name__ = "elementwise"
+    return intrinsic(typing)
+
+
+@intrinsic
+def sqrt(typingctx, x):
+    """Return the square root, correctly rounded; float64 or `Lanes`."""
+    kind = common_type(x)
+    if kind is None:
+        return None
+
+    def codegen(context, builder, sig, args):
+        return _emit_sqrt(builder, args[0] if kind is lanes else context.cast(builder, args[0], sig.args[0], kind))
+
+    return kind(x), codegen
+
+
+maximum = _elementwise(
+    lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y),
+    "Return the larger of a and b, lane by lane; b where one of them is NaN.",
+)
+minimum = _elementwise(
+    lambda b, x, y: b.select(b.fcmp_ordered("<", x, y), x, y),
+    "Return the smaller of a and b, lane by lane; b where one of them is NaN.",
+)
+exact_add = _elementwise(lambda b, x, y: b.fadd(x, y), "Return fl(a + b), never fused; float64 or `Lanes`.")
+exact_mul = _elementwise(lambda b, x, y: b.fmul(x, y), "Return fl(a b), never fused; float64 or `Lanes`.")
+exact_sub = _elementwise(lambda b, x, y: b.fsub(x, y), "Return fl(a - b), never fused; float64 or `Lanes`.")
+
+
+@intrinsic
+def select(typingctx, condition, a, b):
+    """Return `a` in the lanes where `condition` is not zero, and `b` in the others."""
+    if not isinstance(condition, LanesType) or common_type(a, b) is None:
+        return None
+
+    def codegen(context, builder, sig, args):
+        x, y = (widen(context, builder, v, k) for v, k in zip(args[1:], sig.args[1:], strict=True))
+        return builder.select(builder.fcmp_unordered("!=", args[0], constant(0.0)), x, y)
+
+    return lanes(condition, a, b), codegen
+
+
+@intrinsic
+def _rsqrt_estimate(typingctx, x):
+    """Return 1/sqrt(x) to 14 bits or better, cut to 17 bits so that its cube is exact; float64 or `Lanes`."""
+    kind = common_type(x)
+    if kind is None:
+        return None
+
+    def codegen(context, builder, sig, args):
+        value = args[0] if kind is lanes else context.cast(builder, args[0], sig.args[0], kind)
+        words = ir.VectorType(INT64, WIDTH) if kind is lanes else INT64
+        keep = ir.Constant(words, [-(1 << 36)] * WIDTH if kind is lanes else -(1 << 36))
+        if kind is lanes and "avx512f" in cpu_features():  # LLVM aborts the process where the CPU lacks it
+            name, every = "llvm.x86.avx512.rsqrt14.pd.512", ir.IntType(8)(255)
+            y = call_intrinsic(builder, name, [value, constant(0.0), every], [VECTOR, VECTOR, ir.IntType(8)])
+        else:
+            root = _emit_sqrt(builder, value)
+            y = builder.fdiv(constant(1.0) if kind is lanes else ir.Constant(DOUBLE, 1.0), root)
+        return builder.bitcast(builder.and_(builder.bitcast(y, words), keep), value.type)
+
+    return kind(x), codegen
+
+
+@kernel(inline=True)
+def rsqrt_cubed(x):
+    """Return x^(-3/2) for x > 0, all but correctly rounded; float64 or `Lanes`. At x = 0 it is not finite.
+
+    With y near x^(-1/2) cut to 17 bits, y^2 and y^3 are exact and e = 1 - x y^2 is small; the result is the series of
+    y^3 (1 - e)^(-3/2), where only the last rounding counts.
+    """
+    y = _rsqrt_estimate(x)
+    y2 = y * y
+    y3 = y2 * y
+    e = fma(-x, y2, 1.0)
+    series = fma(fma(fma(fma(2.70703125, e, 2.4609375), e, 2.1875), e, 1.875), e, 1.5)
+    return fma(y3 * e, series, y3)

@@ -1,0 +1,122 @@
+"""Between memory and lanes: rows of (n, 8) arrays, eight elements of a vector, single lanes."""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, overload
+
+from orbits.kernels.lanes.type import DOUBLE, VECTOR, LanesType, constant, element_pointer, is_contiguous, lanes, widen
+
+
+@intrinsic
+def load(typingctx, array, index):
+    """Return eight consecutive elements of a vector from `index` on, or row `index` of an (n, 8) array."""
+    if not is_contiguous(array, 1, 2):
+        return None
+
+    def codegen(context, builder, sig, args):
+        index = context.cast(builder, args[1], sig.args[1], types.int64)
+        pointer = element_pointer(context, builder, sig.args[0], args[0], index)
+        return builder.load(builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+
+    return lanes(array, index), codegen
+
+
+@intrinsic
+def store(typingctx, array, index, value):
+    """Write eight lanes where `load` would read them."""
+    if not (is_contiguous(array, 1, 2) and isinstance(value, LanesType)):
+        return None
+
+    def codegen(context, builder, sig, args):
+        index = context.cast(builder, args[1], sig.args[1], types.int64)
+        pointer = element_pointer(context, builder, sig.args[0], args[0], index)
+        builder.store(args[2], builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, index, value), codegen
+
+
+@intrinsic
+def _load_element(typingctx, array, index):
+    def codegen(context, builder, sig, args):
+        index = context.cast(builder, args[1], sig.args[1], types.int64)
+        return builder.load(element_pointer(context, builder, sig.args[0], args[0], index))
+
+    return types.float64(array, index), codegen
+
+
+@intrinsic
+def _store_element(typingctx, array, index, value):
+    def codegen(context, builder, sig, args):
+        index = context.cast(builder, args[1], sig.args[1], types.int64)
+        builder.store(args[2], element_pointer(context, builder, sig.args[0], args[0], index))
+        return context.get_dummy_value()
+
+    return types.void(array, index, value), codegen
+
+
+def get(array, index):
+    """Return element `index` of a vector as float64, or row `index` of an (n, 8) array as `Lanes`."""
+    raise NotImplementedError("get() is for compiled code only")
+
+
+@overload(get)
+def _get(array, index):
+    if is_contiguous(array, 2):
+        return lambda array, index: load(array, index)
+    if is_contiguous(array, 1):
+        return lambda array, index: _load_element(array, index)
+    return None
+
+
+def put(array, index, value):
+    """Write float64 to element `index` of a vector, or `Lanes` to row `index` of an (n, 8) array."""
+    raise NotImplementedError("put() is for compiled code only")
+
+
+@overload(put)
+def _put(array, index, value):
+    if is_contiguous(array, 2):
+        return lambda array, index, value: store(array, index, value)
+    if is_contiguous(array, 1):
+        return lambda array, index, value: _store_element(array, index, value)
+    return None
+
+
+@intrinsic
+def full(typingctx, value):
+    """Return a float64 in all eight lanes."""
+    if not isinstance(value, types.Float | types.Integer):
+        return None
+
+    def codegen(context, builder, sig, args):
+        return widen(context, builder, args[0], sig.args[0])
+
+    return lanes(value), codegen
+
+
+@intrinsic
+def unit(typingctx, index):
+    """Return 1 in lane `index` and 0 in the others."""
+    if not isinstance(index, types.Integer):
+        return None
+
+    def codegen(context, builder, sig, args):
+        index = context.cast(builder, args[0], sig.args[0], types.int32)
+        return builder.insert_element(constant(0.0), ir.Constant(DOUBLE, 1.0), index)
+
+    return lanes(index), codegen
+
+
+@intrinsic
+def lane(typingctx, value, index):
+    """Return lane `index` (0 ... 7) as float64."""
+    if not isinstance(value, LanesType):
+        return None
+
+    def codegen(context, builder, sig, args):
+        return builder.extract_element(args[0], context.cast(builder, args[1], sig.args[1], types.int32))
+
+    return types.float64(value, index), codegen

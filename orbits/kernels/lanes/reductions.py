@@ -1,0 +1,129 @@
+"""Across lanes: sums, maxima, the eight rows of a block at once."""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from orbits.kernels.lanes.type import (
+    INT32,
+    INT64,
+    VECTOR,
+    WIDTH,
+    LanesType,
+    constant,
+    element_pointer,
+    is_contiguous,
+    lanes,
+    shuffle,
+)
+
+
+@intrinsic
+def any_lane(typingctx, condition):
+    """Return whether `condition` is not zero in some lane."""
+    if not isinstance(condition, LanesType):
+        return None
+
+    def codegen(context, builder, sig, args):
+        mask = builder.fcmp_unordered("!=", args[0], constant(0.0))
+        return builder.icmp_unsigned("!=", builder.bitcast(mask, ir.IntType(8)), ir.IntType(8)(0))
+
+    return types.boolean(condition), codegen
+
+
+# Three rounds fold or mix pairs of vectors, whose lanes then alternate between the two.
+_ROUNDS = (
+    ([0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]),
+    ([0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15]),
+    ([0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]),
+)
+
+
+def _rows(context, builder, sig, args):
+    row = context.cast(builder, args[1], sig.args[1], types.int64)
+    pointer = element_pointer(context, builder, sig.args[0], args[0], row)
+    pointer = builder.bitcast(pointer, VECTOR.as_pointer())
+    return [builder.load(builder.gep(pointer, [INT64(i)]), align=8) for i in range(WIDTH)]
+
+
+def _row_reduction(combine, doc):
+    def typing(typingctx, array, row):
+        if not is_contiguous(array, 2):
+            return None
+
+        def codegen(context, builder, sig, args):
+            vectors = _rows(context, builder, sig, args)
+            for even, odd in _ROUNDS:
+                vectors = [
+                    combine(builder, shuffle(builder, a, b, even), shuffle(builder, a, b, odd))
+                    for a, b in zip(vectors[::2], vectors[1::2], strict=True)
+                ]
+            return vectors[0]
+
+        return lanes(array, row), codegen
+
+    typing.__doc__ = doc
+    typing.__name__ = "row_reduction"
+    return intrinsic(typing)
+
+
+row_sums = _row_reduction(
+    lambda b, x, y: b.fadd(x, y), "Return the sums of rows `row` ... `row` + 7 of an (n, 8) array, one in each lane."
+)
+row_maxima = _row_reduction(
+    lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y),
+    "Return the maxima of rows `row` ... `row` + 7 of an (n, 8) array, one in each lane.",
+)
+
+
+@intrinsic
+def total(typingctx, value):
+    """Return the sum of the lanes, added pairwise."""
+    if not isinstance(value, LanesType):
+        return None
+
+    def codegen(context, builder, sig, args):
+        x = args[0]
+        for step in (4, 2, 1):
+            x = builder.fadd(x, shuffle(builder, x, x, [(i + step) % WIDTH for i in range(WIDTH)]))
+        return builder.extract_element(x, INT32(0))
+
+    return types.float64(value), codegen
+
+
+@intrinsic
+def largest(typingctx, value):
+    """Return the largest lane. NaN lanes may be passed over."""
+    if not isinstance(value, LanesType):
+        return None
+
+    def codegen(context, builder, sig, args):
+        x = args[0]
+        for step in (4, 2, 1):
+            y = shuffle(builder, x, x, [(i + step) % WIDTH for i in range(WIDTH)])
+            x = builder.select(builder.fcmp_ordered(">", x, y), x, y)
+        return builder.extract_element(x, INT32(0))
+
+    return types.float64(value), codegen
+
+
+@intrinsic
+def transposed(typingctx, array, row):
+    """Return rows `row` ... `row` + 7 of an (n, 8) array as eight `Lanes`, the j-th holding element j of each row."""
+    if not is_contiguous(array, 2):
+        return None
+
+    def codegen(context, builder, sig, args):
+        vectors = _rows(context, builder, sig, args)
+        for step, (even, odd) in zip((1, 2, 4), _ROUNDS, strict=True):
+            mixed = list(vectors)
+            for i in range(WIDTH):
+                if not i & step:
+                    mixed[i] = shuffle(builder, vectors[i], vectors[i + step], even)
+                    mixed[i + step] = shuffle(builder, vectors[i], vectors[i + step], odd)
+            vectors = mixed
+        return context.make_tuple(builder, sig.return_type, vectors)
+
+    return types.UniTuple(lanes, WIDTH)(array, row), codegen
