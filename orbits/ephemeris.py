@@ -102,8 +102,12 @@ def states(
     needed = dict.fromkeys(segment for body in bodies for segment in body.segments)
     found: dict[tuple[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
     with _kernel(jd1, jd2) as spk:
+        # A whole day and the rest, exactly: jplephem counts seconds since J2000, and a fraction of a day among ten
+        # thousand days would be rounded there to 60 nanoseconds, or a millimetre of the Earth's way.
+        day = round(jd1 + jd2)
+        rest = (jd1 - day) + jd2
         for segment in needed:
-            found[segment] = spk[segment].compute_and_differentiate(jd1, jd2)
+            found[segment] = spk[segment].compute_and_differentiate(float(day), rest)
     table = _gm_table()
     km = np.zeros((2, len(bodies), 3))
     for i, body in enumerate(bodies):

@@ -33,8 +33,6 @@ from orbits.elements.osculating import INDISTINCT, anomalies
 from orbits.errors import ConvergenceError
 
 MAX_ROUNDS = 50
-# |r/a| below which the anomalies measured from pericentre of an ellipse or hyperbola are a worse start than a parabola.
-NEARLY_PARABOLIC = 1e-12
 
 
 def two_body(
@@ -81,8 +79,8 @@ class _Orbit(NamedTuple):
     qv: Floats
     beta: Floats  # gm/a
     gm: Floats
-    nearly_parabolic: NDArray[np.bool_]
-    a: Floats  # 1 for a near-parabola, whose anomalies are not used
+    parabolic: NDArray[np.bool_]
+    a: Floats  # of no use for a parabola, like e, E and M
     e: Floats
     E: Floats  # at the start: F for a hyperbola
     M: Floats
@@ -90,10 +88,10 @@ class _Orbit(NamedTuple):
 
 def _orbit(r0: Floats, qv: Floats, h2: Floats, beta: Floats, gm: Floats) -> _Orbit:
     binding = beta * r0 / gm
-    nearly_parabolic = np.abs(binding) <= NEARLY_PARABOLIC
-    binding = np.where(nearly_parabolic, 1.0, binding)
+    parabolic = binding == 0.0
+    binding = np.where(parabolic, 1.0, binding)
     e, E, M, _ = anomalies(r0, qv, h2, r0 / binding, binding, gm)
-    return _Orbit(r0, qv, beta, gm, nearly_parabolic, r0 / binding, e, E, M)
+    return _Orbit(r0, qv, beta, gm, parabolic, r0 / binding, e, E, M)
 
 
 def stumpff(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -173,8 +171,8 @@ def _universal_anomaly(orbit: _Orbit, dt: Floats, names: Sequence[str] | None) -
 
 
 def _start(orbit: _Orbit, dt: Floats) -> Floats:
-    """Return a starting value of s: from the eccentric anomalies, or from Barker's cubic for a near-parabola."""
-    r0, qv, _, gm, nearly_parabolic, a, e, E, M = orbit
+    """Return a starting value of s: from the eccentric anomalies, or from Barker's cubic for a parabola."""
+    r0, qv, _, gm, parabolic, a, e, E, M = orbit
     # r0 s + qv s^2/2 + gm s^3/6 = dt, a cubic x^3 + 3 A x = 2 B in x = s + qv/gm.
     shift = qv / gm
     A = np.maximum(2.0 * r0 / gm - shift * shift, 0.0)
@@ -190,4 +188,4 @@ def _start(orbit: _Orbit, dt: Floats) -> Floats:
     reached = eccentric_anomaly(M[ellipse], e[ellipse])
     s[ellipse] = reached + TWO_PI * np.rint((M[ellipse] - reached) / TWO_PI)
     s[~ellipse] = np.arcsinh(sinh_anomaly(M[~ellipse], e[~ellipse]))
-    return np.where(nearly_parabolic, parabola, (s - E) / root)
+    return np.where(parabolic, parabola, (s - E) / root)
