@@ -15,8 +15,7 @@ from orbits import errors
 from orbits.integrators import registry
 
 SOURCE = Path(orbits.__file__)
-HEAVY = ("numba", "llvmlite", "numpy", "scipy", "astropy", "h5py", "matplotlib", "rebound", "jplephem", "mpmath", "rich",
-         "typer")  # fmt: skip
+HEAVY = tuple("numba llvmlite numpy scipy astropy h5py matplotlib rebound jplephem mpmath rich typer".split())
 
 
 def in_a_fresh_process(code: str) -> str:
