@@ -77,7 +77,7 @@ class PeerRun:
     """What a peer reached.
 
     q, v : (samples, bodies, 3) float64, in the caller's units and order of bodies
-    steps : steps that REBOUND took, partial ones to samples included
+    steps : steps that REBOUND took; partial steps of a copy to samples off the grid do not count
     wall_s : seconds inside REBOUND's integrating calls
     warnings : what REBOUND warned about, each sentence once
     """
@@ -258,7 +258,7 @@ def _on_grid(peer: Peer, sim: Any, start: Start, dt: float, backwards: bool) -> 
         wall -= perf_counter()
         scratch.steps(1)
         wall += perf_counter()
-        return scratch, more + 1, wall
+        return scratch, more, wall
 
     return advance
 

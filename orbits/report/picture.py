@@ -71,7 +71,7 @@ def _panel(axis: Axes, report: Report, rows: list[Row], quantity: str, title: st
         colour, so_far = _COLOURS[i % len(_COLOURS)], np.maximum.accumulate(values)
         axis.plot(times[after_start], np.where(values > 0, values, np.nan), color=colour, linewidth=1.0, alpha=0.25)
         axis.plot(
-            times[after_start], np.where(so_far > 0, so_far, np.nan), label=row.method, color=colour,
+            times[after_start], np.where(so_far > 0, so_far, np.nan), label=row.method.removesuffix("()"), color=colour,
             linewidth=2.6 if row.kind == "ours" else 1.6, linestyle="-" if row.kind == "ours" else (0, (4, 1.5)),
             marker=_MARKERS[i % len(_MARKERS)], markevery=0.12, markersize=8 if row.kind == "ours" else 6,
             zorder=3 if row.kind == "ours" else 2,
@@ -79,7 +79,9 @@ def _panel(axis: Axes, report: Report, rows: list[Row], quantity: str, title: st
 
 
 def _floor(axis: Axes, level: float, label: str) -> None:
-    axis.set_ylim(bottom=min(axis.get_ylim()[0], level / 10) if axis.lines else level / 10)
+    bottom, top = axis.get_ylim() if axis.lines else (level, level)
+    room = max(1.0, 0.15 * np.log10(max(top / level, 1.0)))  # decades beneath the line, for its label
+    axis.set_ylim(bottom=min(bottom, level / 10**room))
     axis.axhline(level, color=_GREY, linewidth=1.4, linestyle=":", zorder=1)
     axis.annotate(
         label, (0.01, level), xycoords=("axes fraction", "data"), xytext=(0, -5), textcoords="offset points",

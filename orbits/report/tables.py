@@ -34,7 +34,7 @@ def render(report: Report) -> RenderableType:
 
 def _methods(report: Report) -> Table:
     table = _table(str(report.settings.get("title") or "Comparison"))
-    table.add_column("\nmethod", overflow="fold", min_width=18)
+    table.add_column("\nmethod", overflow="fold")
     position = f"max |Δq|\n{report.length_unit}" if report.length_unit else "max\n|Δq|"
     for head in ("\nsteps", "wall\ns", "compile\ns", "max\n|ΔE/E|", "max\n|ΔL/L|", position):
         table.add_column(head, justify="right", no_wrap=True)
@@ -43,7 +43,7 @@ def _methods(report: Report) -> Table:
     for row in report.rows:
         measured = (row.wall_s, row.compile_s, row.energy, row.angular_momentum, row.position)
         table.add_row(
-            Text(row.method),
+            Text(row.method.removesuffix("()")),
             "n/a" if row.steps is None else f"{row.steps:,}",
             *("" if x is None and row.verdict != "n/a" else short(x) for x in measured),
             Text(row.worst_body or ""),
@@ -57,7 +57,7 @@ def _bodies(report: Report, bodies: Sequence[str]) -> Table:
     rows = [row for row in report.rows if row.positions]
     table.add_column("body", overflow="fold")
     for row in rows:
-        table.add_column(row.method.replace(" ", "\n"), justify="right", overflow="fold", min_width=8)
+        table.add_column(_stacked(row.method), justify="right", overflow="fold", min_width=8)
     if report.yardstick is not None:
         table.add_column("yardstick\nitself", justify="right", overflow="fold", min_width=8)
     for body in bodies:
@@ -78,7 +78,9 @@ def _particles(report: Report) -> Table:
         if row.positions:
             summary = summarize(row.positions, particles)
             table.add_row(
-                row.method, *(short(summary[key]) for key in ("median", "p99", "worst")), Text(summary["name"])
+                Text(row.method.removesuffix("()")),
+                *(short(summary[key]) for key in ("median", "p99", "worst")),
+                Text(summary["name"]),
             )
     return table
 
@@ -89,6 +91,11 @@ def _footer(report: Report) -> list[str]:
         unit = f" {report.length_unit}" if report.length_unit else ""
         lines.append(f"Yardstick: {report.yardstick.description}; its own error {short(report.yardstick.error)}{unit}.")
     return [*lines, *report.notes, *(f"{row.method}: {row.note}" for row in report.rows if row.note)]
+
+
+def _stacked(method: str) -> str:
+    """A method's label in lines short enough for the head of a column."""
+    return method.removesuffix("()").replace(" ", "\n").replace("-", "-\n").replace("(", "\n(")
 
 
 def _in(report: Report) -> str:
