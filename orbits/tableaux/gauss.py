@@ -135,7 +135,7 @@ def _eta(a: Any, b: Any) -> list[list[Any]]:
 
 def _on_grid(x: Any, grid: int) -> float:
     """Round to the nearest multiple of 2^-grid."""
-    return float(mpmath.nint(x * 2**grid)) / 2**grid
+    return float(mpmath.nint(x * 2**grid)) / 2.0**grid
 
 
 @lru_cache(maxsize=64)
