@@ -38,7 +38,7 @@ def _methods(report: Report) -> Table:
     position = f"max |Δq|\n{report.length_unit}" if report.length_unit else "max\n|Δq|"
     for head in ("\nsteps", "wall\ns", "compile\ns", "max\n|ΔE/E|", "max\n|ΔL/L|", position):
         table.add_column(head, justify="right", no_wrap=True)
-    table.add_column("of\nbody", overflow="fold")
+    table.add_column("of\nbody", overflow="fold", max_width=12)
     table.add_column("\nverdict", no_wrap=True)
     for row in report.rows:
         measured = (row.wall_s, row.compile_s, row.energy, row.angular_momentum, row.position)
