@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from orbits import integrators as methods
 from orbits.errors import InputError, IntegrationError, Interrupted
 from orbits.integrators.base import Integrator
+from orbits.integrators.marcher import available_threads
 from orbits.propagation import propagate
 from orbits.propagation.grid import checked_duration, sample_times, signed_step
 from orbits.regression import peers
@@ -123,7 +124,7 @@ def compare(
         followed="worst of the massive bodies" if np.count_nonzero(problem.massive) > 1 else "worst of the bodies",
         yardstick=note,
         settings=_settings(system, problem, grid, ours, tolerances, title),
-        notes=(*invariants.notes, *remarks),
+        notes=(*invariants.notes, *remarks, *_threads_note(problem, threads)),
     )
 
 
@@ -281,6 +282,13 @@ def _judged(row: Row, bounds: tolerance.Bounds, note: YardstickNote | None, prob
     unit = f" {problem.length_unit}" if problem.length_unit else ""
     failures = bounds.failures(reached, row.positions, note.errors if note is not None else {}, unit)
     return replace(row, verdict="FAIL" if failures else "ok", failures=failures)
+
+
+def _threads_note(problem: Problem, threads: int | None) -> tuple[str, ...]:
+    used = threads or available_threads()
+    if used == 1 or np.all(problem.massive):
+        return ()
+    return (f"Wall times: ours share the massless particles among {used} threads; REBOUND runs on one.",)
 
 
 def _in_days(system: System) -> float | None:

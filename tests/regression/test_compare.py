@@ -158,6 +158,14 @@ def test_finished_runs_are_used_and_foreign_ones_refused():
         orbits.compare(GIANTS, "stormer-verlet", runs=[run], against=(), **arguments)
 
 
+def test_the_number_of_threads_is_told_where_it_matters():
+    arguments = {"dt": 20.0, "duration": 400.0, "samples": 3, "against": (), "yardstick": "none"}
+    two = orbits.compare(GIANTS, GAUSS, threads=2, **arguments)
+    assert "among 2 threads" in two.table
+    assert "threads" not in orbits.compare(GIANTS, GAUSS, threads=1, **arguments).table
+    assert "threads" not in orbits.compare(GIANTS.remove("a rock"), GAUSS, threads=2, **arguments).table
+
+
 def test_no_yardstick_measures_no_positions():
     report = orbits.compare(GIANTS, GAUSS, dt=20, duration=400, samples=3, against=(), yardstick="none")
     assert report.yardstick is None
