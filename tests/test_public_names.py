@@ -15,7 +15,20 @@ from orbits import errors
 from orbits.integrators import registry
 
 SOURCE = Path(orbits.__file__)
-HEAVY = tuple("numba llvmlite numpy scipy astropy h5py matplotlib rebound jplephem mpmath rich typer".split())
+HEAVY = (
+    "numba",
+    "llvmlite",
+    "numpy",
+    "scipy",
+    "astropy",
+    "h5py",
+    "matplotlib",
+    "rebound",
+    "jplephem",
+    "mpmath",
+    "rich",
+    "typer",
+)
 
 
 def in_a_fresh_process(code: str) -> str:

@@ -45,13 +45,20 @@ def per_body(value: Floats, what: str, names: Sequence[str]) -> Floats:
 
 
 def masses(names: Sequence[str], gm: Any, mass: Any, units: UnitSystem) -> Floats:
-    """Return GM of new bodies, shape (k,), from GM or mass; 0 where neither is given. Raises InputError for both."""
+    """Return GM of new bodies, shape (k,), from GM or mass; 0 where neither is given. Raises InputError for both.
+
+    And, naming the body, for what is not finite or negative.
+    """
     who = checks.few(names, 3)
     if gm is not None and mass is not None:
         raise InputError(f"{who}: both gm and mass are given; expected one of them, as gm = G mass.")
     if mass is not None:
-        return per_body(units.G * units.mass_value(mass, f"mass of {who}"), "mass", names)
-    return per_body(units.gm_value(0.0 if gm is None else gm, f"gm of {who}"), "gm", names)
+        gm = per_body(units.G * units.mass_value(mass, f"mass of {who}"), "mass", names)
+    else:
+        gm = per_body(units.gm_value(0.0 if gm is None else gm, f"gm of {who}"), "gm", names)
+    values = checks.checked_array("gm", gm, names, None, units.gm)
+    checks.check_not_negative("gm", values, names, units.gm)
+    return values
 
 
 def extended_radii(
@@ -88,8 +95,8 @@ def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[flo
     """Return GM and radius of the first body of `System.from_elements`. Raises InputError when it has no mass."""
     if given.get("gm") is None and given.get("mass") is None:
         raise InputError(f"{name!r} is the primary and needs gm or mass, as in {EXAMPLE}.")
-    gm = checks.scalar(masses([name], given.get("gm"), given.get("mass"), units)[0], f"gm of {name!r}", units.gm)
-    if gm <= 0.0:
+    gm = float(masses([name], given.get("gm"), given.get("mass"), units)[0])
+    if gm == 0.0:
         raise InputError(f"gm of {name!r} is {gm!r} {units.gm}; expected > 0: it is what the others go around.")
     if given.get("radius") is None:
         return gm, None

@@ -107,7 +107,9 @@ def osculating(
     without elements.
     """
     frame = making.default_frame(units) if frame is None else frame
-    around = primary if primary in names else str(primary).lower()
+    around = primary
+    if primary not in names and str(primary).lower() in (*BARYCENTRIC, JACOBI):
+        around = str(primary).lower()
     if around in BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
     if around == JACOBI:
@@ -118,7 +120,7 @@ def osculating(
         two_body_gm = np.full(len(names), gm.sum())
         centre_q, centre_v = (diagnostics.centre_of_mass(gm, x)[..., None, :] for x in (q, v))
     else:
-        place = _place(names, around)
+        place = checks.index_of(around, names, "primary")
         bodies = np.delete(np.arange(len(names)), place)
         two_body_gm = gm[bodies] + gm[place]
         centre_q, centre_v = q[..., [place], :], v[..., [place], :]
@@ -136,10 +138,6 @@ def osculating(
     kinds |= {"P": units.time, "T": units.time, "n": u.rad / units.time}
     quantities = {key: u.Quantity(found[key], kinds.get(key, u.rad), copy=False) for key in found}
     return OrbitalElements(names=chosen, primary=around, frame=frame.lower(), **quantities)
-
-
-def _place(names: Sequence[str], primary: str) -> int:
-    return checks.index_of(primary, names, "primary")
 
 
 def _before(names: Sequence[str], gm: Floats, q: Floats, v: Floats) -> tuple[NDArray[np.intp], Floats, Floats, Floats]:
