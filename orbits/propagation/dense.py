@@ -33,4 +33,5 @@ def state_at(trajectory: Trajectory, t: Any) -> System:
     (steps,), (rest,) = split(np.array([time - times[k]]), trajectory.step)
     marcher.advance(int(steps))
     q, v = marcher.state_after(float(rest))
-    return start.replaced(q=q, v=v, epoch=trajectory.epoch_at(time))
+    moved: System = start.replaced(q=q, v=v, epoch=trajectory.epoch_at(time))
+    return moved

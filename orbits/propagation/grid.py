@@ -68,7 +68,7 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
             )
         times: Array = np.arange(count) * duration / (count - 1)
         times[-1] = duration
-        return times
+        return times + 0.0  # no -0 at the start of a run backwards
     times = np.array(units.time_value(samples, "samples"), dtype=np.float64)
     if times.ndim != 1 or times.size == 0:
         raise InputError(f"samples must be a count or a one-dimensional array of times, got shape {times.shape}")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits import integrators
-from orbits.archive import Archive, ArchiveWriter, extended
 from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
@@ -20,6 +19,9 @@ from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
 from orbits.system import System
 from orbits.trajectory import Statistics, Trajectory
+
+if TYPE_CHECKING:
+    from orbits.archive import Archive, ArchiveWriter
 
 Array = NDArray[np.float64]
 Path = str | PathLike[str]
@@ -68,6 +70,8 @@ def propagate(
     marcher = bound(system, integrator, h, threads)
     if archive is None:
         return _march(system, integrator, marcher, times, 0, None, progress)
+    from orbits.archive import ArchiveWriter
+
     writer = ArchiveWriter.create(
         archive,
         system=system,
@@ -99,6 +103,8 @@ def resume(
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
+    from orbits.archive import Archive, ArchiveWriter, extended
+
     old = Archive.open(path)
     system, h = old.system, old.dt
     integrator = integrators.build(old.integrator)

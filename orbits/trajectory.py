@@ -1,0 +1,310 @@
+"""What a run returns: sampled states with units and names, in memory or read lazily from an archive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits import diagnostics
+from orbits.errors import InputError
+from orbits.system import OrbitalElements, System, osculating
+from orbits.system.checks import index_of
+from orbits.system.making import primary_name
+
+if TYPE_CHECKING:
+    from astropy.time import Time
+
+    from orbits.integrators.base import Integrator
+
+Array = NDArray[np.float64]
+
+BLOCK_BYTES = 32 * 1024 * 1024
+"""How much of a run is in memory at a time while a quantity of all samples is computed."""
+
+
+class Samples(Protocol):
+    """States of shape (samples, bodies, 3): a NumPy array, or an archive's data set that is read where it is
+    indexed.
+    """
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(samples, bodies, 3)."""
+
+    def __getitem__(self, index: Any) -> Array:
+        """Read some of it."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What a run cost.
+
+    steps : whole steps taken since the epoch
+    evaluations : evaluations of the forces among the massive bodies; an implicit step evaluates once an iteration
+    particle_evaluations : evaluations of the field at massless particles, all particles together
+    wall_time : seconds from sample to sample, writing included; of the last call where a run was resumed
+    compile_time : seconds for compiling the kernels, or loading them from the cache
+    """
+
+    steps: int
+    evaluations: int
+    particle_evaluations: int
+    wall_time: float
+    compile_time: float
+
+
+@dataclass(frozen=True)
+class ConservedQuantities:
+    """How far each quantity that gravity conserves strays from its first value; `diagnostics.Drift` values.
+
+    Energy is compared with its own size, angular momentum with the size of its vector, linear momentum with
+    sum m |v| and the centre of mass, whose uniform motion is taken off, with the largest distance from it.
+    """
+
+    energy: diagnostics.Drift
+    angular_momentum: diagnostics.Drift
+    linear_momentum: diagnostics.Drift
+    centre_of_mass: diagnostics.Drift
+
+    def __str__(self) -> str:
+        rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
+        for name in ("energy", "angular_momentum", "linear_momentum", "centre_of_mass"):
+            d = getattr(self, name)
+            rows.append(f"{name.replace('_', ' '):18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
+        return "\n".join(rows)
+
+
+@dataclass(frozen=True)
+class BodyTrajectory:
+    """One body's path: q and v of shape (samples, 3), t of shape (samples,), with units."""
+
+    name: str
+    t: u.Quantity
+    q: u.Quantity
+    v: u.Quantity
+
+
+class Trajectory:
+    """The samples of a run.
+
+    system : the initial state, which also gives names, GM, units and epoch
+    times : (n,) float64, since the epoch, in the system's unit of time
+    q, v : (n, bodies, 3) float64, in the system's units; arrays, or what an archive reads from
+    step : the signed step actually used, in the unit of time
+    integrator, statistics : how it was made and what it cost
+    complete : whether every sample that was asked for is there
+    path : the archive it reads from, if it does
+
+    run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        times: Array,
+        q: Samples,
+        v: Samples,
+        *,
+        step: float,
+        integrator: Integrator,
+        statistics: Statistics | None = None,
+        complete: bool = True,
+        path: str | None = None,
+        close: Callable[[], None] | None = None,
+    ) -> None:
+        expected = (len(times), len(system), 3)
+        if tuple(q.shape) != expected or tuple(v.shape) != expected:
+            raise InputError(f"q and v have shapes {q.shape} and {v.shape}; {expected} fits these times and bodies.")
+        self.system = system
+        self.times = np.asarray(times, dtype=np.float64)
+        self.integrator = integrator
+        self.statistics = statistics
+        self.step = step
+        self.complete = complete
+        self.path = path
+        self._q, self._v, self._close = q, v, close
+
+    @classmethod
+    def open(cls, path: str | PathLike[str], *, statistics: Statistics | None = None) -> Trajectory:
+        """Return the trajectory in an archive, complete or not; it is read when it is asked for.
+
+        Raises ArchiveError for a file that is missing, truncated, foreign or newer.
+        """
+        from orbits import integrators
+        from orbits.archive import Archive
+
+        archive = Archive.open(path)
+        return cls(
+            archive.system,
+            archive.times[: archive.committed],
+            archive.q,
+            archive.v,
+            step=archive.dt,
+            integrator=integrators.build(archive.integrator),
+            statistics=statistics,
+            complete=archive.complete,
+            path=str(path),
+            close=archive.close,
+        )
+
+    def close(self) -> None:
+        """Close the archive behind this trajectory; nothing can be read from it afterwards."""
+        if self._close is not None:
+            self._close()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of the second axis of q and v."""
+        return self.system.names
+
+    @property
+    def t(self) -> u.Quantity:
+        """Times since the epoch, shape (n,)."""
+        return u.Quantity(self.times, self.system.units.time)
+
+    @property
+    def epochs(self) -> Time:
+        """Times as astropy Time (TDB), shape (n,). Raises InputError for a system without an epoch."""
+        self._epoch()
+        return self.system.epoch + self.t
+
+    def epoch_at(self, time: float) -> Time | None:
+        """Return the epoch `time` (a number in the unit of time) after the start, or None for a system without one."""
+        return None if self.system.epoch is None else self.system.epoch + u.Quantity(time, self.system.units.time)
+
+    @property
+    def dt(self) -> u.Quantity:
+        """The step actually used, > 0: the one asked for, rounded to 24 bits."""
+        return u.Quantity(abs(self.step), self.system.units.time)
+
+    @property
+    def q(self) -> u.Quantity:
+        """Positions, shape (n, bodies, 3). From an archive all of them are read: run["Ceres"].q reads one body."""
+        return u.Quantity(self._q[:], self.system.units.length, copy=False)
+
+    @property
+    def v(self) -> u.Quantity:
+        """Velocities, shape (n, bodies, 3). From an archive all of them are read: run["Ceres"].v reads one body."""
+        return u.Quantity(self._v[:], self.system.units.speed, copy=False)
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.times)
+
+    def __getitem__(self, key: str | int) -> Any:
+        """Return the path of a body by name, or the `System` at a sample by number (negative ones from the end).
+
+        Raises UnknownNameError, or IndexError.
+        """
+        units = self.system.units
+        if isinstance(key, str):
+            i = index_of(key, self.names, "body")
+            q, v = self._q[:, i], self._v[:, i]
+            return BodyTrajectory(key, self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
+        if isinstance(key, bool) or not isinstance(key, int | np.integer):
+            raise InputError(f'run[{key!r}]: give a name, run["Sun"], or the number of a sample, run[-1].')
+        if not -len(self) <= key < len(self):
+            raise IndexError(f"sample {key} of a run with {len(self)} samples")
+        k = int(key) % len(self)
+        return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
+
+    def at(self, t: Any) -> System:
+        """Return the state at any time within the run, by the run's own method from the sample before.
+
+        t : a quantity or a number in the system's unit of time. Raises InputError outside the samples.
+        """
+        from orbits.propagation import state_at
+
+        return state_at(self, t)
+
+    def energy(self) -> u.Quantity:
+        """Return the energy of the massive bodies, shape (n,)."""
+        gm, softening = self._gm(), self.system.values.softening
+        values = self._of_massive(lambda q, v: diagnostics.energy(gm, q, v, softening))
+        return u.Quantity(values / self.system.units.G, self.system.units.energy)
+
+    def linear_momentum(self) -> u.Quantity:
+        """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
+        values = self._of_massive(lambda q, v: diagnostics.linear_momentum(self._gm(), v))
+        return u.Quantity(values / self.system.units.G, self.system.units.momentum)
+
+    def angular_momentum(self) -> u.Quantity:
+        """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
+        values = self._of_massive(lambda q, v: diagnostics.angular_momentum(self._gm(), q, v))
+        return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
+
+    def centre_of_mass(self) -> u.Quantity:
+        """Return the centre of mass of the massive bodies, shape (n, 3)."""
+        values = self._of_massive(lambda q, v: diagnostics.centre_of_mass(self._gm(), q))
+        return u.Quantity(values, self.system.units.length)
+
+    def drift(self) -> ConservedQuantities:
+        """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps."""
+        gm, start = self._gm(), self.system.values
+        massive = self.system.massive
+        centre = self.centre_of_mass().value
+        uniform = centre[0] + np.outer(self.times - self.times[0], diagnostics.centre_of_mass(gm, start.v[massive]))
+        reach = float(np.linalg.norm(start.q[massive] - diagnostics.centre_of_mass(gm, start.q[massive]), axis=1).max())
+        momentum = float(gm @ np.linalg.norm(start.v[massive], axis=1)) / self.system.units.G
+        return ConservedQuantities(
+            energy=diagnostics.drift(self.energy().value),
+            angular_momentum=diagnostics.drift(self.angular_momentum().value),
+            linear_momentum=diagnostics.drift(self.linear_momentum().value, scale=momentum),
+            centre_of_mass=diagnostics.drift(centre - uniform, scale=reach),
+        )
+
+    def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
+        """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
+
+        primary : a body, "barycentre" or "jacobi"; may be left out where only one body has mass
+        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `System.add`
+        """
+        values = self.system.values
+        primary = primary_name(self.names, values.gm, primary)
+        return osculating(
+            self.names, values.gm, self._q[:], self._v[:], units=self.system.units, primary=primary, frame=frame
+        )
+
+    def plot(self, **options: Any) -> Any:
+        """Draw the paths; see `orbits.plotting.plot_trajectory`."""
+        from orbits.plotting import plot_trajectory
+
+        return plot_trajectory(self, **options)
+
+    def __repr__(self) -> str:
+        where = f", in {self.path}" if self.path else ""
+        state = "" if self.complete else ", incomplete"
+        unit = self.system.units.time
+        span = f"t = {self.times[0]:g} ... {self.times[-1]:g} {unit}".rstrip() if len(self) else "no samples yet"
+        dt = f"{abs(self.step):g} {unit}".rstrip()
+        return (
+            f"Trajectory({len(self.names)} bodies, {len(self)} samples, {span}; {self.integrator.label}, "
+            f"dt = {dt}{state}{where})"
+        )
+
+    def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield (samples, q, v) of the massive bodies block by block, so that memory stays bounded."""
+        massive = np.flatnonzero(self.system.massive)
+        contiguous = massive[-1] - massive[0] + 1 == len(massive)
+        columns: Any = slice(massive[0], massive[-1] + 1) if contiguous else massive
+        rows = max(1, BLOCK_BYTES // (48 * len(self.names)))
+        for start in range(0, len(self), rows):
+            block = slice(start, min(start + rows, len(self)))
+            yield block, self._q[block, columns], self._v[block, columns]
+
+    def _gm(self) -> Array:
+        return self.system.values.gm[self.system.massive]
+
+    def _of_massive(self, function: Callable[[Array, Array], Array]) -> Array:
+        parts = [function(q, v) for _, q, v in self.blocks()]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _epoch(self) -> None:
+        if self.system.epoch is None:
+            raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
