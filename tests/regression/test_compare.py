@@ -6,11 +6,14 @@ import json
 import math
 import re
 
+import numpy as np
 import pytest
 from astropy import units as u
 
 import orbits
 from orbits.errors import ConvergenceError, InputError, UnknownNameError
+from orbits.regression.invariants import Invariants
+from orbits.regression.problem import Problem, Sampled
 
 GAUSS = orbits.Gauss(stages=8)
 KEPLER = orbits.System(
@@ -105,6 +108,23 @@ def test_a_tolerance_that_is_exceeded_fails_the_report_and_says_which():
     assert f"FAIL  StormerVerlet(): {energy}" in report.table
 
 
+def test_errors_are_the_largest_over_the_samples_not_the_last():
+    problem = Problem.of(GIANTS)
+    reference, v = (np.repeat(x[None], 3, axis=0) for x in (problem.q, problem.v))
+    q = reference.copy()
+    q[1, 3, 1] += 2.0**-20  # Jupiter, in the middle only
+    q[1, 1, 2] -= 2.0**-19  # and the massless body, twice as far
+    invariants = Invariants(problem.gm, problem.q, problem.v, 0.0)
+    row = Sampled("a method", "peer", q, v, steps=2, wall_s=0.1).measured(problem, invariants, reference)
+    km = u.au.to(u.km)
+    assert row.worst_body == "a rock"
+    assert row.position == pytest.approx(2.0**-19 * km, rel=1e-9)  # the coordinates' own rounding
+    assert row.positions["Jupiter"] == pytest.approx(2.0**-20 * km, rel=1e-9)
+    assert row.positions["Sun"] == 0.0
+    assert row.series.position.tolist() == [0.0, row.positions["Jupiter"], 0.0]  # follows the massive bodies
+    assert row.energy == row.series.energy[1] > 0.0
+
+
 def test_a_peer_that_cannot_do_the_problem_has_a_row_with_the_reason():
     report = orbits.compare(FIGURE_EIGHT, GAUSS, dt=0.02, duration=6.3, samples=5, against=("whfast", "ias15"))
     whfast = rows(report)["REBOUND whfast"]
@@ -154,6 +174,9 @@ def test_finished_runs_are_used_and_foreign_ones_refused():
     assert report.rows[0].steps == run.statistics.steps
     with pytest.raises(InputError, match="another system, step or samples"):
         orbits.compare(GIANTS, GAUSS, runs=[run], against=(), **{**arguments, "dt": 10.0})
+    moved = GIANTS.replaced(v=GIANTS.v * 1.001)
+    with pytest.raises(InputError, match="another system, step or samples"):
+        orbits.compare(moved, GAUSS, runs=[run], against=(), **arguments)
     with pytest.raises(InputError, match="not compared"):
         orbits.compare(GIANTS, "stormer-verlet", runs=[run], against=(), **arguments)
 
