@@ -1,0 +1,9 @@
+"""Archives: runs in HDF5 files that survive being stopped anywhere, and are gone on with bit for bit.
+
+The schema is described for readers with plain h5py in docs/archive.md.
+"""
+
+from orbits.archive.reader import Archive
+from orbits.archive.writer import ArchiveWriter, extended
+
+__all__ = ["Archive", "ArchiveWriter", "extended"]

@@ -1,0 +1,146 @@
+"""What an archive says about its run, as plain items: a name such as "system/gm" or "system@epoch", and a value.
+
+A name with "@" is an attribute, one without is a dataset. One checksum covers all items: a file whose words and numbers
+are not those that were written is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
+from orbits.errors import ArchiveError
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+Item = str | float | list[str] | NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Header:
+    """All that is known of a run before its first step.
+
+    system : the System that the run began from
+    integrator : {"name": ..., "parameters": {...}}
+    dt : the step, in the system's unit of time
+    times : (samples,) times of the samples since the epoch, in the same unit
+    provenance : versions and processor, as words
+    """
+
+    system: System
+    integrator: Mapping[str, Any]
+    dt: float
+    times: NDArray[np.float64]
+    provenance: Mapping[str, str]
+
+
+def to_items(header: Header) -> dict[str, Item]:
+    """Return the header as items that HDF5 can hold. Raises ArchiveError for words that it cannot hold, naming them."""
+    system, units = header.system, header.system.units
+    values = system.values
+    try:
+        integrator = json.dumps(dict(header.integrator), sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ArchiveError(
+            f"integrator is {header.integrator!r}, which JSON cannot hold ({error}); expected its name and parameters, "
+            "as orbits.integrators.describe gives them."
+        ) from error
+    items: dict[str, Item] = {
+        "times": np.asarray(header.times, dtype=np.float64),
+        "times@unit": _unit_text(units.time),
+        "@dt": float(header.dt),
+        "@dt_unit": _unit_text(units.time),
+        "@integrator": integrator,
+        "integrator@name": str(header.integrator.get("name", "")),
+        "system/names": list(system.names),
+        "system/gm": values.gm,
+        "system/gm@unit": _unit_text(units.gm),
+        "system/q": values.q,
+        "system/q@unit": _unit_text(units.length),
+        "system/v": values.v,
+        "system/v@unit": _unit_text(units.speed),
+        "system@softening": float(values.softening),
+        "units@name": units.name,
+        "units@length": _unit_text(units.length),
+        "units@time": _unit_text(units.time),
+        "units@mass": _unit_text(units.mass),
+        "units@G": float(units.G),
+        "units@definition": unit_system_to_text(units),
+    }
+    for name, value in dict(header.integrator.get("parameters", {})).items():
+        items[f"integrator/parameters@{name}"] = json.dumps(value, sort_keys=True)
+    if system.radii is not None:
+        items["system/radii"] = np.asarray(units.length_value(system.radii, "radii"))
+        items["system/radii@unit"] = _unit_text(units.length)
+    if system.epoch is not None:
+        items["system@epoch"] = system.epoch.copy(format="iso").to_value("iso", subfmt="date_hms") + " TDB"
+        items["system@epoch_jd1"] = float(system.epoch.jd1)
+        items["system@epoch_jd2"] = float(system.epoch.jd2)
+    for name, text in header.provenance.items():
+        items[f"provenance@{name}"] = str(text)
+    for name, item in items.items():
+        for text in [name, *([item] if isinstance(item, str) else item if isinstance(item, list) else [])]:
+            _check_text(text, name)
+    return items
+
+
+def from_items(items: Mapping[str, Any]) -> Header:
+    """Build the header again, exactly. Raises whatever a wrong item raises."""
+    from astropy.time import Time
+
+    from orbits.system import System
+
+    units = unit_system_from_text(items["units@definition"])
+    epoch = None
+    if "system@epoch_jd1" in items:
+        epoch = Time(items["system@epoch_jd1"], items["system@epoch_jd2"], format="jd", scale="tdb")
+        epoch.format = "iso"
+    system = System.from_states(
+        items["system/names"],
+        items["system/gm"],
+        items["system/q"],
+        items["system/v"],
+        epoch=epoch,
+        units=units,
+        radii=items.get("system/radii"),
+        softening=items["system@softening"],
+    )
+    provenance = {name.partition("@")[2]: text for name, text in items.items() if name.startswith("provenance@")}
+    return Header(system, json.loads(items["@integrator"]), items["@dt"], items["times"], provenance)
+
+
+def checksum(items: Mapping[str, Item]) -> str:
+    """SHA-256 over all items, names and values, in the order of their names."""
+    digest = hashlib.sha256()
+    for name in sorted(items):
+        item = items[name]
+        if isinstance(item, np.ndarray):
+            array = np.ascontiguousarray(item, dtype="<f8")
+            kind, data = f"f8 {array.shape}", array.tobytes()
+        elif isinstance(item, float):
+            kind, data = "float", np.float64(item).astype("<f8").tobytes()
+        else:
+            kind, data = type(item).__name__, json.dumps(item).encode()
+        digest.update(json.dumps([name, kind, len(data)]).encode() + data)
+    return digest.hexdigest()
+
+
+def _unit_text(unit: Any) -> str:
+    return str(unit) or "1"
+
+
+def _check_text(text: str, item: str) -> None:
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ArchiveError(f"{item} holds {text!r}, which is not valid Unicode; expected text. Rename it.") from error
+    if "\0" in text:
+        raise ArchiveError(f"{item} holds {text!r}; HDF5 cannot hold a text with a NUL character. Rename it.")

@@ -1,0 +1,238 @@
+"""Reading an archive: what was committed, checked on the way in, and nothing else."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.archive import schema
+from orbits.archive.commits import CHUNK, ROW, ROW_BYTES, SLOTS, Commit, decoded, spans
+from orbits.archive.header import Header
+from orbits.archive.samples import Samples
+from orbits.archive.schema import Layout
+from orbits.archive.storage import Storage, raw_bytes
+from orbits.errors import ArchiveError, StorageError
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+Checkpoint = dict[str, NDArray[Any]]
+
+# A reader that opens while a run commits may see a checkpoint change under its hands: it looks again.
+_ATTEMPTS = 20
+
+
+class _DamageError(Exception):
+    """A checksum that does not hold; the caller knows what it means."""
+
+
+class Archive:
+    """A finished, interrupted or still growing run in a file, as it stood when it was opened.
+
+    `Archive.open(path)` is the way to make one. Close it, or use it in a `with` statement, to give the file back.
+    """
+
+    def __init__(
+        self,
+        storage: Storage,
+        path: Path,
+        header: Header,
+        layout: Layout,
+        chunks: NDArray[Any],
+        checkpoint: Checkpoint | None,
+        sequence: int,
+    ) -> None:
+        self._storage = storage
+        self._header = header
+        self._chunks = chunks
+        self._checkpoint = checkpoint
+        self.path = path
+        self.layout = layout
+        self.sequence = sequence
+        self.committed = int(chunks["samples"][-1]) if len(chunks) else 0
+        self.q = Samples(storage, layout.q, self.committed)
+        self.v = Samples(storage, layout.v, self.committed)
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str], *, salvage: bool = False) -> Self:
+        """Open the archive at `path` after its last commit, checking header, last chunk and checkpoint.
+
+        salvage : read a damaged file as far as it is whole; such a run cannot be resumed
+        Raises ArchiveError, in words, for a file that is missing, empty, foreign, newer, truncated or damaged, and for
+        one to which nothing was committed; StorageError where the device cannot be read.
+        """
+        place = schema.resolved(path)
+        storage = opened(place, os.O_RDONLY)
+        try:
+            return cls._of(storage, place, salvage=salvage)
+        except BaseException:
+            storage.close()
+            raise
+
+    @classmethod
+    def _of(cls, storage: Storage, path: Path, *, salvage: bool = False) -> Self:
+        header, layout = schema.read(storage, path)
+        if not storage.is_at(path):
+            raise ArchiveError(f"{path} was replaced by another file while it was opened; open it again.")
+        if salvage:
+            return cls(storage, path, header, layout, _whole_chunks(storage, layout), None, 0)
+        for _ in range(_ATTEMPTS):
+            commit = _last_commit(storage, layout)
+            if commit is None:
+                raise ArchiveError(
+                    f"{path} holds no commit: the run stopped before its first one, so there is nothing to read or to "
+                    "resume. Start it again with overwrite=True."
+                )
+            try:
+                return cls(storage, path, header, layout, *_checked(storage, layout, commit), commit.sequence)
+            except _DamageError as damage:
+                found = damage
+                if _last_commit(storage, layout) == commit:
+                    break
+        raise ArchiveError(
+            f"{path} is damaged: {found}. Restore it from a copy, or read what is whole with "
+            "orbits.Archive.open(path, salvage=True)."
+        )
+
+    @property
+    def system(self) -> System:
+        """The System that the run began from, equal to the one it was given."""
+        return self._header.system
+
+    @property
+    def integrator(self) -> Mapping[str, Any]:
+        """{"name": ..., "parameters": {...}}, as `orbits.integrators.describe` says it."""
+        return self._header.integrator
+
+    @property
+    def dt(self) -> float:
+        """The step in the system's unit of time, as it was given at creation."""
+        return self._header.dt
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of all samples of the run, those to come included, since the epoch in the system's unit of time."""
+        return self._header.times
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """Versions and processor that the run was made with."""
+        return MappingProxyType(dict(self._header.provenance))
+
+    @property
+    def complete(self) -> bool:
+        """Whether all samples of the run are there."""
+        return self.committed == len(self.times)
+
+    def checkpoint(self) -> Checkpoint:
+        """Return the state to go on from, as it was committed with the last sample. Raises ArchiveError if salvaged."""
+        if self._checkpoint is None:
+            raise ArchiveError(f"{self.path} was opened to salvage its samples; it cannot be resumed.")
+        return {name: array.copy() for name, array in self._checkpoint.items()}
+
+    def verify(self) -> None:
+        """Read everything that was committed and check it. Raises ArchiveError naming the samples that are damaged."""
+        for first, end, crc in spans(self._chunks):
+            if samples_crc(self._storage, self.layout, first, end) != crc:
+                raise ArchiveError(
+                    f"{self.path} is damaged: samples {first} to {end - 1} do not hold their checksum. Restore it from "
+                    "a copy, or read what is whole with orbits.Archive.open(path, salvage=True)."
+                )
+
+    @property
+    def chunks(self) -> NDArray[Any]:
+        """The committed rows of the table of chunks."""
+        return self._chunks.copy()
+
+    def close(self) -> None:
+        """Give the file back; what was read stays usable."""
+        self._storage.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        state = "complete" if self.complete else "not complete"
+        return f"<Archive {self.path}: {self.committed} of {len(self.times)} samples, {state}>"
+
+
+def opened(path: Path, flags: int) -> Storage:
+    """Open a file that is there. Raises ArchiveError in words for one that is not, or that may not be opened."""
+    if path.is_dir():
+        raise ArchiveError(f"{path} is a folder; expected an archive that orbits.propagate(archive=...) wrote.")
+    try:
+        storage = Storage(path, flags | getattr(os, "O_NONBLOCK", 0))
+    except FileNotFoundError as error:
+        raise ArchiveError(f"{path} does not exist; expected an archive. Check the name and the folder.") from error
+    except OSError as error:
+        raise ArchiveError(f"{path} cannot be opened ({error.strerror}); check its permissions.") from error
+    except ValueError as error:
+        raise ArchiveError(f"{str(path)!r} is not a path ({error}).") from error
+    if not path.is_file():
+        storage.close()
+        raise ArchiveError(f"{path} is not a file; expected an archive that orbits.propagate(archive=...) wrote.")
+    return storage
+
+
+def samples_crc(storage: Storage, layout: Layout, first: int, end: int) -> int:
+    """CRC-32 of the q of samples first ... end - 1, continued over their v."""
+    row = layout.q.shape[1] * 24
+    crc = storage.checksum(layout.q.offset + first * row, (end - first) * row)
+    return storage.checksum(layout.v.offset + first * row, (end - first) * row, crc)
+
+
+def _last_commit(storage: Storage, layout: Layout) -> Commit | None:
+    rows = (storage.read(layout.commits.offset + slot * ROW.itemsize, ROW_BYTES) for slot in range(SLOTS))
+    commits = [commit for slot, row in enumerate(rows) if (commit := decoded(row, slot)) is not None]
+    return max(commits, key=lambda commit: commit.sequence, default=None)
+
+
+def _checked(storage: Storage, layout: Layout, commit: Commit) -> tuple[NDArray[Any], Checkpoint]:
+    """Return chunks and checkpoint of a commit; raise _DamageError where they are not what was committed."""
+    capacity = layout.q.shape[0]
+    if commit.chunks > capacity or commit.samples > capacity:
+        raise _DamageError(f"commit {commit.sequence} claims {commit.samples} samples where {capacity} have room")
+    table = storage.read(layout.chunks.offset, commit.chunks * CHUNK.itemsize)
+    if zlib.crc32(table) != commit.chunks_crc:
+        raise _DamageError("the table of chunks does not hold its checksum")
+    chunks = np.frombuffer(bytes(table), dtype=CHUNK)
+    if len(chunks):
+        first, end, crc = spans(chunks[-2:])[-1]
+        if not first < end == commit.samples or samples_crc(storage, layout, first, end) != crc:
+            raise _DamageError(f"samples {first} to {end - 1} do not hold their checksum")
+    checkpoint: Checkpoint = {}
+    checkpoint_crc = 0
+    for name, place in layout.checkpoints[commit.slot].items():
+        array = np.empty(place.shape, dtype=place.dtype)
+        if place.size:
+            storage.read_into(raw_bytes(array), place.offset)
+            checkpoint_crc = zlib.crc32(raw_bytes(array), checkpoint_crc)
+        checkpoint[name] = array
+    if checkpoint_crc != commit.checkpoint_crc:
+        raise _DamageError("the checkpoint does not hold its checksum")
+    return chunks, checkpoint
+
+
+def _whole_chunks(storage: Storage, layout: Layout) -> NDArray[Any]:
+    """Return the chunks from the first one on that hold their checksums, whatever the commits say."""
+    capacity = layout.q.shape[0]
+    table = np.frombuffer(bytes(storage.read(layout.chunks.offset, layout.chunks.size)), dtype=CHUNK)
+    whole = first = 0
+    for end, crc in zip(table["samples"].tolist(), table["crc"].tolist(), strict=True):
+        try:
+            if not first < end <= capacity or samples_crc(storage, layout, first, end) != crc:
+                break
+        except (ArchiveError, StorageError):
+            break
+        whole, first = whole + 1, end
+    return table[:whole]

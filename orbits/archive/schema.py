@@ -1,0 +1,222 @@
+"""The HDF5 side of an archive: written once at creation, read once at opening, and not touched in between.
+
+    /                 attributes: orbits (the schema, "1"), dt, integrator (JSON), header_checksum, header_items
+    /system, /units, /integrator, /provenance      what the run is: see `header.py`
+    /times            (samples,)
+    /q, /v            (samples, bodies, 3)         preallocated; rows up to the last commit hold samples
+    /chunks           (samples,)                   checksums of the chunks of samples
+    /commits          (2,)                         the last two commits: see `commits.py`
+    /checkpoints/0, /checkpoints/1                 the state to go on from, after each of these two
+
+The arrays that change while running are contiguous and allocated at creation, so they have fixed places in the file.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.archive import header as headers
+from orbits.archive.commits import CHUNK, ROW, SLOTS
+from orbits.archive.header import Header, Item
+from orbits.archive.storage import Storage
+from orbits.errors import ArchiveError
+
+SCHEMA = "1"
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+# Checksums on HDF5's own metadata, no flag that stays set when a writer is killed, readable by HDF5 1.8 and later.
+_LIBVER = ("v108", "v108")
+# Places that writers and memory maps like; applies to everything of at least a page.
+_ALIGNMENT = 4096
+
+
+@dataclass(frozen=True)
+class Place:
+    """A contiguous array in the file: where its bytes begin, its shape and type."""
+
+    offset: int
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    @property
+    def size(self) -> int:
+        """Bytes of the array."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where in the file the arrays are that change while running."""
+
+    q: Place
+    v: Place
+    chunks: Place
+    commits: Place
+    checkpoints: tuple[dict[str, Place], ...]
+
+
+def bytes_needed(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> int:
+    """Return about how large the file will be: the arrays, without what HDF5 adds."""
+    samples, bodies = len(header.times), len(header.system)
+    per_sample = 2 * 24 * bodies + CHUNK.itemsize + 8
+    return samples * per_sample + SLOTS * (ROW.itemsize + sum(array.nbytes for array in checkpoint.values()))
+
+
+def write(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> None:
+    """Create the file, or empty the one that is there, with all of the header and room for all that is to come.
+
+    Raises ArchiveError for what HDF5 cannot hold, and what h5py raises when writing fails.
+    """
+    import h5py
+
+    items = headers.to_items(header)
+    shape = (len(header.times), len(header.system), 3)
+    with h5py.File(
+        path, "w", libver=_LIBVER, locking=False, alignment_threshold=_ALIGNMENT, alignment_interval=_ALIGNMENT
+    ) as file:
+        file.attrs["orbits"] = SCHEMA
+        file.attrs["header_checksum"] = headers.checksum(items)
+        file.attrs["header_items"] = json.dumps(sorted(items))
+        for name, item in items.items():
+            _write_item(file, name, item)
+        for slot in range(SLOTS):
+            group = file.create_group(f"checkpoints/{slot}")
+            for name, array in checkpoint.items():
+                _preallocate(group, name, array.shape, array.dtype)
+        _preallocate(file, "commits", (SLOTS,), ROW)
+        _preallocate(file, "chunks", shape[:1], CHUNK)
+        for name, unit in (("q", "system/q@unit"), ("v", "system/v@unit")):
+            _preallocate(file, name, shape, np.dtype("<f8")).attrs["unit"] = items[unit]
+
+
+def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
+    """Return the header and the layout of the archive that `storage` has open under `path`.
+
+    Raises ArchiveError in words for a file that is empty, foreign, newer, truncated or damaged.
+    """
+    import h5py
+
+    if storage.size == 0:
+        raise ArchiveError(f"{path} is empty; expected an archive that orbits.propagate(archive=...) wrote.")
+    if bytes(storage.read(0, min(len(_SIGNATURE), storage.size))) != _SIGNATURE:
+        raise ArchiveError(f"{path} is not an HDF5 file; expected an archive that orbits.propagate(archive=...) wrote.")
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            _check_schema(file, path)
+            names = json.loads(_text(file.attrs["header_items"]))
+            items: dict[str, Item] = {name: _read_item(file, name) for name in names}
+            if headers.checksum(items) != _text(file.attrs["header_checksum"]):
+                raise ValueError("the header does not hold its checksum")
+            found = headers.from_items(items)
+            layout = _layout(file, (len(found.times), len(found.system), 3), path)
+    except ArchiveError:
+        raise
+    # HDF5 reports damage as OSError, KeyError, ValueError, RuntimeError and more, depending on where it sits.
+    except Exception as error:
+        reason = str(error).strip().partition("\n")[0]
+        kind = "truncated" if "truncated" in reason else "damaged"
+        raise ArchiveError(f"{path} is {kind} ({reason}). Restore it from a copy.") from error
+    end = max(place.offset + place.size for place in (layout.q, layout.v, layout.chunks, layout.commits))
+    if end > storage.size:
+        raise ArchiveError(f"{path} is truncated: {storage.size} of {end} bytes are there. Restore it from a copy.")
+    return found, layout
+
+
+def _check_schema(file: Any, path: Path) -> None:
+    if "orbits" not in file.attrs:
+        raise ArchiveError(
+            f"{path} is an HDF5 file, but not an archive of orbits: it has no attribute 'orbits'. Expected a file that "
+            "orbits.propagate(archive=...) wrote."
+        )
+    schema = _text(file.attrs["orbits"])
+    if schema != SCHEMA:
+        raise ArchiveError(
+            f"{path} has schema {schema!r}; this version of orbits reads {SCHEMA!r}. It was written by a newer one: "
+            "pip install --upgrade orbits."
+        )
+
+
+def _preallocate(group: Any, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
+    import h5py
+
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_layout(h5py.h5d.CONTIGUOUS)
+    creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    space = h5py.h5s.create_simple(shape) if shape else h5py.h5s.create(h5py.h5s.SCALAR)
+    kind = h5py.h5t.py_create(dtype, logical=True)
+    return h5py.Dataset(h5py.h5d.create(group.id, name.encode(), kind, space, creation))
+
+
+def _layout(file: Any, shape: tuple[int, int, int], path: Path) -> Layout:
+    def place(name: str, shape: tuple[int, ...] | None, dtype: np.dtype[Any] | None) -> Place:
+        dataset = file[name]
+        if shape is not None and dataset.shape != shape:
+            raise ValueError(f"{name} has shape {dataset.shape}, expected {shape}")
+        if dtype is not None and dataset.dtype != dtype:
+            raise ValueError(f"{name} has type {dataset.dtype}, expected {dtype}")
+        offset = dataset.id.get_offset()
+        if offset is None and dataset.size:
+            raise ArchiveError(
+                f"{path} was rewritten by another tool: /{name} is no longer one contiguous array. Use the original, "
+                "or make it contiguous again: h5repack -l CONTI."
+            )
+        return Place(offset or 0, dataset.shape, dataset.dtype)
+
+    checkpoints = tuple(
+        {name: place(f"checkpoints/{slot}/{name}", None, None) for name in sorted(file[f"checkpoints/{slot}"])}
+        for slot in range(SLOTS)
+    )
+    floats = np.dtype("<f8")
+    return Layout(
+        q=place("q", shape, floats),
+        v=place("v", shape, floats),
+        chunks=place("chunks", shape[:1], CHUNK),
+        commits=place("commits", (SLOTS,), ROW),
+        checkpoints=checkpoints,
+    )
+
+
+def _write_item(file: Any, name: str, item: Item) -> None:
+    import h5py
+
+    place, at, attribute = name.partition("@")
+    if at:
+        owner = file.require_group(place) if place and place not in file else file[place or "/"]
+        owner.attrs[attribute] = item
+    elif isinstance(item, list):
+        file.create_dataset(name, data=item, dtype=h5py.string_dtype())
+    else:
+        file.create_dataset(name, data=np.asarray(item, dtype="<f8"))
+
+
+def _read_item(file: Any, name: str) -> Item:
+    place, at, attribute = name.partition("@")
+    if at:
+        value = file[place or "/"].attrs[attribute]
+        return _text(value) if isinstance(value, str | bytes) else float(value)
+    dataset = file[name]
+    if dataset.dtype.kind == "f":
+        return np.asarray(dataset[()], dtype=np.float64)
+    return [str(text) for text in dataset.asstr()[()]]
+
+
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def resolved(path: str | os.PathLike[str]) -> Path:
+    """Return the path as it is, links followed. Raises ArchiveError for what is no path."""
+    try:
+        return Path(os.path.realpath(os.fspath(path)))
+    except (TypeError, ValueError) as error:
+        raise ArchiveError(f"{path!r} is not a path ({error}); expected something like 'run.h5'.") from error
