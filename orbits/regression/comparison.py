@@ -222,15 +222,16 @@ def _run(
 
 
 def _finished(run: Trajectory, method: Integrator, compile_s: float | None = None) -> Sampled:
-    units, statistics = run.system.units, run.statistics
+    """A run's samples; its cost too, which a run that was opened from a file no longer knows."""
+    units, cost = run.system.units, run.statistics
     return Sampled(
         method.label,
         "ours",
         q=np.asarray(run.q.to_value(units.length)),
         v=np.asarray(run.v.to_value(units.speed)),
-        steps=int(statistics.steps),
-        wall_s=float(statistics.wall_time),
-        compile_s=float(statistics.compile_time) if compile_s is None else compile_s,
+        steps=None if cost is None else cost.steps,
+        wall_s=None if cost is None else cost.wall_time,
+        compile_s=cost.compile_time if compile_s is None and cost is not None else compile_s,
     )
 
 

@@ -166,12 +166,18 @@ def test_softening_reaches_every_method():
     assert "softening" in got["REBOUND whfast"].note
 
 
-def test_finished_runs_are_used_and_foreign_ones_refused():
+def test_finished_runs_are_used_and_foreign_ones_refused(tmp_path):
     arguments = {"dt": 20.0, "duration": 3652.5, "samples": 11}
     run = orbits.propagate(GIANTS, GAUSS, **arguments)
     report = orbits.compare(GIANTS, GAUSS, runs=[run], against=(), **arguments)
     assert report.rows[0].wall_s == run.statistics.wall_time
     assert report.rows[0].steps == run.statistics.steps
+    orbits.propagate(GIANTS, GAUSS, archive=tmp_path / "run.h5", **arguments)
+    reopened = orbits.compare(
+        GIANTS, GAUSS, runs=[orbits.Trajectory.open(tmp_path / "run.h5")], against=(), **arguments
+    )
+    assert reopened.rows[0].positions == report.rows[0].positions
+    assert reopened.rows[0].wall_s is None
     with pytest.raises(InputError, match="another system, step or samples"):
         orbits.compare(GIANTS, GAUSS, runs=[run], against=(), **{**arguments, "dt": 10.0})
     moved = GIANTS.replaced(v=GIANTS.v * 1.001)
