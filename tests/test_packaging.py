@@ -42,7 +42,7 @@ def run(unpacked: Path, folder: Path, *arguments: str) -> subprocess.CompletedPr
     """Run Python in `folder` with the unpacked wheel before everything else, the checkout included."""
     environment = {**os.environ, "PYTHONPATH": str(unpacked)}
     command = [sys.executable, *arguments]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=99, check=False)
 
 
 @pytest.mark.parametrize("name", ["data", "scenarios"])
