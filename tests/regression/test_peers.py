@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
+import threading
 
 import numpy as np
 import pytest
@@ -10,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orbits import diagnostics
-from orbits.errors import IntegrationError, UnknownNameError
+from orbits.errors import IntegrationError, Interrupted, UnknownNameError
 from orbits.regression import peers, yardstick
 
 # Jupiter, a massless body, the Sun, another one, Saturn: in no order that REBOUND could use as it is. au, day.
@@ -148,3 +152,18 @@ def test_the_grid_position_is_whole_steps_and_a_rest_shorter_than_one(k, part, e
     assert 0 <= rest < dt
     assert whole * dt + rest == t
     assert peers.grid_position(-t, dt) == (whole, rest)
+
+
+def test_ctrl_c_stops_a_peer_in_words():
+    interrupt = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    interrupt.start()
+    try:
+        with pytest.raises(Interrupted, match="Ctrl-C while REBOUND ias15"):
+            peers.run("ias15", GM, Q, V, times=np.array([1e9]), dt=DT)  # minutes, if nothing stopped it
+    finally:
+        interrupt.cancel()
+
+
+def test_importing_the_comparison_loads_neither_rebound_nor_matplotlib():
+    code = "import sys, orbits.regression, orbits.report; print({'rebound', 'matplotlib'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
