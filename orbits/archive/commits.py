@@ -29,14 +29,14 @@ _FIELDS = [
 _PACKED = np.dtype(_FIELDS)
 ROW_BYTES = _PACKED.itemsize
 
-_IN_SECTORS: Any = {
+_IN_PAGES: Any = {
     "names": list(_PACKED.names or ()),
     "formats": [kind for _, kind in _FIELDS],
     "offsets": [0, 8, 16, 24, 28, 32],
-    "itemsize": 512,
+    "itemsize": 4096,
 }
-ROW: np.dtype[Any] = np.dtype(_IN_SECTORS)
-"""A commit row as it lies in the file: the two rows are in different sectors, so that no torn write reaches both."""
+ROW: np.dtype[Any] = np.dtype(_IN_PAGES)
+"""A commit row as it lies in the file: each of the two rows has a page of its own, so that no torn write reaches both."""
 
 
 @dataclass(frozen=True)
