@@ -162,7 +162,7 @@ class Marcher:
         status, done, body, evaluations = method.advance(*arguments, *massive, self._work, self._field, count)
         self.evaluations += evaluations
         if status != OK:
-            self._fail(status, done, [int(self._massive[body])] if status == NOT_CONVERGED else [])
+            self._fail(status, done, self._meeting(state, body) if status == NOT_CONVERGED else [])
         if not self._tasks:
             return
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
@@ -180,6 +180,15 @@ class Marcher:
             self.particle_evaluations += evaluations
             if status != OK:
                 self._fail(status, done, [int(self._particles[particle])])
+
+    def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
+        """Return two massive bodies: `body` and the one next to it, the lighter one first."""
+        n = self._bodies
+        q = state["q"][: 3 * n].reshape(3, n)
+        distance = np.sum((q - q[:, [body]]) ** 2, axis=0)
+        distance[body] = np.inf
+        pair = [body] if n == 1 else sorted((body, int(np.argmin(distance))), key=lambda b: self.parameters[1 + b])
+        return [int(self._massive[b]) for b in pair]
 
     def _fail(self, status: int, done: int, bodies: list[int]) -> NoReturn:
         step = self.step + done

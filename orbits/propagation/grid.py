@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 STEP_BITS = 24
 MOST_STEPS = 2**53
+MOST_SAMPLES = 10**8
 
 
 def rounded_step(dt: float) -> float:
@@ -66,6 +67,8 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
             raise InputError(
                 f"samples = {count}: a count includes both ends, so at least 2; for the end alone: samples=[duration]"
             )
+        if count > MOST_SAMPLES:
+            raise InputError(f"samples = {count:.3g}: at most {MOST_SAMPLES:.0e} are possible; take fewer")
         times: Array = np.arange(count) * duration / (count - 1)
         times[-1] = duration
         return times + 0.0  # no -0 at the start of a run backwards

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,9 @@ Path = str | PathLike[str]
 
 CHUNK_BYTES = 16 * 1024 * 1024
 """Samples kept in memory before they are written."""
+
+MEMORY_SHARE = 0.8
+"""How much of the machine's memory the samples of a run without an archive may take."""
 
 COMMIT_SECONDS = 10.0
 """An archive is committed at least this often: a lost machine costs no more than this."""
@@ -245,6 +249,14 @@ def _sample(marcher: Marcher, times: Array, first: int, keeper: _Keeper, bar: Pr
             return
 
 
+def _memory() -> float:
+    """Return the size of this machine's memory in bytes; infinity where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, ValueError, OSError):
+        return float("inf")
+
+
 class _Keeper:
     """Collects samples; hands them to the archive chunk by chunk, or keeps them all when there is none."""
 
@@ -253,14 +265,14 @@ class _Keeper:
         room = len(times) - first
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
-        try:
-            self._q = np.empty((room, bodies, 3))
-            self._v = np.empty((room, bodies, 3))
-        except MemoryError:
+        needed = 48 * room * bodies
+        if needed > MEMORY_SHARE * _memory():
             raise InputError(
-                f"{room} samples of {bodies} bodies need {room * bodies * 48 / 2**30:.1f} GiB of memory; "
-                "take fewer samples, or give archive=... to write them to a file as they come"
-            ) from None
+                f"{room} samples of {bodies} bodies need {needed / 2**30:.1f} GiB of memory, more than this machine "
+                "has to give; take fewer samples, or give archive=... to write them to a file as they come"
+            )
+        self._q = np.empty((room, bodies, 3))
+        self._v = np.empty((room, bodies, 3))
         self._count = 0
         self._committed_at = time.perf_counter()
 

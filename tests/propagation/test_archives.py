@@ -1,0 +1,192 @@
+"""Runs into archives: the same numbers as in memory, stopped anywhere, gone on with bit for bit."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupted
+from orbits.propagation import run as run_module
+
+METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.RungeKutta4()]
+IDS = [m.label for m in METHODS]
+
+
+def belt():
+    return orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
+
+
+ARGUMENTS = {"dt": 5 * u.day, "duration": 400 * u.day, "samples": 23}
+
+
+def same(a, b):
+    return np.array_equal(a.q, b.q) and np.array_equal(a.v, b.v) and np.array_equal(a.times, b.times)
+
+
+@pytest.mark.parametrize("method", METHODS, ids=IDS)
+def test_an_archive_holds_the_bits_of_the_run_in_memory(tmp_path, method):
+    memory = orbits.propagate(belt(), method, **ARGUMENTS)
+    stored = orbits.propagate(belt(), method, **ARGUMENTS, archive=tmp_path / "run.h5")
+    opened = orbits.Trajectory.open(tmp_path / "run.h5")
+    for other in (stored, opened):
+        assert same(memory, other)
+        assert other.complete
+        assert other.system == memory.system
+        assert other.integrator == method
+        assert np.array_equal(memory.energy(), other.energy())
+
+
+@pytest.mark.parametrize("method", METHODS, ids=IDS)
+@pytest.mark.parametrize("stop_after", [1, 7, 22])
+def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkeypatch, method, stop_after):
+    """SIGTERM arrives while the run is under way; what resume makes of the file equals a run that never stopped."""
+    straight = orbits.propagate(belt(), method, **ARGUMENTS)
+    taken = []
+    add = run_module._Keeper.add
+
+    def add_then_stop(self, q, v):
+        add(self, q, v)
+        taken.append(1)
+        if len(taken) == stop_after:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    with pytest.raises(Interrupted, match="orbits resume") as caught:
+        orbits.propagate(belt(), method, **ARGUMENTS, archive=tmp_path / "run.h5")
+    monkeypatch.undo()
+    assert len(caught.value.trajectory) == stop_after
+    assert not caught.value.trajectory.complete
+    assert same(orbits.resume(tmp_path / "run.h5"), straight)
+
+
+def test_without_an_archive_an_interrupted_run_hands_over_what_it_has(monkeypatch):
+    add = run_module._Keeper.add
+
+    def add_then_stop(self, q, v):
+        add(self, q, v)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    with pytest.raises(Interrupted, match=r"Ctrl-C.*1 of 23 samples.*archive=") as caught:
+        orbits.propagate(belt(), METHODS[0], **ARGUMENTS)
+    assert len(caught.value.trajectory) == 1
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+PROGRAM = """
+import sys, orbits
+from astropy import units as u
+from orbits.propagation import run
+run.COMMIT_SECONDS = 0.0  # commit after every block of steps
+system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
+print("started", flush=True)
+orbits.propagate(system, orbits.Gauss(stages=8), dt=1 * u.day, duration=60000 * u.day, samples=3001,
+                 archive=sys.argv[1], progress=False)
+print("finished", flush=True)
+"""
+
+
+@pytest.mark.parametrize("delay", [0.3, 1.0])
+def test_a_killed_process_leaves_a_file_that_resumes_to_the_same_bits(tmp_path, delay):
+    path = tmp_path / "run.h5"
+    process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path)], stdout=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    while not path.exists():
+        time.sleep(0.01)
+    time.sleep(delay)
+    process.kill()
+    process.communicate()
+    stopped = orbits.Trajectory.open(path)
+    done = len(stopped)
+    assert 0 < done < 3001
+    stopped.close()
+    # The first 40 samples further on are compared, not all 3001: a shorter run of the same problem gives them.
+    system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
+    count = done + 40
+    straight = orbits.propagate(
+        system, orbits.Gauss(stages=8), dt=1 * u.day, duration=20 * (count - 1) * u.day, samples=count
+    )
+    resumed = orbits.resume(path)
+    assert resumed.complete
+    assert np.array_equal(resumed.q[:count], straight.q)
+    assert np.array_equal(resumed.v[:count], straight.v)
+
+
+@pytest.mark.parametrize("until", [500 * u.day, 800 * u.day])
+def test_a_finished_run_is_extended_bit_for_bit(tmp_path, until):
+    path = tmp_path / "run.h5"
+    orbits.propagate(belt(), METHODS[1], dt=5 * u.day, duration=400 * u.day, samples=9, archive=path)
+    longer = orbits.resume(path, until=until)
+    count = 9 + round((until.value - 400) / 50)
+    straight = orbits.propagate(belt(), METHODS[1], dt=5 * u.day, duration=until, samples=count)
+    assert same(longer, straight)
+
+
+def test_a_backward_run_is_extended_backwards(tmp_path):
+    path = tmp_path / "run.h5"
+    orbits.propagate(belt(), METHODS[0], dt=5 * u.day, duration=-100 * u.day, samples=3, archive=path)
+    longer = orbits.resume(path, until=-200 * u.day)
+    assert same(longer, orbits.propagate(belt(), METHODS[0], dt=5 * u.day, duration=-200 * u.day, samples=5))
+    with pytest.raises(InputError, match="before the end"):
+        orbits.resume(path, until=-150 * u.day)
+
+
+def test_resuming_a_finished_run_changes_nothing(tmp_path):
+    path = tmp_path / "run.h5"
+    first = orbits.propagate(belt(), METHODS[0], **ARGUMENTS, archive=path)
+    before = path.read_bytes()
+    assert same(orbits.resume(path), first)
+    assert path.read_bytes() == before
+
+
+def test_an_existing_file_is_kept_unless_overwritten(tmp_path):
+    path = tmp_path / "run.h5"
+    orbits.propagate(belt(), METHODS[0], **ARGUMENTS, archive=path)
+    with pytest.raises(ArchiveError, match="overwrite"):
+        orbits.propagate(belt(), METHODS[1], **ARGUMENTS, archive=path)
+    assert orbits.Trajectory.open(path).integrator == METHODS[0]
+    orbits.propagate(belt(), METHODS[1], **ARGUMENTS, archive=path, overwrite=True)
+    assert orbits.Trajectory.open(path).integrator == METHODS[1]
+
+
+def test_other_kernels_or_another_processor_are_not_resumed_silently(tmp_path, monkeypatch):
+    path = tmp_path / "run.h5"
+    orbits.propagate(belt(), METHODS[0], **ARGUMENTS, archive=path)
+    from orbits.propagation import binding
+
+    monkeypatch.setattr(binding, "cpu_features", lambda: frozenset({"abacus"}))
+    with pytest.raises(ArchiveError, match=r"cpu features.*same_bits=False"):
+        orbits.resume(path, until=500 * u.day)
+    longer = orbits.resume(path, until=500 * u.day, same_bits=False)
+    assert longer.times[-1] == 500
+
+
+def test_a_failing_run_leaves_its_samples_readable(tmp_path):
+    system = orbits.System.from_states(
+        ["sun", "comet"], [1.0, 1e-9], [[0, 0, 0], [10, 0.02, 0]], [[0, 0, 0], [-1.0, 0, 0]], units=orbits.DIMENSIONLESS
+    )
+    path = tmp_path / "run.h5"
+    with pytest.raises(ConvergenceError):
+        orbits.propagate(system, orbits.Gauss(stages=8), dt=0.7, duration=20.0, samples=41, archive=path)
+    kept = orbits.Trajectory.open(path)
+    assert len(kept) > 10
+    assert not kept.complete
+    with pytest.raises(ConvergenceError):
+        orbits.resume(path)
+    assert len(orbits.Trajectory.open(path)) == len(kept)
+
+
+def test_a_trajectory_in_an_archive_is_read_lazily(tmp_path):
+    path = tmp_path / "run.h5"
+    run = orbits.propagate(belt(), METHODS[0], **ARGUMENTS, archive=path)
+    assert not isinstance(run._q, np.ndarray)
+    assert run["Ceres"].q.shape == (23, 3)
+    assert str(path) in repr(run)
+    assert Path(run.path) == path
