@@ -1,0 +1,226 @@
+"""What a scenario is, and what performing one gives."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from orbits.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from orbits.report import Report
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+ONLY = ""
+"""The name of the case of a scenario that has a single system."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that a scenario demands beyond its tolerances: a claim, whether it held, and what was measured."""
+
+    claim: str
+    ok: bool
+    measured: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """A system, the methods to run it with, what must hold, and what to draw.
+
+    name : the name of the results folder and of the files in it; letters, digits, `_`, `-`, `.`
+    title : one line for lists and pictures
+    system : a `System`, or a function without arguments that makes one; for several related problems a mapping from a
+        short name to a `System` (or a function that makes such a mapping): each is a *case*, run and judged alike
+    integrators : methods of this package; the first one's run goes into the archive
+    dt, duration : Quantity, or a number in the system's time unit; dt > 0, the sign of `duration` gives the direction
+    samples : how many, both ends included
+    against : peers to compare with, such as "whfast" and "ias15"; an empty sequence leaves the comparison out
+    tolerances : what the comparison demands, as in `orbits.compare`
+    checks : a function from the `Outcome` to the `Check`s it has to pass
+    draw : a function from the `Outcome` to a matplotlib Figure, or to several by name; by default the orbits, what is
+        conserved, and the comparison
+
+    Raises InputError for what can be seen to be wrong here; a system is made, and its times are read, when it runs.
+
+    The shortest whole scenario file:
+
+        import orbits
+        from astropy import units as u
+
+        scenario = orbits.Scenario(
+            name="giants",
+            title="The four giants for ten thousand years",
+            system=lambda: orbits.System.solar_system(bodies=["Sun", "Jupiter", "Saturn", "Uranus", "Neptune"]),
+            integrators=[orbits.Gauss(stages=8)],
+            dt=60 * u.day,
+            duration=10_000 * u.yr,
+            tolerances={"angular_momentum": 1e-14},
+        )
+
+        if __name__ == "__main__":
+            scenario.main()
+    """
+
+    name: str
+    title: str
+    system: System | Mapping[str, System] | Callable[[], System | Mapping[str, System]]
+    integrators: Sequence[Any]
+    dt: Any
+    duration: Any
+    samples: int = 101
+    against: Sequence[str] = ("whfast", "ias15")
+    tolerances: Mapping[str, Any] = field(default_factory=dict)
+    checks: Callable[[Outcome], Iterable[Check]] | None = None
+    draw: Callable[[Outcome], Figure | Mapping[str, Figure]] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+            raise InputError(
+                f"a scenario's name becomes a folder: letters, digits, '_', '-' and '.' only; got {self.name!r}."
+            )
+        if not isinstance(self.title, str) or not self.title.strip() or "\n" in self.title:
+            raise InputError(f"scenario {self.name!r}: title must be one line of text; got {self.title!r}.")
+        if isinstance(self.against, str) or not all(isinstance(peer, str) for peer in self.against):
+            raise InputError(
+                f"scenario {self.name!r}: against must be a list of peers' names, such as ['whfast']; "
+                f"got {self.against!r}."
+            )
+        listed = isinstance(self.integrators, Sequence) and not isinstance(self.integrators, str)
+        integrators = tuple(self.integrators) if listed else (self.integrators,)
+        if not integrators:
+            raise InputError(f"scenario {self.name!r}: integrators is empty; name one, such as orbits.Gauss(stages=8).")
+        for method in integrators:
+            if isinstance(method, str | type) or not hasattr(method, "declares"):
+                raise InputError(
+                    f"scenario {self.name!r}: integrators holds {method!r}, which is not a method; "
+                    "expected values such as orbits.Gauss(stages=8)."
+                )
+        if isinstance(self.samples, bool) or not isinstance(self.samples, int) or self.samples < 2:
+            raise InputError(
+                f"scenario {self.name!r}: samples must be a whole number of at least 2 (both ends); got {self.samples!r}."
+            )
+        for what in ("checks", "draw"):
+            if getattr(self, what) is not None and not callable(getattr(self, what)):
+                raise InputError(f"scenario {self.name!r}: {what} must be a function of the outcome.")
+        object.__setattr__(self, "integrators", integrators)
+        object.__setattr__(self, "against", tuple(self.against))
+
+    def cases(self) -> dict[str, System]:
+        """The systems to run, by the case's name; a scenario of one system has one case, named "".
+
+        Raises InputError when `system` gives something else than systems.
+        """
+        from orbits.system import System
+
+        made = self.system() if callable(self.system) else self.system
+        cases = {ONLY: made} if isinstance(made, System) else made
+        if not isinstance(cases, Mapping) or not cases:
+            raise InputError(
+                f"scenario {self.name!r}: system must give a System, or systems by name; got {type(made).__name__}."
+            )
+        for key, system in cases.items():
+            if not isinstance(key, str) or not isinstance(system, System):
+                raise InputError(
+                    f"scenario {self.name!r}: system must give a System, or systems by name; "
+                    f"got {key!r}: {type(system).__name__}."
+                )
+        slugs = [slug(key) for key in cases]
+        if len(set(slugs)) < len(slugs):
+            raise InputError(f"scenario {self.name!r}: the cases' names {list(cases)} do not give distinct file names.")
+        return dict(cases)
+
+    def with_changes(self, **changes: Any) -> Scenario:
+        """The same scenario with some fields replaced; None leaves a field as it is."""
+        return replace(self, **{key: value for key, value in changes.items() if value is not None})
+
+    def main(self) -> None:
+        """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
+        from orbits.scenario.command import main
+
+        main(self)
+
+
+@dataclass(frozen=True)
+class CaseOutcome:
+    """What came out for one system.
+
+    runs : by the integrator's label, in the scenario's order; the first one reads from the archive
+    report : the comparison with the peers, None where none was asked for
+    """
+
+    name: str
+    system: System
+    runs: Mapping[str, Trajectory]
+    report: Report | None = None
+
+    @property
+    def run(self) -> Trajectory:
+        """The run of the first integrator."""
+        return next(iter(self.runs.values()))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What performing a scenario gave; `checks` and `draw` of a scenario are functions of it.
+
+    cases : by name; `run`, `runs` and `report` are short for those of the first case
+    folder : where the files are
+    files : what was written, in that order
+    complaints : what went wrong after the integration, in words, such as a picture that could not be drawn
+    """
+
+    scenario: Scenario
+    folder: Path
+    cases: Mapping[str, CaseOutcome]
+    checks: tuple[Check, ...] = ()
+    files: tuple[Path, ...] = ()
+    complaints: tuple[str, ...] = ()
+
+    @property
+    def case(self) -> CaseOutcome:
+        """The first, often the only case."""
+        return next(iter(self.cases.values()))
+
+    @property
+    def run(self) -> Trajectory:
+        """The archived run of the first case."""
+        return self.case.run
+
+    @property
+    def runs(self) -> Mapping[str, Trajectory]:
+        """All runs of the first case, by the integrator's label."""
+        return self.case.runs
+
+    @property
+    def report(self) -> Report | None:
+        """The comparison of the first case."""
+        return self.case.report
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """All that the scenario demands and did not get, in words; empty when all holds."""
+        exceeded = [
+            f"{case.name}: {failure}" if case.name else failure
+            for case in self.cases.values()
+            for failure in (case.report.failures if case.report is not None else ())
+        ]
+        broken = [f"{c.claim}: {c.measured}" if c.measured else c.claim for c in self.checks if not c.ok]
+        return (*exceeded, *broken, *self.complaints)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all that the scenario demands holds."""
+        return not self.failures
+
+
+def slug(case: str) -> str:
+    """A case's name as part of a file name: `e = 0.9` gives `e-0.9`."""
+    return re.sub(r"[^A-Za-z0-9_.]+", "-", case).strip("-.")

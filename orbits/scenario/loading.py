@@ -1,0 +1,133 @@
+"""Find a scenario: by the path of its file, or by the name of a bundled one."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import sys
+import traceback
+from contextlib import contextmanager
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+from orbits import resources
+from orbits.errors import InputError, OrbitsError, UnknownNameError
+from orbits.scenario.definition import Scenario
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A bundled scenario as a list shows it: its name, the first line of its file, and the file."""
+
+    name: str
+    summary: str
+    path: Path
+
+
+def bundled() -> tuple[Listed, ...]:
+    """The bundled scenarios in alphabetic order, read from their files without running them."""
+    return tuple(
+        Listed(path.stem, _summary(path), path)
+        for path in sorted(resources.scenarios_dir().glob("*.py"))
+        if not path.stem.startswith("_")
+    )
+
+
+def load(what: str) -> Scenario:
+    """The scenario that a path or the name of a bundled one stands for.
+
+    A path ends in `.py` or has a folder in it. The file is run once, with its own folder importable, and must define
+    `scenario`. Raises UnknownNameError (no such bundled scenario; the message has the nearest names) and InputError
+    (no such file, or a file that does not run: the message has the file and the line).
+    """
+    path = Path(what).expanduser()
+    if path.suffix != ".py" and len(path.parts) == 1:
+        return load_file(_bundled_path(what))
+    if not path.is_file():
+        found = "is a folder" if path.is_dir() else "does not exist"
+        names = ", ".join(each.name for each in bundled())
+        raise InputError(f"the scenario file {what!r} {found}; expected a Python file, or one of: {names}.")
+    return load_file(path)
+
+
+def load_file(path: Path) -> Scenario:
+    """The `scenario` that the Python file at `path` defines; raises InputError with file and line otherwise."""
+    name = f"_orbits_scenario_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path} cannot be read as Python; a scenario is a Python file that ends in .py.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # where pickle and dataclasses look for what the file defines
+    with located(path), _importable(path.resolve().parent):
+        spec.loader.exec_module(module)
+    scenario = getattr(module, "scenario", None)
+    if not isinstance(scenario, Scenario):
+        got = "defines none" if scenario is None else f"has one of type {type(scenario).__name__}"
+        raise InputError(f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...).")
+    return scenario
+
+
+@contextmanager
+def located(path: Path | None = None) -> Iterator[None]:
+    """Turn whatever the code of a scenario raises into an InputError that names the file and the line.
+
+    path : the scenario's file; without it the innermost line outside this package is named. Errors of this package
+    pass unchanged: they say it better.
+    """
+    try:
+        yield
+    except OrbitsError:
+        raise
+    except SyntaxError as error:
+        where = f"{error.filename or path}, line {error.lineno}"
+        raise InputError(f"{where}: {error.msg}") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{_place(error, path)}: {type(error).__name__}: {_one_line(error)}") from error
+
+
+def _place(error: BaseException, path: Path | None) -> str:
+    frames = traceback.extract_tb(error.__traceback__)
+    if path is not None:
+        mine = [frame for frame in frames if frame.filename in {str(path), str(path.resolve())}]
+    else:
+        package = str(Path(__file__).resolve().parents[1])
+        mine = [f for f in frames if not f.filename.startswith((package, sys.prefix, "<"))]
+    if mine:
+        return f"{mine[-1].filename}, line {mine[-1].lineno}"
+    return str(path) if path is not None else f"{frames[-1].filename}, line {frames[-1].lineno}"
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or "(no message)"
+
+
+def _bundled_path(name: str) -> Path:
+    known = {each.name: each.path for each in bundled()}
+    if name in known:
+        return known[name]
+    near = get_close_matches(name, known, n=2, cutoff=0.5)
+    hint = f" Did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
+    file = Path(f"{name}.py")
+    if file.is_file():
+        hint = f" There is a file {file}: give it with its ending."
+    raise UnknownNameError(f"no scenario is called {name!r}; there are {', '.join(known)}.{hint}")
+
+
+def _summary(path: Path) -> str:
+    try:
+        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    except (OSError, SyntaxError, ValueError):
+        return ""
+    return text.split("\n", 1)[0].rstrip(".")
+
+
+@contextmanager
+def _importable(folder: Path) -> Iterator[None]:
+    """As Python does for a script: what lies beside it can be imported."""
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
