@@ -37,7 +37,7 @@ SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
 MARK = "orbits"
 """What a picture's metadata says of who made it."""
 
-_SETTINGS: dict[str, Any] = {
+_SETTINGS: Any = {
     "font.size": 15,
     "axes.titlesize": 17,
     "axes.titlelocation": "left",

@@ -1,11 +1,11 @@
 """Scenarios: a system, one or more runs, what must hold, what to draw. One file each, runnable three ways.
 
-    definition   the values: `Scenario`, `Check`, and what a run of one gives, `Outcome`
-    loading      find a scenario by path or by the name of a bundled one
-    performing   integrate, compare, check, draw, and write the results folder
-    values       quantities and methods as they are typed on a command line
-    files        which files of a results folder may be replaced
-    command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
+definition   the values: `Scenario`, `Check`, and what a run of one gives, `Outcome`
+loading      find a scenario by path or by the name of a bundled one
+performing   integrate, compare, check, draw, and write the results folder
+values       quantities and methods as they are typed on a command line
+files        which files of a results folder may be replaced
+command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
 """
 
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario

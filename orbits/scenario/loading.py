@@ -6,8 +6,8 @@ import ast
 import importlib.util
 import sys
 import traceback
-from contextlib import contextmanager
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -65,7 +65,9 @@ def load_file(path: Path) -> Scenario:
     scenario = getattr(module, "scenario", None)
     if not isinstance(scenario, Scenario):
         got = "defines none" if scenario is None else f"has one of type {type(scenario).__name__}"
-        raise InputError(f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...).")
+        raise InputError(
+            f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...)."
+        )
     return scenario
 
 

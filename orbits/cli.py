@@ -1,0 +1,251 @@
+"""The command line: `orbits run`, `resume`, `compare`, `plot`, `info`, `list`.
+
+Exit codes: 0 when all that was demanded holds, 1 when a check falls short or a run fails, 2 for a wrong use.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from orbits._version import __version__
+from orbits.scenario import command
+from orbits.scenario.command import Dt, Duration, Json, Method, NoPlot, Out, Samples, guarded
+
+app = typer.Typer(
+    name="orbits",
+    help="Variational integrators for gravitational N-body problems: run scenarios, compare with REBOUND.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+ScenarioName = Annotated[str, typer.Argument(metavar="SCENARIO", help="Path of a file, or the name of a bundled one.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="An archive, such as results/kepler/run.h5.")]
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    with guarded():
+        app()
+
+
+@app.callback(invoke_without_command=True)
+def _version(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+    if version:
+        print(f"orbits {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def run(
+    scenario: ScenarioName,
+    dt: Dt = None,
+    duration: Duration = None,
+    integrator: Method = None,
+    samples: Samples = None,
+    out: Out = None,
+    as_json: Json = False,
+    no_plot: NoPlot = False,
+) -> None:
+    """Run a scenario: integrate, compare, check, draw.
+
+    Example: orbits run kepler --duration 200 --out /tmp/kepler
+    """
+    with guarded():
+        from orbits.scenario import load
+
+        changed = command.changed(load(scenario), dt, duration, integrator, samples)
+        raise typer.Exit(command.execute(changed, out=out, as_json=as_json, no_plot=no_plot))
+
+
+@app.command()
+def resume(
+    file: File,
+    until: Annotated[str | None, typer.Option(help="Extend a finished run to this time since the epoch.")] = None,
+    any_bits: Annotated[
+        bool, typer.Option("--any-bits", help="Go on although the processor, Numba or the kernels have changed.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Complete an interrupted run, bit for bit, or extend a finished one.
+
+    Example: orbits resume results/solar_system/run.h5 --until '2000 yr'
+    """
+    with guarded():
+        from orbits.propagation import resume as go_on
+        from orbits.scenario.values import quantity
+
+        done = go_on(file, until=None if until is None else quantity(until, "--until"), same_bits=not any_bits)
+        _show(file, done, as_json)
+
+
+@app.command()
+def compare(
+    scenario: ScenarioName,
+    against: Annotated[
+        str | None, typer.Option(help="Peers, with commas: whfast,whfast-corrector17,ias15,leapfrog.")
+    ] = None,
+    dt: Dt = None,
+    duration: Duration = None,
+    integrator: Method = None,
+    samples: Samples = None,
+    out: Out = None,
+    as_json: Json = False,
+    no_plot: NoPlot = False,
+) -> None:
+    """Compare the methods of a scenario with REBOUND's on its systems; tables, JSON and pictures.
+
+    Example: orbits compare solar_system --against whfast-corrector17,ias15 --duration '100 yr'
+    """
+    with guarded():
+        raise typer.Exit(
+            _compare(scenario, against, (dt, duration, integrator, samples), out=out, as_json=as_json, no_plot=no_plot)
+        )
+
+
+@app.command()
+def plot(
+    file: File,
+    out: Annotated[Path | None, typer.Option(help="Where to write the PNG. [default: FILE.png]")] = None,
+) -> None:
+    """Draw the run in an archive: paths, energy, angular momentum.
+
+    Example: orbits plot results/solar_system/run.h5 --out solar_system.png
+    """
+    with guarded():
+        from orbits.plotting import save
+        from orbits.scenario.files import replaceable
+        from orbits.trajectory import Trajectory
+
+        target = replaceable(out or file.with_suffix(".png"))
+        save(Trajectory.open(file).plot(), target)
+        print(f"wrote {target}")
+
+
+@app.command()
+def info(file: File, as_json: Json = False) -> None:
+    """Say what an archive holds and how far it has come.
+
+    Example: orbits info results/kepler/run.h5 --json
+    """
+    with guarded():
+        from orbits.trajectory import Trajectory
+
+        _show(file, Trajectory.open(file), as_json)
+
+
+@app.command("list")
+def list_(as_json: Json = False) -> None:
+    """List the bundled scenarios and the integrators with what they declare.
+
+    Example: orbits list --json
+    """
+    with guarded():
+        from orbits import integrators
+        from orbits.scenario import bundled
+
+        methods = [cls() for _, cls in sorted(integrators.registry().items())]
+        if as_json:
+            record = {
+                "scenarios": [{"name": s.name, "summary": s.summary, "path": str(s.path)} for s in bundled()],
+                "integrators": [
+                    {
+                        "name": m.name,
+                        "label": m.label,
+                        "order": m.order,
+                        "declares": sorted(m.declares),
+                        "summary": m.summary,
+                        "source": m.source,
+                    }
+                    for m in methods
+                ],
+            }
+            print(json.dumps(record, indent=1))
+            return
+        from rich.console import Console
+        from rich.table import Table
+
+        console = Console(highlight=False)
+        table = Table("scenario", "what it shows", box=None, header_style="bold")
+        for each in bundled():
+            table.add_row(each.name, each.summary)
+        console.print(table)
+        console.print()
+        table = Table("integrator", "order", "declares", "what it is", box=None, header_style="bold")
+        for m in methods:
+            table.add_row(m.name, str(m.order), ", ".join(sorted(m.declares)) or "nothing", m.summary)
+        console.print(table)
+
+
+def _compare(
+    name: str, against: str | None, typed: tuple[Any, ...], *, out: Path | None, as_json: bool, no_plot: bool
+) -> int:
+    from rich.console import Console
+
+    from orbits.regression import compare as compare_methods
+    from orbits.scenario import load
+    from orbits.scenario.definition import slug
+    from orbits.scenario.files import replaceable, results_folder, write_text
+
+    scenario = command.changed(load(name), *typed)
+    peers = scenario.against if against is None else [p.strip() for p in against.split(",") if p.strip()]
+    folder = results_folder(out or Path("results") / scenario.name)
+    console, ok, records = Console(highlight=False), True, {}
+    if not console.is_terminal:
+        console = Console(highlight=False, width=100)
+    for case, system in scenario.cases().items():
+        report = compare_methods(
+            system,
+            list(scenario.integrators),
+            dt=scenario.dt,
+            duration=scenario.duration,
+            samples=scenario.samples,
+            against=peers,
+            tolerances=scenario.tolerances or None,
+            title=f"{scenario.title}: {case}" if case else scenario.title,
+        )
+        ok = ok and report.ok
+        stem = f"comparison{'-' + slug(case) if case else ''}"
+        records[case] = json.loads(report.to_json())
+        if not as_json:
+            console.print(report)
+        if not no_plot:
+            report.plot(replaceable(folder / f"{stem}.png"))
+        write_text(folder / f"{stem}.json", report.to_json() + "\n")
+    if as_json:
+        print(json.dumps({"scenario": scenario.name, "ok": ok, "cases": records}, indent=1))
+    return 0 if ok else 1
+
+
+def _show(file: Path, run: Any, as_json: bool) -> None:
+    drift = run.drift() if len(run) else None
+    names = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
+    record = {
+        "file": str(file),
+        "bodies": len(run.names),
+        "massive": int(run.system.massive.sum()),
+        "names": list(run.names),
+        "epoch": None if run.system.epoch is None else run.system.epoch.isot,
+        "time_unit": str(run.system.units.time),
+        "integrator": run.integrator.label,
+        "dt": abs(run.step),
+        "samples": len(run),
+        "complete": run.complete,
+        "from": float(run.times[0]) if len(run) else None,
+        "to": float(run.times[-1]) if len(run) else None,
+        "largest_relative_change": {n: getattr(drift, n).max_fraction for n in names} if drift else None,
+    }
+    if as_json:
+        print(json.dumps(record, indent=1))
+        return
+    print(run)
+    print(run.system)
+    if drift is not None:
+        print(drift)
+    if not run.complete:
+        print(f"not complete: go on with  orbits resume {file}")

@@ -1,0 +1,147 @@
+"""The options of `orbits run`, which are those of `python scenarios/NAME.py`; and errors as single lines."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orbits.errors import OrbitsError
+from orbits.scenario.definition import Outcome, Scenario
+from orbits.scenario.values import quantity
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+INTERRUPTED = 130
+
+Dt = Annotated[str | None, typer.Option(help="Step: '6 d', or a number in the system's unit of time.", metavar="TIME")]
+Duration = Annotated[str | None, typer.Option(help="How far: '100 yr'; negative for backwards.", metavar="TIME")]
+Method = Annotated[str | None, typer.Option(help="One method instead of the scenario's: 'gauss(stages=4)'.")]
+Samples = Annotated[int | None, typer.Option(help="Number of samples, both ends included.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for the results. [default: results/NAME]", show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="Print the outcome as JSON on standard output.")]
+NoPlot = Annotated[bool, typer.Option("--no-plot", help="Draw nothing.")]
+
+
+def stderr() -> Console:
+    """Return the console for what people read while a machine reads standard output."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """End the process as the command line promises: errors as one line, exit code 2 for a wrong use, 1 for a failure."""
+    try:
+        yield
+        sys.stdout.flush()
+    except OrbitsError as error:
+        stderr().print(f"[bold red]error:[/] {_escaped(' '.join(str(error).split()))}", soft_wrap=True)
+        raise SystemExit(INTERRUPTED if type(error).__name__ == "Interrupted" else error.exit_code) from None
+    except KeyboardInterrupt:
+        stderr().print("[bold red]error:[/] stopped by Ctrl-C.")
+        raise SystemExit(INTERRUPTED) from None
+    except BrokenPipeError:
+        # The reader, such as `head`, has seen enough; Python would complain once more while it closes the pipe.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(0) from None
+    except MemoryError:
+        stderr().print("[bold red]error:[/] not enough memory; take fewer samples or particles.")
+        raise SystemExit(1) from None
+    except OSError as error:
+        stderr().print(f"[bold red]error:[/] {_escaped(str(error))}", soft_wrap=True)
+        raise SystemExit(1) from None
+
+
+def changed(
+    scenario: Scenario, dt: str | None, duration: str | None, integrator: str | None, samples: int | None
+) -> Scenario:
+    """Return the scenario with what was typed on the command line."""
+    from orbits import integrators
+
+    return scenario.with_changes(
+        dt=None if dt is None else quantity(dt, "--dt"),
+        duration=None if duration is None else quantity(duration, "--duration"),
+        integrators=None if integrator is None else [integrators.parse(integrator)],
+        samples=samples,
+    )
+
+
+def execute(scenario: Scenario, *, out: Path | None, as_json: bool, no_plot: bool) -> int:
+    """Perform a scenario, print what it gave, and return the exit code."""
+    from orbits.scenario.performing import perform, to_record
+
+    console = stderr()
+    console.print(f"[bold]{_escaped(scenario.title)}[/]")
+    outcome = perform(
+        scenario, out=out, plot=not no_plot, say=lambda text: console.print(f"[dim]{_escaped(text)} ...[/]")
+    )
+    if as_json:
+        print(json.dumps(to_record(outcome), indent=1))
+    else:
+        show(outcome)
+    return 0 if outcome.ok else 1
+
+
+def show(outcome: Outcome) -> None:
+    """Print tables, checks, files and the verdict on standard output."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=100)
+    for name, case in outcome.cases.items():
+        if case.report is not None:
+            console.print(case.report)
+        else:
+            for label, run in case.runs.items():
+                console.print(f"{_escaped(name)} {_escaped(label)}".strip())
+                console.print(str(run.drift()))
+    for check in outcome.checks:
+        mark = "[green]holds[/]" if check.ok else "[bold red]FAILS[/]"
+        console.print(f"{mark}  {_escaped(check.claim)}" + (f": {_escaped(check.measured)}" if check.measured else ""))
+    console.print()
+    for path in outcome.files:
+        console.print(f"wrote {_escaped(str(path))}")
+    if outcome.ok:
+        console.print("[bold green]ok:[/] all that this scenario demands holds")
+    for failure in outcome.failures:
+        console.print(f"[bold red]FAILED:[/] {_escaped(failure)}")
+
+
+def main(scenario: Scenario) -> None:
+    """Run a scenario as a program of its own; ends the process."""
+
+    def run(
+        dt: Dt = None,
+        duration: Duration = None,
+        integrator: Method = None,
+        samples: Samples = None,
+        out: Out = None,
+        as_json: Json = False,
+        no_plot: NoPlot = False,
+    ) -> None:
+        with guarded():
+            code = execute(
+                changed(scenario, dt, duration, integrator, samples), out=out, as_json=as_json, no_plot=no_plot
+            )
+            raise typer.Exit(code)
+
+    run.__doc__ = f"{scenario.title}\n\nExample: python {Path(sys.argv[0]).name} --duration '10 yr' --no-plot"
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(run)
+    app()
+
+
+def _escaped(text: Any) -> str:
+    from rich.markup import escape
+
+    return escape(str(text))

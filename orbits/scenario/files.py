@@ -1,0 +1,56 @@
+"""Which files of a results folder may be replaced: those that this package wrote, and no others."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from orbits.errors import ArchiveError, InputError, StorageError
+
+
+def results_folder(path: Path) -> Path:
+    """Make the folder if it is not there. Raises InputError where that cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{path} is a file; results need a folder. Give another one with --out.") from None
+    except OSError as error:
+        raise InputError(f"the folder {path} cannot be made ({error.strerror}); give another one with --out.") from None
+    return path
+
+
+def replaceable(path: Path) -> Path:
+    """Return `path` if nothing is there, or something that this package wrote; raise InputError otherwise."""
+    if path.is_dir() or (path.exists() and not _is_ours(path)):
+        raise InputError(f"{path} is there already and was not written by orbits; move it away, or give another --out.")
+    return path
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Write a text file. Raises StorageError where the device does not take it."""
+    try:
+        replaceable(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{path} could not be written ({error.strerror}).") from error
+    return path
+
+
+def _is_ours(path: Path) -> bool:
+    if path.suffix == ".h5":
+        from orbits.archive import Archive
+
+        try:
+            Archive.open(path, salvage=True).close()
+        except ArchiveError as error:
+            return "no sample" in str(error)
+        return True
+    try:
+        head = path.read_bytes()
+    except OSError:
+        return False
+    if path.suffix == ".png":
+        return head.startswith(b"\x89PNG") and (b"Software\x00orbits" in head[:4096] or not head)
+    try:
+        return str(json.loads(head).get("format", "")).startswith("orbits")
+    except (ValueError, AttributeError):
+        return False

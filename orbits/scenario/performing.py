@@ -1,0 +1,178 @@
+"""Performing a scenario: integrate, compare, check, draw, and write the results folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from orbits.errors import OrbitsError
+from orbits.scenario.definition import CaseOutcome, Outcome, Scenario, slug
+from orbits.scenario.files import replaceable, results_folder, write_text
+from orbits.scenario.loading import located
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+
+def perform(
+    scenario: Scenario,
+    *,
+    out: Path | None = None,
+    plot: bool = True,
+    progress: bool | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Outcome:
+    """Run all that a scenario asks for and write what it gives.
+
+    out : results folder, ./results/NAME by default; files of an earlier run are replaced, files of others never
+    plot : whether to draw
+    progress : as in `propagate`; say : is told what is going on, a line at a time
+
+    Raises InputError and its kin for a wrong use, IntegrationError for a run that fails, Interrupted after Ctrl-C. An
+    exceeded tolerance is no error: `outcome.ok` says so.
+    """
+    folder = results_folder(out or Path("results") / scenario.name)
+    with located():
+        systems = scenario.cases()
+    cases: dict[str, CaseOutcome] = {}
+    files: list[Path] = []
+    for name, system in systems.items():
+        stem = f"-{slug(name)}" if name else ""
+        runs = _runs(scenario, system, folder / f"run{stem}.h5", progress, say)
+        files.append(folder / f"run{stem}.h5")
+        cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, runs, progress, say))
+    outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
+    with located():
+        checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
+    outcome = Outcome(scenario=scenario, folder=folder, cases=cases, checks=checks)
+    complaints: tuple[str, ...] = ()
+    if plot:
+        say("drawing")
+        try:
+            files += _draw(outcome)
+        except OrbitsError as error:
+            complaints = (str(error),)
+    files.append(folder / "report.json")
+    outcome = Outcome(
+        scenario=scenario, folder=folder, cases=cases, checks=checks, files=tuple(files), complaints=complaints
+    )
+    write_text(folder / "report.json", json.dumps(to_record(outcome), indent=1) + "\n")
+    return outcome
+
+
+def to_record(outcome: Outcome) -> dict[str, Any]:
+    """Return an outcome as values that JSON can hold."""
+    scenario = outcome.scenario
+    return {
+        "format": "orbits-scenario",
+        "version": 1,
+        "scenario": scenario.name,
+        "title": scenario.title,
+        "ok": outcome.ok,
+        "failures": list(outcome.failures),
+        "checks": [{"claim": c.claim, "ok": c.ok, "measured": c.measured} for c in outcome.checks],
+        "files": [str(path) for path in outcome.files],
+        "cases": {
+            name: {
+                "runs": {label: _run_record(run) for label, run in case.runs.items()},
+                "report": json.loads(case.report.to_json()) if case.report is not None else None,
+            }
+            for name, case in outcome.cases.items()
+        },
+    }
+
+
+def _runs(
+    scenario: Scenario, system: System, archive: Path, progress: bool | None, say: Callable[[str], None]
+) -> Mapping[str, Trajectory]:
+    from orbits.propagation import propagate
+
+    runs: dict[str, Trajectory] = {}
+    for method in scenario.integrators:
+        say(f"{method.label}: {len(system)} bodies")
+        first = not runs
+        runs[method.label] = propagate(
+            system,
+            method,
+            dt=scenario.dt,
+            duration=scenario.duration,
+            samples=scenario.samples,
+            archive=replaceable(archive) if first else None,
+            overwrite=True,
+            progress=progress,
+        )
+    return runs
+
+
+def _report(
+    scenario: Scenario,
+    name: str,
+    system: System,
+    runs: Mapping[str, Trajectory],
+    progress: bool | None,
+    say: Callable[[str], None],
+) -> Any:
+    if not scenario.against:
+        return None
+    from orbits.regression import compare
+
+    say(f"comparing with {', '.join(scenario.against)}")
+    return compare(
+        system,
+        list(scenario.integrators),
+        dt=scenario.dt,
+        duration=scenario.duration,
+        samples=scenario.samples,
+        against=scenario.against,
+        tolerances=scenario.tolerances or None,
+        title=f"{scenario.title}: {name}" if name else scenario.title,
+        runs=list(runs.values()),
+        progress=progress,
+    )
+
+
+def _draw(outcome: Outcome) -> list[Path]:
+    from orbits.plotting import plot_trajectory, save
+
+    figures: dict[str, Figure] = {}
+    if outcome.scenario.draw is not None:
+        with located():
+            drawn = outcome.scenario.draw(outcome)
+        figures.update(drawn if isinstance(drawn, Mapping) else {outcome.scenario.name: drawn})
+    else:
+        for name, case in outcome.cases.items():
+            figures[slug(name) or "run"] = plot_trajectory(case.run, title=outcome.scenario.title)
+    paths = []
+    for name, figure in figures.items():
+        path = replaceable(outcome.folder / f"{name}.png")
+        save(figure, path)
+        paths.append(path)
+    for name, case in outcome.cases.items():
+        if case.report is not None:
+            path = replaceable(outcome.folder / f"comparison{'-' + slug(name) if name else ''}.png")
+            case.report.plot(path)
+            paths.append(path)
+    return paths
+
+
+def _run_record(run: Trajectory) -> dict[str, Any]:
+    drift = run.drift()
+    cost = run.statistics
+    return {
+        "integrator": run.integrator.label,
+        "dt": abs(run.step),
+        "time_unit": str(run.system.units.time),
+        "samples": len(run),
+        "steps": cost.steps if cost else None,
+        "wall_s": cost.wall_time if cost else None,
+        "compile_s": cost.compile_time if cost else None,
+        "largest_relative_change": {
+            name: getattr(drift, name).max_fraction
+            for name in ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
+        },
+    }
