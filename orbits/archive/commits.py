@@ -36,7 +36,7 @@ _IN_PAGES: Any = {
     "itemsize": 4096,
 }
 ROW: np.dtype[Any] = np.dtype(_IN_PAGES)
-"""A commit row as it lies in the file: each of the two rows has a page of its own, so that no torn write reaches both."""
+"""A commit row as it lies in the file: each of the two has a page of its own, so that no torn write reaches both."""
 
 
 @dataclass(frozen=True)
@@ -75,4 +75,4 @@ def decoded(row: bytes | bytearray, slot: int) -> Commit | None:
 def spans(chunks: NDArray[Any]) -> list[tuple[int, int, int]]:
     """Return (first sample, end, crc) of each chunk in a table of them."""
     ends = [int(end) for end in chunks["samples"]]
-    return list(zip([0, *ends[:-1]], ends, (int(crc) for crc in chunks["crc"]), strict=True))
+    return list(zip([0, *ends][:-1], ends, (int(crc) for crc in chunks["crc"]), strict=True))

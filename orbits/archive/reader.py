@@ -168,7 +168,7 @@ class Archive:
 
 def opened(path: Path, flags: int) -> Storage:
     """Open a file that is there. Raises ArchiveError in words for one that is not, or that may not be opened."""
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ArchiveError(f"{path} is a folder; expected an archive that orbits.propagate(archive=...) wrote.")
     try:
         storage = Storage(path, flags | getattr(os, "O_NONBLOCK", 0))
@@ -178,7 +178,7 @@ def opened(path: Path, flags: int) -> Storage:
         raise ArchiveError(f"{path} cannot be opened ({error.strerror}); check its permissions.") from error
     except ValueError as error:
         raise ArchiveError(f"{str(path)!r} is not a path ({error}).") from error
-    if not path.is_file():
+    if not os.path.isfile(path):
         storage.close()
         raise ArchiveError(f"{path} is not a file; expected an archive that orbits.propagate(archive=...) wrote.")
     return storage

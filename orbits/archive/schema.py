@@ -83,9 +83,12 @@ def write(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) ->
     with h5py.File(
         path, "w", libver=_LIBVER, locking=False, alignment_threshold=_ALIGNMENT, alignment_interval=_ALIGNMENT
     ) as file:
-        file.attrs["orbits"] = SCHEMA
-        file.attrs["header_checksum"] = headers.checksum(items)
-        file.attrs["header_items"] = json.dumps(sorted(items))
+        for name, text in (
+            ("@orbits", SCHEMA),
+            ("@header_checksum", headers.checksum(items)),
+            ("@header_items", json.dumps(sorted(items))),
+        ):
+            _write_item(file, name, text)
         for name, item in items.items():
             _write_item(file, name, item)
         for slot in range(SLOTS):
@@ -95,7 +98,8 @@ def write(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) ->
         _preallocate(file, "commits", (SLOTS,), ROW)
         _preallocate(file, "chunks", shape[:1], CHUNK)
         for name, unit in (("q", "system/q@unit"), ("v", "system/v@unit")):
-            _preallocate(file, name, shape, np.dtype("<f8")).attrs["unit"] = items[unit]
+            _preallocate(file, name, shape, np.dtype("<f8"))
+            _write_item(file, f"{name}@unit", items[unit])
 
 
 def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
@@ -187,23 +191,36 @@ def _layout(file: Any, shape: tuple[int, int, int], path: Path) -> Layout:
 
 
 def _write_item(file: Any, name: str, item: Item) -> None:
-    import h5py
-
     place, at, attribute = name.partition("@")
     if at:
         owner = file.require_group(place) if place and place not in file else file[place or "/"]
-        owner.attrs[attribute] = item
+        if isinstance(item, str):
+            owner.attrs.create(attribute, _fixed(item))
+        else:
+            owner.attrs[attribute] = item
     elif isinstance(item, list):
-        file.create_dataset(name, data=item, dtype=h5py.string_dtype())
+        file.create_dataset(name, data=_fixed(item))
     else:
         file.create_dataset(name, data=np.asarray(item, dtype="<f8"))
+
+
+def _fixed(text: str | list[str]) -> NDArray[Any]:
+    """Return texts as UTF-8 of fixed length, in the type that HDF5 knows as such.
+
+    Texts of variable length would go to HDF5's global heap, which has no checksums: a flipped bit there has sent the
+    library into an endless loop.
+    """
+    import h5py
+
+    encoded = np.array(np.char.encode(text, "utf-8"))
+    return encoded.astype(h5py.string_dtype("utf-8", max(1, encoded.dtype.itemsize)))
 
 
 def _read_item(file: Any, name: str) -> Item:
     place, at, attribute = name.partition("@")
     if at:
         value = file[place or "/"].attrs[attribute]
-        return _text(value) if isinstance(value, str | bytes) else float(value)
+        return float(value) if isinstance(value, np.floating) else _text(value)
     dataset = file[name]
     if dataset.dtype.kind == "f":
         return np.asarray(dataset[()], dtype=np.float64)

@@ -29,7 +29,16 @@ from orbits.errors import ArchiveError, StorageError
 from orbits.system import System
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-_WRONG_USE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG, errno.EINVAL}
+_WRONG_USE = {
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENOENT,
+    errno.ENOTDIR,
+    errno.ENAMETOOLONG,
+    errno.EINVAL,
+    errno.ELOOP,
+}
 
 
 class ArchiveWriter:
@@ -221,11 +230,13 @@ def _built(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or "/" in name or name in ("", "."):
             raise ArchiveError(f"checkpoint {name!r} is {array!r}; expected an array of numbers and a plain name.")
     needed = schema.bytes_needed(header, checkpoint)
-    _check_room(path, needed)
     partial = partial_path(path)
     storage = _fresh(partial, path, needed)
     with _discarded_on_failure(storage, partial):
         try:
+            free = free_bytes(path.parent)
+            if needed > free:
+                raise _no_room(path, needed, free)
             schema.write(partial, header, checkpoint)
             storage.reserve()
             storage.sync()
@@ -292,15 +303,15 @@ def _take_name(storage: Storage, path: Path, overwrite: bool) -> None:
 
 def _check_target(path: Path, overwrite: bool) -> None:
     """Refuse, in words, a path where no archive can be made."""
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ArchiveError(f"{path} is a folder; give a file in it, such as {path / 'run.h5'}.")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise ArchiveError(f"the folder {path.parent} does not exist; make it, or choose another path.")
     if not os.path.lexists(path):
         return
     if not overwrite:
         raise _exists(path)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise ArchiveError(f"{path} is not a file, so it cannot be replaced; choose another path.")
     try:
         storage = Storage(path, os.O_RDWR)
@@ -340,15 +351,6 @@ def _check_checkpoint(checkpoint: Mapping[str, NDArray[Any]], layout: Layout) ->
                 f"checkpoint {name!r} is {array.dtype} of shape {array.shape}; expected {place.dtype} of shape "
                 f"{place.shape}, as at creation."
             )
-
-
-def _check_room(path: Path, needed: int) -> None:
-    try:
-        free = free_bytes(path.parent)
-    except OSError as error:
-        raise _failure(error, path, needed) from error
-    if needed > free:
-        raise _no_room(path, needed, free)
 
 
 def _failure(error: OSError | RuntimeError, path: Path, needed: int) -> ArchiveError | StorageError:
