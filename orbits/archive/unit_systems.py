@@ -46,22 +46,32 @@ def _unit_to_dict(unit: Any) -> dict[str, Any]:
                 f"the unit {unit} is made of {base}, which only this session knows; an archive needs units that "
                 "convert to astropy's base units. Give it a definition: u.def_unit(name, 2.5 * u.km)."
             )
-    bases = [[base.name, float(power)] for base, power in zip(whole.bases, whole.powers, strict=True)]
-    return {"name": str(unit), "scale": float(whole.scale), "bases": bases}
+    return {"name": str(unit), "written": _parts(unit), "base units": _parts(whole)}
+
+
+def _parts(unit: Any) -> list[Any]:
+    """Return [factor, [[unit, power], ...]]."""
+    powers = [[base.name, float(power)] for base, power in zip(unit.bases, unit.powers, strict=True)]
+    return [float(unit.scale), powers]
 
 
 def _unit_from_dict(stored: dict[str, Any]) -> Any:
     from astropy import units as u
 
-    try:
-        unit = u.Unit(stored["name"])
-    except ValueError:
-        unit = None
-    if unit is not None and _unit_to_dict(unit) == stored:
-        return unit
+    name, (factor, powers) = stored["name"], stored["written"]
+    for read, arguments in ((u.Unit, [name]), (_product, [factor, powers])):
+        try:
+            unit: Any = read(*arguments)
+        except ValueError:
+            continue
+        if _unit_to_dict(unit) == stored:
+            return unit
     # A unit of the user's own, or one that another edition of astropy defines otherwise: as it was then.
-    bases = [u.Unit(name) for name, _ in stored["bases"]]
-    definition = u.CompositeUnit(stored["scale"], bases, [power for _, power in stored["bases"]])
-    if str(stored["name"]).isidentifier():
-        return u.def_unit(stored["name"], definition)
-    return definition
+    definition = _product(*stored["base units"])
+    return u.def_unit(name, definition) if name.isidentifier() else definition
+
+
+def _product(factor: float, powers: list[tuple[str, float]]) -> Any:
+    from astropy import units as u
+
+    return u.CompositeUnit(factor, [u.Unit(name) for name, _ in powers], [power for _, power in powers])
