@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from orbits.integrators.stormer_verlet import StormerVerlet
     from orbits.propagation import propagate, resume
     from orbits.regression import compare, from_rebound, to_rebound
-    from orbits.scenario import Scenario
+    from orbits.scenario import Check, Scenario
     from orbits.system import System
     from orbits.trajectory import Trajectory
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
@@ -49,6 +49,7 @@ __all__ = [
     "SOLAR",
     "Archive",
     "ArchiveError",
+    "Check",
     "ConvergenceError",
     "EpochError",
     "ExplicitEuler",
@@ -96,7 +97,7 @@ _HOME = {
     "integrators.stormer_verlet": ["StormerVerlet"],
     "propagation": ["propagate", "resume"],
     "regression": ["compare", "from_rebound", "to_rebound"],
-    "scenario": ["Scenario"],
+    "scenario": ["Check", "Scenario"],
     "system": ["System"],
     "trajectory": ["Trajectory"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],

@@ -12,7 +12,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
-from orbits.errors import InputError
+from orbits.errors import ArchiveError, InputError
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.checks import index_of
 from orbits.system.making import primary_name
@@ -134,19 +134,27 @@ class Trajectory:
     def open(cls, path: str | PathLike[str], *, statistics: Statistics | None = None) -> Trajectory:
         """Return the trajectory in an archive, complete or not; it is read when it is asked for.
 
-        Raises ArchiveError for a file that is missing, truncated, foreign or newer.
+        Raises ArchiveError for a file that is missing, truncated, foreign or newer, or of a method that is not known.
         """
         from orbits import integrators
         from orbits.archive import Archive
 
         archive = Archive.open(path)
+        try:
+            integrator = integrators.build(archive.integrator)
+        except InputError as error:
+            archive.close()
+            raise ArchiveError(
+                f"{path}: {error} Read the samples themselves with orbits.Archive.open(path), or get a version of "
+                "orbits that knows this method."
+            ) from error
         return cls(
             archive.system,
             archive.times[: archive.committed],
             archive.q,
             archive.v,
             step=archive.dt,
-            integrator=integrators.build(archive.integrator),
+            integrator=integrator,
             statistics=statistics,
             complete=archive.complete,
             path=str(path),
@@ -185,13 +193,13 @@ class Trajectory:
 
     @property
     def q(self) -> u.Quantity:
-        """Positions, shape (n, bodies, 3). From an archive all of them are read: run["Ceres"].q reads one body."""
-        return u.Quantity(self._q[:], self.system.units.length, copy=False)
+        """Positions, shape (n, bodies, 3), read-only. From an archive they are read where they are used: run.q[-1]."""
+        return u.Quantity(_as_array(self._q), self.system.units.length, copy=False)
 
     @property
     def v(self) -> u.Quantity:
-        """Velocities, shape (n, bodies, 3). From an archive all of them are read: run["Ceres"].v reads one body."""
-        return u.Quantity(self._v[:], self.system.units.speed, copy=False)
+        """Velocities, shape (n, bodies, 3), read-only. From an archive they are read where they are used: run.v[-1]."""
+        return u.Quantity(_as_array(self._v), self.system.units.speed, copy=False)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -245,7 +253,12 @@ class Trajectory:
         return u.Quantity(values, self.system.units.length)
 
     def drift(self) -> ConservedQuantities:
-        """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps."""
+        """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
+
+        Raises InputError for a run without samples.
+        """
+        if not len(self):
+            raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
         gm, start = self._gm(), self.system.values
         massive = self.system.massive
         centre = self.centre_of_mass().value
@@ -268,7 +281,14 @@ class Trajectory:
         values = self.system.values
         primary = primary_name(self.names, values.gm, primary)
         return osculating(
-            self.names, values.gm, self._q[:], self._v[:], units=self.system.units, primary=primary, frame=frame
+            self.names,
+            values.gm,
+            _as_array(self._q),
+            _as_array(self._v),
+            units=self.system.units,
+            primary=primary,
+            frame=frame,
+            t=self.times,
         )
 
     def plot(self, **options: Any) -> Any:
@@ -302,9 +322,17 @@ class Trajectory:
         return self.system.values.gm[self.system.massive]
 
     def _of_massive(self, function: Callable[[Array, Array], Array]) -> Array:
-        parts = [function(q, v) for _, q, v in self.blocks()]
-        return np.concatenate(parts) if parts else np.zeros(0)
+        nothing = np.empty((0, int(self.system.massive.sum()), 3))
+        return np.concatenate([function(nothing, nothing), *(function(q, v) for _, q, v in self.blocks())])
 
     def _epoch(self) -> None:
         if self.system.epoch is None:
             raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
+
+
+def _as_array(samples: Samples) -> Array:
+    """Return all samples as one read-only array; those in an archive are mapped, not read."""
+    mapped = getattr(samples, "mapped", None)
+    array: Array = samples[:] if mapped is None else mapped()
+    array.flags.writeable = False
+    return array

@@ -3,20 +3,30 @@
 matplotlib loads when the first picture is made.
 """
 
-from orbits.plotting.pictures import conserved, in_plane, paths, plot_system, plot_trajectory, relative_change
-from orbits.plotting.style import caption, colour, figure, panels, save, short
+from orbits.plotting import style
+from orbits.plotting.pictures import (
+    conserved,
+    in_plane,
+    osculating_ellipse,
+    paths,
+    plot_system,
+    plot_trajectory,
+    relative_change,
+)
+from orbits.plotting.style import colour, figure, look, save, short
 
 __all__ = [
-    "caption",
     "colour",
     "conserved",
     "figure",
     "in_plane",
-    "panels",
+    "look",
+    "osculating_ellipse",
     "paths",
     "plot_system",
     "plot_trajectory",
     "relative_change",
     "save",
     "short",
+    "style",
 ]

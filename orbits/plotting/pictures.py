@@ -24,14 +24,15 @@ MOST_PATHS = 24
 """Bodies whose paths are drawn as lines; more become a cloud of points."""
 
 
+@style.look()
 def plot_system(system: System, *, title: str | None = None) -> Figure:
     """Return a picture of a system from above: bodies at the epoch, with the ellipses that they osculate.
 
     Physical systems are seen from the pole of the ecliptic, others along their third axis.
     """
     made = style.figure(11, 10)
-    axes = style.panels(made, [["map"]])["map"]
-    gm, q, v, _ = system.values
+    axes = made.subplots()
+    gm, q, _, _ = system.values
     massive = system.massive
     points = in_plane(system, q)
     centre = int(np.argmax(gm))
@@ -41,9 +42,8 @@ def plot_system(system: System, *, title: str | None = None) -> Figure:
     for i, name in enumerate(system.names):
         if not massive[i] and len(system) > MOST_PATHS:
             continue
-        ellipse = _ellipse(gm[centre] + gm[i], q[i] - q[centre], v[i] - v[centre]) if i != centre else None
-        if ellipse is not None:
-            path = in_plane(system, q[centre] + ellipse)
+        path = osculating_ellipse(system, i)
+        if path is not None:
             axes.plot(path[:, 0], path[:, 1], color=style.colour(name, i), lw=1.2, alpha=0.7)
         axes.plot(*points[i, :2], "o", ms=9 if i == centre else 6, color=style.colour(name, i), label=style.short(name))
     _finish_map(axes, system)
@@ -53,13 +53,14 @@ def plot_system(system: System, *, title: str | None = None) -> Figure:
     return made
 
 
+@style.look()
 def plot_trajectory(run: Trajectory, *, title: str | None = None, bodies: Sequence[str] | None = None) -> Figure:
     """Return a picture of a run: the paths from above, and the errors of energy and angular momentum against time.
 
     bodies : which ones; all of them by default, massless ones as a cloud at the end where there are many
     """
     made = style.figure(16, 9)
-    axes = style.panels(made, [["map", "energy"], ["map", "momentum"]], width_ratios=[1.15, 1])
+    axes = made.subplot_mosaic([["map", "energy"], ["map", "momentum"]], width_ratios=[1.15, 1])
     paths(axes["map"], run, bodies=bodies)
     axes["map"].set_title(title or f"{run.integrator.label}, dt = {run.dt:.6g}".rstrip())
     conserved(axes["energy"], axes["momentum"], {run.integrator.label: run})
@@ -111,7 +112,7 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
 
 
 def relative_change(series: Array, floor: float = 2.5e-17) -> Array:
-    """Return |x_k - x_0| / |x_0| of a scalar or vector series, no less than `floor` so that zero shows on a log axis."""
+    """Return |x_k - x_0| / |x_0| of a scalar or vector series, at least `floor` so that zero shows on a log axis."""
     values = series.reshape(len(series), -1)
     size = float(np.linalg.norm(values[0])) or 1.0
     change: Array = np.linalg.norm(values - values[0], axis=1) / size
@@ -134,8 +135,17 @@ def _when(system: System) -> str:
     return "" if system.epoch is None else f"{system.epoch.isot[:10]} TDB, seen from the ecliptic's pole"
 
 
-def _ellipse(gm: float, q: Array, v: Array) -> Array | None:
-    """Return 361 points of the osculating ellipse about the origin, or None for another conic."""
+def osculating_ellipse(system: System, body: str | int) -> Array | None:
+    """Return 361 points, as seen from above, of the ellipse that a body osculates about the most massive one.
+
+    None for the most massive body itself and for parabolas and hyperbolas.
+    """
+    i = body if isinstance(body, int) else system.index(body)
+    gms, qs, vs, _ = system.values
+    centre = int(np.argmax(gms))
+    if i == centre:
+        return None
+    gm, q, v = float(gms[centre] + gms[i]), qs[i] - qs[centre], vs[i] - vs[centre]
     r, h = float(np.linalg.norm(q)), np.cross(q, v)
     energy = float(v @ v) / 2 - gm / r
     if energy >= 0.0 or not h.any():
@@ -147,7 +157,7 @@ def _ellipse(gm: float, q: Array, v: Array) -> Array | None:
     y = np.cross(h / np.linalg.norm(h), x)
     angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
     ellipse: Array = a * ((np.cos(angle) - e) * x + np.sqrt(1 - e * e) * np.sin(angle) * y)
-    return ellipse
+    return in_plane(system, qs[centre] + ellipse)
 
 
 def _turns_slowly(points: Array) -> bool:

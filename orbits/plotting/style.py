@@ -5,12 +5,12 @@ Figures are made without pyplot: nothing global is touched, no window opens, and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Okabe & Ito (2008).
@@ -56,32 +56,28 @@ _SETTINGS: Any = {
 }
 
 
-def figure(width: float = 16.0, height: float = 10.0) -> Figure:
-    """Return an empty figure of width x height inches at 120 dots per inch, in the look of this package."""
+@contextmanager
+def look() -> Iterator[None]:
+    """Draw in the look of this package: fonts, spines, legends."""
     from matplotlib import rc_context
+
+    with rc_context(_SETTINGS):
+        yield
+
+
+def figure(width: float = 16.0, height: float = 10.0) -> Figure:
+    """Return an empty figure of width x height inches at 120 dots per inch."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with rc_context(_SETTINGS):
-        made = Figure(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
-        FigureCanvasAgg(made)
-        return made
-
-
-def panels(made: Figure, mosaic: Any, **options: Any) -> dict[str, Axes]:
-    """Return the axes of a mosaic layout, in the look of this package."""
-    from matplotlib import rc_context
-
-    with rc_context(_SETTINGS):
-        axes: dict[str, Axes] = made.subplot_mosaic(mosaic, **options)
-        return axes
+    made = Figure(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
+    FigureCanvasAgg(made)
+    return made
 
 
 def save(made: Figure, path: Path) -> None:
     """Write a figure as PNG that says it comes from this package."""
-    from matplotlib import rc_context
-
-    with rc_context(_SETTINGS):
+    with look():
         made.savefig(path, metadata={"Software": MARK})
 
 
@@ -93,8 +89,3 @@ def colour(name: str, index: int) -> str:
 def short(name: str) -> str:
     """Return a name short enough for a label."""
     return SHORT_NAMES.get(name, name)
-
-
-def caption(made: Figure, text: str) -> None:
-    """Write a line of small print below everything."""
-    made.supxlabel(text, fontsize=13, color=GREY, x=0.01, ha="left")

@@ -52,7 +52,7 @@ def draw(report: Report, path: Path) -> None:
         columns = min(4, len(handles))
         figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=16, frameon=False)
     figure.suptitle(str(report.settings.get("title") or "Comparison"), fontsize=22, fontweight="bold")
-    figure.savefig(path)
+    figure.savefig(path, metadata={"Software": "orbits"})
 
 
 def _panel(axis: Axes, report: Report, rows: list[Row], quantity: str, title: str) -> None:

@@ -39,7 +39,7 @@ def stderr() -> Console:
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """End the process as the command line promises: errors as one line, exit code 2 for a wrong use, 1 for a failure."""
+    """End the process as promised: errors as one line, exit code 2 for a wrong use, 1 for a failure."""
     try:
         yield
         sys.stdout.flush()

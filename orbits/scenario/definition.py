@@ -105,7 +105,7 @@ class Scenario:
                 )
         if isinstance(self.samples, bool) or not isinstance(self.samples, int) or self.samples < 2:
             raise InputError(
-                f"scenario {self.name!r}: samples must be a whole number of at least 2 (both ends); got {self.samples!r}."
+                f"scenario {self.name!r}: samples must be a whole number >= 2 (both ends); got {self.samples!r}."
             )
         for what in ("checks", "draw"):
             if getattr(self, what) is not None and not callable(getattr(self, what)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from orbits.errors import ArchiveError, InputError, StorageError
+from orbits.errors import InputError, StorageError
 
 
 def results_folder(path: Path) -> Path:
@@ -37,13 +37,13 @@ def write_text(path: Path, text: str) -> Path:
 
 def _is_ours(path: Path) -> bool:
     if path.suffix == ".h5":
-        from orbits.archive import Archive
+        import h5py
 
         try:
-            Archive.open(path, salvage=True).close()
-        except ArchiveError as error:
-            return "no sample" in str(error)
-        return True
+            with h5py.File(path, "r", locking=False) as file:
+                return "orbits" in file.attrs
+        except OSError:
+            return False
     try:
         head = path.read_bytes()
     except OSError:

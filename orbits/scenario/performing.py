@@ -75,7 +75,7 @@ def to_record(outcome: Outcome) -> dict[str, Any]:
         "title": scenario.title,
         "ok": outcome.ok,
         "failures": list(outcome.failures),
-        "checks": [{"claim": c.claim, "ok": c.ok, "measured": c.measured} for c in outcome.checks],
+        "checks": [{"claim": c.claim, "ok": bool(c.ok), "measured": c.measured} for c in outcome.checks],
         "files": [str(path) for path in outcome.files],
         "cases": {
             name: {
@@ -137,11 +137,11 @@ def _report(
 
 
 def _draw(outcome: Outcome) -> list[Path]:
-    from orbits.plotting import plot_trajectory, save
+    from orbits.plotting import look, plot_trajectory, save
 
     figures: dict[str, Figure] = {}
     if outcome.scenario.draw is not None:
-        with located():
+        with located(), look():
             drawn = outcome.scenario.draw(outcome)
         figures.update(drawn if isinstance(drawn, Mapping) else {outcome.scenario.name: drawn})
     else:

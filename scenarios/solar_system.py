@@ -1,0 +1,115 @@
+"""The Solar System for a thousand years: Sun, planets and Pluto from JPL's DE440, to the round-off floor.
+
+Newtonian point masses from J2000, by Gauss collocation with 8 stages at six days, beside REBOUND's WHFast and IAS15.
+Positions are measured against runs with half and a quarter of the step, energies and angular momenta in ulps.
+"""
+
+import numpy as np
+from astropy import units as u
+
+import orbits
+
+INNER = ("Mercury", "Venus", "Earth-Moon barycenter", "Mars")
+
+
+def checks(outcome):
+    """Angular momentum and energy of the massive bodies, for the variational methods."""
+    for label, run in outcome.runs.items():
+        if "momentum maps" in run.integrator.declares:
+            drift = run.drift()
+            change = drift.angular_momentum.max_fraction
+            measured = f"{change:.1e} ({drift.angular_momentum.max_ulps:.0f} ulps)"
+            yield orbits.Check(f"{label} keeps angular momentum to round-off", change < 1e-14, measured)
+
+
+def draw(outcome):
+    """Orbits from above, inner and outer; conserved quantities; the error of every planet, method by method."""
+    from orbits import plotting
+
+    run, report = outcome.run, outcome.report
+    figure = plotting.figure(16, 10)
+    axes = figure.subplot_mosaic(
+        [["outer", "outer", "energy", "energy"], ["outer", "outer", "momentum", "momentum"],
+         ["inner", "inner", "errors", "errors"], ["inner", "inner", "errors", "errors"]],
+    )  # fmt: skip
+    start, end = run[0], run[len(run) - 1]
+    for name, panel, reach in (("outer", axes["outer"], 50.0), ("inner", axes["inner"], 1.75)):
+        for i, body in enumerate(run.names):
+            if (body in INNER) != (name == "inner") and body != "Sun":
+                continue
+            look = {"color": plotting.colour(body, i)}
+            for state, width in ((start, 0.7), (end, 1.6)):
+                ellipse = plotting.osculating_ellipse(state, body)
+                if ellipse is not None:
+                    panel.plot(ellipse[:, 0], ellipse[:, 1], lw=width, **look)
+            place = plotting.in_plane(end, end.values.q[i])
+            label = None if body == "Sun" else plotting.short(body)
+            panel.plot(place[0], place[1], "o", ms=8, mec="white", mew=0.8, label=label, **look)
+        panel.set(xlim=(-reach * 1.5, reach * 1.5), ylim=(-reach, reach), xlabel="x [au]", ylabel="y [au]")
+        panel.set_aspect("equal", adjustable="box")
+        panel.legend(loc="center left", bbox_to_anchor=(-0.02, 0.5), fontsize=12, handletextpad=0.1)
+    axes["outer"].set_title("outer planets and Pluto")
+    axes["inner"].set_title("inner planets; thin: the orbits at the start, bold: at the end")
+    years = run.t.to_value(u.yr)
+    ulps(axes["energy"], years, run.energy().value, "energy")
+    ulps(axes["momentum"], years, run.angular_momentum().value, "angular momentum")
+    axes["momentum"].set_xlabel("years since J2000")
+    if report is not None:
+        errors(axes["errors"], report, [name for name in run.names if name != "Sun"])
+    first, last = run.epochs[0].jyear, run.epochs[-1].jyear
+    figure.suptitle(
+        f"The Solar System from {first:.0f} to {last:.0f}: {run.integrator.label}, dt = {run.dt:.4g}",
+        fontsize=21,
+        fontweight="bold",
+    )
+    return figure
+
+
+def ulps(panel, years, series, name):
+    """A conserved quantity's relative change in units of 1e-16, on a linear scale."""
+    from orbits import plotting
+
+    values = series.reshape(len(series), -1)
+    sizes = np.linalg.norm(values, axis=1) if values.shape[1] > 1 else values[:, 0]
+    change = (sizes - sizes[0]) / abs(sizes[0]) * 1e16
+    panel.plot(years, change, color=plotting.style.BLUE, lw=1.2)
+    reach = max(10.0, 1.3 * np.abs(change).max())
+    panel.set(ylim=(-reach, reach), title=f"{name}: relative change in units of 10⁻¹⁶")
+    panel.axhspan(-(2.0**-53) * 1e16, 2.0**-53 * 1e16, color=plotting.style.FAINT, alpha=0.7, lw=0)
+    panel.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
+
+
+def errors(panel, report, names):
+    """The largest position error of each body: a dot for each method."""
+    from orbits import plotting
+
+    markers = "osD^vP"
+    for k, row in enumerate(report.rows):
+        if row.positions:
+            values = [max(row.positions.get(name, np.nan), 1e-7) for name in names]
+            panel.plot(
+                values, range(len(names)), markers[k % 6], ms=9, color=plotting.style.PALETTE[k], label=row.method
+            )
+    panel.set_yticks(range(len(names)), [plotting.short(name) for name in names])
+    panel.invert_yaxis()
+    panel.set(xscale="log", xlabel="km", title="largest position error")
+    panel.grid(color=plotting.style.FAINT, lw=0.6)
+    panel.legend(loc="lower center", bbox_to_anchor=(0.45, -0.32), ncols=4, fontsize=13)
+
+
+scenario = orbits.Scenario(
+    name="solar_system",
+    title="Sun, planets and Pluto for a thousand years from DE440",
+    system=orbits.System.solar_system,
+    integrators=[orbits.Gauss(stages=8)],
+    dt=6 * u.day,
+    duration=1000 * u.yr,
+    samples=1001,
+    against=("whfast-corrector17", "ias15"),
+    tolerances={"energy": 1e-14, "angular_momentum": 1e-14, "position_km": 0.2},
+    checks=checks,
+    draw=draw,
+)
+
+if __name__ == "__main__":
+    scenario.main()
