@@ -98,7 +98,8 @@ def belt_figure(outcome):
     if outcome.report is not None:
         method_bars(axes["errors"], outcome.report, run)
     figure.suptitle(
-        f"{len(a):,} asteroids over {abs(years[-1]):.0f} years: {run.integrator.label}, dt = {run.dt:.3g}; Kirkwood's gaps",
+        f"{len(a):,} asteroids over {abs(years[-1]):.0f} years and Kirkwood's gaps: {run.integrator.label}, "
+        f"dt = {run.dt:.3g}",
         fontsize=21, fontweight="bold",
     )  # fmt: skip
     return figure
