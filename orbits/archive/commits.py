@@ -24,7 +24,7 @@ _FIELDS = [
     ("chunks", "<u8"),  # rows of the table of chunks that belong to them
     ("chunks_crc", "<u4"),  # CRC-32 of these rows
     ("checkpoint_crc", "<u4"),  # CRC-32 of the checkpoint's arrays in the order of their names
-    ("row_crc", "<u4"),  # CRC-32 of the 36 bytes before
+    ("row_crc", "<u4"),  # CRC-32 of the 32 bytes before
 ]
 _PACKED = np.dtype(_FIELDS)
 ROW_BYTES = _PACKED.itemsize
