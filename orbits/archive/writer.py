@@ -8,11 +8,9 @@ row of the last finished commit and all that it stands for are whole.
 
 from __future__ import annotations
 
-import errno
 import os
 import zlib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -21,24 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.archive import schema
 from orbits.archive.commits import CHUNK, ROW, Commit
+from orbits.archive.creation import built, busy, check_target, discarded_on_failure, partial_path, take_name
 from orbits.archive.header import Header
 from orbits.archive.reader import Archive, Checkpoint, opened
 from orbits.archive.schema import Layout
-from orbits.archive.storage import BLOCK, Storage, free_bytes, human, raw_bytes, sync_folder
+from orbits.archive.storage import BLOCK, Storage, raw_bytes
 from orbits.errors import ArchiveError, StorageError
 from orbits.system import System
-
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-_WRONG_USE = {
-    errno.EACCES,
-    errno.EPERM,
-    errno.EROFS,
-    errno.ENOENT,
-    errno.ENOTDIR,
-    errno.ENAMETOOLONG,
-    errno.EINVAL,
-    errno.ELOOP,
-}
 
 
 class ArchiveWriter:
@@ -85,10 +72,10 @@ class ArchiveWriter:
             raise ArchiveError(f"times have shape {times.shape}; expected at least one time, all finite.")
         header = Header(system, dict(integrator), float(dt), times, dict(provenance))
         place = schema.resolved(path)
-        _check_target(place, overwrite)
-        storage, layout = _built(place, header, checkpoint)
-        with _discarded_on_failure(storage, partial_path(place)):
-            _take_name(storage, place, overwrite)
+        check_target(place, overwrite)
+        storage, layout = built(place, header, checkpoint)
+        with discarded_on_failure(storage, partial_path(place)):
+            take_name(storage, place, overwrite)
         return cls(storage, place, layout, Commit(0, 0, 0, 0, 0))
 
     @classmethod
@@ -198,19 +185,14 @@ def extended(path: str | os.PathLike[str], times: ArrayLike) -> ArchiveWriter:
         archive.verify()
         header = Header(archive.system, archive.integrator, archive.dt, times, archive.provenance)
         checkpoint = archive.checkpoint()
-        storage, layout = _built(place, header, checkpoint)
-        with _discarded_on_failure(storage, partial_path(place)):
+        storage, layout = built(place, header, checkpoint)
+        with discarded_on_failure(storage, partial_path(place)):
             writer = ArchiveWriter(storage, place, layout, Commit(0, 0, 0, 0, 0))
             _copy(archive, writer, checkpoint)
-            _take_name(storage, place, overwrite=True)
+            take_name(storage, place, overwrite=True)
         return writer
     finally:
         source.close()
-
-
-def partial_path(path: Path) -> Path:
-    """Where a file is made before it takes its name."""
-    return path.with_name(f".{path.name}.partial")
 
 
 def _copy(archive: Archive, writer: ArchiveWriter, checkpoint: Checkpoint) -> None:
@@ -224,110 +206,11 @@ def _copy(archive: Archive, writer: ArchiveWriter, checkpoint: Checkpoint) -> No
         writer.commit(archive.q[:], archive.v[:], checkpoint)
 
 
-def _built(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> tuple[Storage, Layout]:
-    """Make the file beside `path`, locked and with all of its room; nothing is left behind where that fails."""
-    for name, array in checkpoint.items():
-        if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or "/" in name or name in ("", "."):
-            raise ArchiveError(f"checkpoint {name!r} is {array!r}; expected an array of numbers and a plain name.")
-    needed = schema.bytes_needed(header, checkpoint)
-    partial = partial_path(path)
-    storage = _fresh(partial, path, needed)
-    with _discarded_on_failure(storage, partial):
-        try:
-            free = free_bytes(path.parent)
-            if needed > free:
-                raise _no_room(path, needed, free)
-            schema.write(partial, header, checkpoint)
-            storage.reserve()
-            storage.sync()
-        except (OSError, RuntimeError) as error:
-            raise _failure(error, path, needed) from error
-        _, layout = schema.read(storage, partial)
-    return storage, layout
-
-
-def _fresh(partial: Path, path: Path, needed: int) -> Storage:
-    """Open a new, empty, locked file; what a run that was killed while creating left there is thrown away."""
-    try:
-        with suppress(FileNotFoundError):
-            # Never written to: it may be another name of a file that has long become an archive.
-            stale = Storage(partial, os.O_RDWR)
-            unused = stale.lock()
-            if unused:
-                partial.unlink()
-            stale.close()
-            if not unused:
-                raise _busy(path)
-        storage = Storage(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL)
-    except FileExistsError:
-        raise _busy(path) from None
-    except OSError as error:
-        raise _failure(error, path, needed) from error
-    if not (storage.lock() and storage.is_at(partial)):
-        storage.close()
-        raise _busy(path)
-    return storage
-
-
-@contextmanager
-def _discarded_on_failure(storage: Storage, partial: Path) -> Iterator[None]:
-    try:
-        yield
-    except BaseException:
-        with suppress(OSError):
-            if storage.is_at(partial):
-                partial.unlink()
-        storage.close()
-        raise
-
-
-def _take_name(storage: Storage, path: Path, overwrite: bool) -> None:
-    """Give the finished file its name, in one step. Raises ArchiveError where the name was taken meanwhile."""
-    partial = partial_path(path)
-    try:
-        if not overwrite:
-            with suppress(PermissionError, NotImplementedError):
-                # Unlike a rename, a link does not replace a file that another run has just made.
-                os.link(partial, path)
-                partial.unlink()
-        if storage.is_at(partial):
-            if not overwrite and os.path.lexists(path):
-                raise _exists(path)
-            os.replace(partial, path)
-    except FileExistsError:
-        raise _exists(path) from None
-    except OSError as error:
-        raise _failure(error, path, 0) from error
-    sync_folder(path.parent)
-
-
-def _check_target(path: Path, overwrite: bool) -> None:
-    """Refuse, in words, a path where no archive can be made."""
-    if os.path.isdir(path):
-        raise ArchiveError(f"{path} is a folder; give a file in it, such as {path / 'run.h5'}.")
-    if not os.path.isdir(path.parent):
-        raise ArchiveError(f"the folder {path.parent} does not exist; make it, or choose another path.")
-    if not os.path.lexists(path):
-        return
-    if not overwrite:
-        raise _exists(path)
-    if not os.path.isfile(path):
-        raise ArchiveError(f"{path} is not a file, so it cannot be replaced; choose another path.")
-    try:
-        storage = Storage(path, os.O_RDWR)
-    except OSError as error:
-        raise ArchiveError(f"{path} cannot be replaced ({error.strerror}); check its permissions.") from error
-    free = storage.lock()
-    storage.close()
-    if not free:
-        raise _busy(path)
-
-
 def _opened_for_writing(path: Path) -> tuple[Storage, Archive]:
     storage = opened(path, os.O_RDWR)
     try:
         if not storage.lock():
-            raise _busy(path)
+            raise busy(path)
         return storage, Archive._of(storage, path)
     except BaseException:
         storage.close()
@@ -351,30 +234,3 @@ def _check_checkpoint(checkpoint: Mapping[str, NDArray[Any]], layout: Layout) ->
                 f"checkpoint {name!r} is {array.dtype} of shape {array.shape}; expected {place.dtype} of shape "
                 f"{place.shape}, as at creation."
             )
-
-
-def _failure(error: OSError | RuntimeError, path: Path, needed: int) -> ArchiveError | StorageError:
-    """Say in words why a file could not be made: a wrong path, or a device that fails."""
-    number = getattr(error, "errno", None)
-    if number in _FULL:
-        with suppress(OSError):
-            return _no_room(path, needed, free_bytes(path.parent))
-    reason = os.strerror(number) if number else str(error).strip().partition("\n")[0]
-    if number in _WRONG_USE:
-        return ArchiveError(f"{path} cannot be written ({reason}); choose another path or mend its permissions.")
-    return StorageError(f"{path} could not be made ({reason}); nothing was left behind.")
-
-
-def _no_room(path: Path, needed: int, free: int) -> StorageError:
-    return StorageError(
-        f"{path} needs {human(needed)}, but {human(free)} are free in {path.parent}. Take fewer samples or choose "
-        "another disk."
-    )
-
-
-def _exists(path: Path) -> ArchiveError:
-    return ArchiveError(f"{path} exists already; give overwrite=True to replace it, or go on with it by orbits.resume.")
-
-
-def _busy(path: Path) -> ArchiveError:
-    return ArchiveError(f"{path} is being written by another run; wait for it, or choose another path.")

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from orbits.archive import Archive, ArchiveWriter, extended
+from orbits.archive.creation import partial_path
 from orbits.archive.storage import Storage
-from orbits.archive.writer import partial_path
 from orbits.errors import ArchiveError, StorageError
 
 from . import runs
