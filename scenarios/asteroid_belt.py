@@ -13,7 +13,6 @@ import orbits
 EPOCH = "2022-08-09"
 PLANETS = ("Sun", "Mercury", "Venus", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 BELT, TROJANS = 1100, 150
-WHAT = {"momentum": "angular momentum of Sun and planets", "energy": "their energy"}
 RESONANCES = ((4, 1), (3, 1), (5, 2), (7, 3), (2, 1))
 
 
@@ -85,16 +84,9 @@ def belt_figure(outcome):
     axes["e"].set_ylim(0, 0.4)
     axes["i"].set(ylim=(0, 35), xlabel="semi-major axis [au], mean over the run")
     years = run.t.to_value(u.yr)
-    for name, series in (("momentum", run.angular_momentum().value), ("energy", run.energy().value)):
-        values = series.reshape(len(series), -1)
-        sizes = np.linalg.norm(values, axis=1) if values.shape[1] > 1 else values[:, 0]
-        change = (sizes - sizes[0]) / abs(sizes[0]) * 1e16
-        reach = max(10.0, 1.3 * np.abs(change).max())
-        axes[name].plot(years, change, lw=1.3, **ink)
-        axes[name].axhspan(-(2.0**-53) * 1e16, 2.0**-53 * 1e16, color=plotting.style.FAINT, alpha=0.7, lw=0)
-        axes[name].set(ylim=(-reach, reach), xlabel="years", ylabel="10⁻¹⁶")
-        axes[name].set_title(WHAT[name] + ", relative change")
-        axes[name].grid(axis="y", color=plotting.style.FAINT, lw=0.6)
+    plotting.flatness(axes["momentum"], years, run.angular_momentum().value, "angular momentum of Sun and planets")
+    plotting.flatness(axes["energy"], years, run.energy().value, "energy of Sun and planets")
+    axes["energy"].set_xlabel("years")
     if outcome.report is not None:
         method_bars(axes["errors"], outcome.report, run)
     figure.suptitle(

@@ -51,8 +51,8 @@ def draw(outcome):
     axes["outer"].set_title("outer planets and Pluto")
     axes["inner"].set_title("inner planets (thin: orbits at the start)")
     years = run.t.to_value(u.yr)
-    ulps(axes["energy"], years, run.energy().value, "energy")
-    ulps(axes["momentum"], years, run.angular_momentum().value, "angular momentum")
+    plotting.flatness(axes["energy"], years, run.energy().value, "energy")
+    plotting.flatness(axes["momentum"], years, run.angular_momentum().value, "angular momentum, three components")
     axes["momentum"].set_xlabel("years since J2000")
     if report is not None:
         errors(axes["errors"], report, [name for name in run.names if name != "Sun"])
@@ -63,20 +63,6 @@ def draw(outcome):
         fontweight="bold",
     )
     return figure
-
-
-def ulps(panel, years, series, name):
-    """A conserved quantity's relative change in units of 1e-16, on a linear scale."""
-    from orbits import plotting
-
-    values = series.reshape(len(series), -1)
-    sizes = np.linalg.norm(values, axis=1) if values.shape[1] > 1 else values[:, 0]
-    change = (sizes - sizes[0]) / abs(sizes[0]) * 1e16
-    panel.plot(years, change, color=plotting.style.BLUE, lw=1.2)
-    reach = max(10.0, 1.3 * np.abs(change).max())
-    panel.set(ylim=(-reach, reach), title=f"{name}: relative change in units of 10⁻¹⁶")
-    panel.axhspan(-(2.0**-53) * 1e16, 2.0**-53 * 1e16, color=plotting.style.FAINT, alpha=0.7, lw=0)
-    panel.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
 
 
 def errors(panel, report, names):

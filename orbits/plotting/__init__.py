@@ -6,6 +6,7 @@ matplotlib loads when the first picture is made.
 from orbits.plotting import style
 from orbits.plotting.pictures import (
     conserved,
+    flatness,
     in_plane,
     osculating_ellipse,
     paths,
@@ -19,6 +20,7 @@ __all__ = [
     "colour",
     "conserved",
     "figure",
+    "flatness",
     "in_plane",
     "look",
     "osculating_ellipse",

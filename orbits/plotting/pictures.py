@@ -111,6 +111,24 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
         energy.legend(loc="best", fontsize=12)
 
 
+def flatness(axes: Axes, t: Array, series: Array, title: str) -> None:
+    """Draw how flat a conserved quantity is: each component's change over its size, in units of 10^-16, linear.
+
+    series : (n,) or (n, 3); the band is the rounding of one float64
+    """
+    values = series.reshape(len(series), -1)
+    change = (values - values[0]) / (float(np.linalg.norm(values[0])) or 1.0) * 1e16
+    for component, colour in zip(change.T, (style.BLUE, style.VERMILION, style.GREEN), strict=False):
+        axes.plot(t, component, color=colour, lw=1.2)
+    reach = max(10.0, 1.3 * float(np.abs(change).max()))
+    band = 2.0**-53 * 1e16
+    axes.axhspan(-band, band, color=style.FAINT, alpha=0.7, lw=0)
+    axes.set_ylim(-reach, reach)
+    axes.set_title(title)
+    axes.set_ylabel("change [10⁻¹⁶]")
+    axes.grid(axis="y", color=style.FAINT, lw=0.6)
+
+
 def relative_change(series: Array, floor: float = 2.5e-17) -> Array:
     """Return |x_k - x_0| / |x_0| of a scalar or vector series, at least `floor` so that zero shows on a log axis."""
     values = series.reshape(len(series), -1)

@@ -47,7 +47,7 @@ def test_the_cache_is_hit_and_an_edit_in_another_kernel_file_is_seen(tmp_path):
     gravity.write_text(edited)
     after, hits = run(tmp_path)
     assert hits == 0
-    assert abs(float.fromhex(after) - float.fromhex(before)) > 1e-6  # one per cent more pull over a tenth of a radian: 5e-5
+    assert abs(float.fromhex(after) - float.fromhex(before)) > 1e-6  # 1 % more pull for 0.1: 5e-5
 
 
 def test_the_stamp_is_part_of_every_cache_entry():
