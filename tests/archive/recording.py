@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,8 +138,3 @@ def trouble(path: Path, image: bytes, chunks: list[int], promised: int) -> str |
 def promised(recording: Recording, done: int) -> int:
     """How many commits had returned when `done` writes were done."""
     return sum(done >= end for end in recording.acknowledged)
-
-
-def discard(path: Path) -> None:
-    if path.exists():
-        os.unlink(path)
