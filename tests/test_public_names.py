@@ -47,9 +47,7 @@ def test_every_public_name_is_there_and_documented(name: str) -> None:
 def test_names_for_the_type_checker_and_at_run_time_are_the_same_and_come_from_the_same_modules() -> None:
     tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
     (block,) = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
-    seen = {
-        alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names
-    }
+    seen = {alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
     assert seen == {name: f"orbits.{module}" for name, module in orbits._MODULE_OF.items()}
     assert sorted(orbits.__all__) == sorted([*seen, "__version__"])
     assert set(orbits.__all__) <= set(dir(orbits))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 from rich import box
@@ -95,7 +96,8 @@ def _footer(report: Report) -> list[str]:
 
 def _stacked(method: str) -> str:
     """A method's label in lines short enough for the head of a column."""
-    return method.removesuffix("()").replace(" ", "\n").replace("-", "-\n").replace("(", "\n(")
+    words = method.removesuffix("()").replace(" ", "\n").replace("-", "-\n").replace("(", "\n(")
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "\n", words)
 
 
 def _in(report: Report) -> str:

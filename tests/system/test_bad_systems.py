@@ -180,9 +180,7 @@ MAKERS: list[tuple[str, Callable[[], System], type[OrbitsError], str]] = [
 
 
 @pytest.mark.parametrize(("make", "error", "message"), [case[1:] for case in MAKERS], ids=[c[0] for c in MAKERS])
-def test_what_cannot_be_made_is_refused(
-    make: Callable[[], System], error: type[OrbitsError], message: str
-) -> None:
+def test_what_cannot_be_made_is_refused(make: Callable[[], System], error: type[OrbitsError], message: str) -> None:
     with pytest.raises(error, match=message) as caught:
         make()
     assert caught.value.exit_code == 2
