@@ -15,7 +15,7 @@ from orbits.kernels.binding import accelerate, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, kick, load_particles, store_particles
-from orbits.kernels.summation import add_compensated, add_product
+from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 
 
@@ -47,9 +47,9 @@ def advance_particles(
             x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
             y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
             z, z_lo = add_product(z, z_lo, h, vz, vz_lo)
-            vx, vx_lo = add_compensated(vx, vx_lo, h * ax)
-            vy, vy_lo = add_compensated(vy, vy_lo, h * ay)
-            vz, vz_lo = add_compensated(vz, vz_lo, h * az)
+            vx, vx_lo = accumulate(vx, vx_lo, h * ax)
+            vy, vy_lo = accumulate(vy, vy_lo, h * ay)
+            vz, vz_lo = accumulate(vz, vz_lo, h * az)
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
     return OK, steps, 0, steps * (stop - start)

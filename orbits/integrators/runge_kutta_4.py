@@ -20,7 +20,7 @@ from orbits.kernels.binding import accelerate, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, kick, load_particles, store_particles
-from orbits.kernels.summation import add_compensated, add_product
+from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 
 
@@ -86,12 +86,12 @@ def advance_particles(
             x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
             y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
             z, z_lo = add_product(z, z_lo, h, vz, vz_lo)
-            x, x_lo = add_compensated(x, x_lo, h * h / 6 * (ax + bx + cx))
-            y, y_lo = add_compensated(y, y_lo, h * h / 6 * (ay + by + cy))
-            z, z_lo = add_compensated(z, z_lo, h * h / 6 * (az + bz + cz))
-            vx, vx_lo = add_compensated(vx, vx_lo, h / 6 * (ax + 2.0 * (bx + cx) + dx))
-            vy, vy_lo = add_compensated(vy, vy_lo, h / 6 * (ay + 2.0 * (by + cy) + dy))
-            vz, vz_lo = add_compensated(vz, vz_lo, h / 6 * (az + 2.0 * (bz + cz) + dz))
+            x, x_lo = accumulate(x, x_lo, h * h / 6 * (ax + bx + cx))
+            y, y_lo = accumulate(y, y_lo, h * h / 6 * (ay + by + cy))
+            z, z_lo = accumulate(z, z_lo, h * h / 6 * (az + bz + cz))
+            vx, vx_lo = accumulate(vx, vx_lo, h / 6 * (ax + 2.0 * (bx + cx) + dx))
+            vy, vy_lo = accumulate(vy, vy_lo, h / 6 * (ay + 2.0 * (by + cy) + dy))
+            vz, vz_lo = accumulate(vz, vz_lo, h / 6 * (az + 2.0 * (bz + cz) + dz))
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
     return OK, steps, 0, 4 * steps * (stop - start)

@@ -19,7 +19,7 @@ from orbits.kernels.binding import accelerate, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, kick, load_particles, store_particles
-from orbits.kernels.summation import add_compensated, add_product
+from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 
 
@@ -54,16 +54,16 @@ def advance_particles(
         vx, vy, vz, vx_lo, vy_lo, vz_lo = load_particles(v, v_lo, p)
         ax, ay, az = field(tag, parameters, field_record[0, 0], x, y, z)
         for step in range(steps):
-            vx, vx_lo = add_compensated(vx, vx_lo, half * ax)
-            vy, vy_lo = add_compensated(vy, vy_lo, half * ay)
-            vz, vz_lo = add_compensated(vz, vz_lo, half * az)
+            vx, vx_lo = accumulate(vx, vx_lo, half * ax)
+            vy, vy_lo = accumulate(vy, vy_lo, half * ay)
+            vz, vz_lo = accumulate(vz, vz_lo, half * az)
             x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
             y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
             z, z_lo = add_product(z, z_lo, h, vz, vz_lo)
             ax, ay, az = field(tag, parameters, field_record[step, 1], x, y, z)
-            vx, vx_lo = add_compensated(vx, vx_lo, half * ax)
-            vy, vy_lo = add_compensated(vy, vy_lo, half * ay)
-            vz, vz_lo = add_compensated(vz, vz_lo, half * az)
+            vx, vx_lo = accumulate(vx, vx_lo, half * ax)
+            vy, vy_lo = accumulate(vy, vy_lo, half * ay)
+            vz, vz_lo = accumulate(vz, vz_lo, half * az)
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
     return OK, steps, 0, steps * (stop - start)

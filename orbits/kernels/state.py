@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
-from orbits.kernels.summation import add_compensated, add_product
+from orbits.kernels.summation import accumulate, add_product
 
 
 @kernel
 def kick(v, v_lo, h, g, size):
     """Advance (v, v_lo) by h g, component by component; the vectors are padded."""
     for k in range(0, size, WIDTH):
-        hi, lo = add_compensated(load(v, k), load(v_lo, k), h * load(g, k))
+        hi, lo = accumulate(load(v, k), load(v_lo, k), h * load(g, k))
         store(v, k, hi)
         store(v_lo, k, lo)
 

@@ -40,6 +40,17 @@ def add_compensated(hi, lo, x):
 
 
 @kernel(inline=True, exact=True)
+def accumulate(hi, lo, x):
+    """Return the pair (hi, lo) + x with one rounding of the size of x: Kahan's addition, for an x itself rounded.
+
+    Where |hi| < |x| the pair may be off by one more such rounding.
+    """
+    y = exact_add(lo, x)
+    s = exact_add(hi, y)
+    return s, exact_sub(y, exact_sub(s, hi))
+
+
+@kernel(inline=True, exact=True)
 def add_product(hi, lo, h, x, x_lo):
     """Return the pair (hi, lo) + h (x, x_lo), renormalized; the product's rounding error is kept."""
     p, e = two_product(x, h)

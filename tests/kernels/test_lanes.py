@@ -11,6 +11,7 @@ import pytest
 from orbits.kernels import lanes as L  # noqa: N812 - L.fma reads as the lanes' fma
 from orbits.kernels.compile import cpu_features, kernel
 from orbits.kernels.summation import (
+    accumulate,
     add_compensated,
     add_product,
     compensated_row_sums,
@@ -311,16 +312,19 @@ def test_a_million_compensated_additions_keep_the_digits_that_plain_ones_lose():
     def run(x, count):
         hi, lo, plain = 0.0, 0.0, 0.0
         phi, plo = 0.0, 0.0
+        khi, klo = 0.0, 0.0
         for _ in range(count):
             hi, lo = add_compensated(hi, lo, x)
             phi, plo = add_product(phi, plo, x, 1.0, 0.0)
+            khi, klo = accumulate(khi, klo, x)
             plain += x
-        return quick_two_sum(hi, lo)[0], phi, plain
+        return quick_two_sum(hi, lo)[0], phi, khi, plain
 
-    compensated, product, plain = run(0.1, 1_000_000)
+    compensated, product, kahan, plain = run(0.1, 1_000_000)
     exact = 100000.00000000000555  # a million times the float nearest to 0.1
     assert compensated == exact
     assert product == exact
+    assert kahan == exact
     assert abs(plain - exact) > 1e-7
 
 
