@@ -1,6 +1,6 @@
 """Measure speed, accuracy, start-up and memory; write JSON and the Markdown tables of docs/benchmarks.md.
 
-    make bench                                     all of it, about ten minutes
+    make bench                                     all of it, about two minutes
     python scripts/benchmark.py ten_bodies         one part; parts: ten_bodies particles explicit threads start memory
 
 Peers run in the same process, alternating with ours, one core unless said; compile time is measured apart. The figure
@@ -135,10 +135,10 @@ def part_ten_bodies(repetitions: int) -> dict[str, Any]:
             {
                 "method": name,
                 "seconds": base[name],
-                "ias15_over_this": statistics.median(
+                "times faster than ias15": statistics.median(
                     a / b for a, b in zip(seconds["REBOUND ias15"], seconds[name], strict=True)
                 ),
-                "heyoka_over_this": statistics.median(
+                "times faster than heyoka": statistics.median(
                     a / b for a, b in zip(seconds["heyoka Taylor, tol 2^-52"], seconds[name], strict=True)
                 )
                 if taylor is not None
@@ -194,7 +194,7 @@ def part_particles(repetitions: int) -> dict[str, Any]:
             {
                 "method": name,
                 "seconds_per_year": statistics.median(seconds[name]) / 5,
-                "ias15_over_this": statistics.median(
+                "times faster than ias15": statistics.median(
                     a / b for a, b in zip(seconds["REBOUND ias15"], seconds[name], strict=True)
                 ),
                 **error[name],
@@ -219,9 +219,9 @@ def part_explicit(repetitions: int) -> dict[str, Any]:
         rows.append(
             {
                 "problem": label,
-                "stormer_verlet_ns": statistics.median(mine) * per,
-                "leapfrog_ns": statistics.median(theirs) * per,
-                "leapfrog_over_this": statistics.median(a / b for a, b in zip(theirs, mine, strict=True)),
+                "Störmer–Verlet ns": statistics.median(mine) * per,
+                "leapfrog ns": statistics.median(theirs) * per,
+                "times faster than leapfrog": statistics.median(a / b for a, b in zip(theirs, mine, strict=True)),
                 "per": "particle and step" if particles else "step",
             }
         )
@@ -353,8 +353,14 @@ def markdown(results: dict[str, Any]) -> str:
     facts = ", ".join(f"{k} {v}" for k, v in results["machine"].items() if k != "processor")
     lines = ["# Benchmarks", "", f"Made by `make bench` on {results['machine']['processor']}; {facts}.", ""]
     for name, part in results["parts"].items():
-        lines += [f"## {name.replace('_', ' ').capitalize()}", "", str(PARTS[name].__doc__), ""]
-        rows = [{**{k: x for k, x in row.items() if k != "rms_km"}, **row.get("rms_km", {})} for row in part["rows"]]
+        lines += [f"## {name.replace('_', ' ').capitalize()}", "", " ".join(str(PARTS[name].__doc__).split()), ""]
+        rows = [
+            {
+                **{k: x for k, x in row.items() if k != "rms_km"},
+                **{f"{k} km": x for k, x in row.get("rms_km", {}).items()},
+            }
+            for row in part["rows"]
+        ]
         head = list(rows[0])
         lines += ["| " + " | ".join(h.replace("_", " ") for h in head) + " |", "|" + " --- |" * len(head)]
         lines += ["| " + " | ".join(_cell(row.get(h)) for h in head) + " |" for row in rows]
@@ -370,6 +376,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[[], *PARTS], help="which parts; all of them when none is named")
     parser.add_argument("--repetitions", type=int, default=7, help="at least 5 for figures to be quoted")
+    parser.add_argument("--docs", action="store_true", help="write the tables to docs/benchmarks.md as well")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "benchmark", help="folder for JSON and Markdown")
     options = parser.parse_args()
     results: dict[str, Any] = {"machine": machine(), "parts": {}}
@@ -380,6 +387,8 @@ def main() -> None:
     (options.out / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n")
     page = markdown(results)
     (options.out / "benchmark.md").write_text(page)
+    if options.docs:
+        (ROOT / "docs" / "benchmarks.md").write_text(page)
     print(page)
 
 

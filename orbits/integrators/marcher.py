@@ -23,7 +23,7 @@ from orbits.lagrangians.base import Lagrangian
 FIELD_BYTES = 512 * 1024
 """Size of the recorded field: it should stay in the second-level cache."""
 
-BLOCK_WORK = 2_000_000
+BLOCK_WORK = 20_000_000
 """Pairs times steps in one call of a kernel: a fraction of a second, after which a signal is seen."""
 
 
