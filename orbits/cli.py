@@ -206,7 +206,7 @@ def _compare(
             duration=scenario.duration,
             samples=scenario.samples,
             against=peers,
-            tolerances=scenario.tolerances or None,
+            tolerances=scenario.demands() or None,
             title=f"{scenario.title}: {case}" if case else scenario.title,
         )
         ok = ok and report.ok

@@ -141,6 +141,16 @@ class Scenario:
         """The same scenario with some fields replaced; None leaves a field as it is."""
         return replace(self, **{key: value for key, value in changes.items() if value is not None})
 
+    def demands(self) -> dict[str, Any]:
+        """The tolerances without those that concern methods of this package that this scenario does not run.
+
+        So that a scenario may be run with another method than its own.
+        """
+        from orbits.integrators import registry
+
+        mine = {name for method in self.integrators for name in (method.name, method.label)}
+        return {key: value for key, value in self.tolerances.items() if key not in registry() or key in mine}
+
     def main(self) -> None:
         """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
         from orbits.scenario.command import main

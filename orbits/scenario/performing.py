@@ -129,7 +129,7 @@ def _report(
         duration=scenario.duration,
         samples=scenario.samples,
         against=scenario.against,
-        tolerances=scenario.tolerances or None,
+        tolerances=scenario.demands() or None,
         title=f"{scenario.title}: {name}" if name else scenario.title,
         runs=list(runs.values()),
         progress=progress,

@@ -1,0 +1,224 @@
+"""The command line: what it prints, what it exits with, and that no traceback is ever seen."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from astropy import units as u
+from typer.testing import CliRunner
+
+import orbits
+from orbits import integrators
+from orbits.cli import app
+from orbits.errors import Interrupted
+from orbits.propagation import run as run_module
+from orbits.scenario import bundled
+
+COMMANDS = ["run", "resume", "compare", "plot", "info", "list"]
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+@pytest.fixture
+def archive(tmp_path):
+    path = tmp_path / "run.h5"
+    system = orbits.System.solar_system(bodies=["Sun", "Jupiter", "Saturn"])
+    orbits.propagate(system, orbits.Gauss(stages=8), dt=40 * u.day, duration=10 * u.yr, samples=11, archive=path)
+    return path
+
+
+@pytest.fixture
+def impossible(tmp_path):
+    path = tmp_path / "impossible.py"
+    path.write_text(
+        "import orbits\n"
+        "bodies = {'s': {'gm': 1}, 'p': {'a': 1, 'gm': 0.001}}\n"
+        "scenario = orbits.Scenario(name='impossible', title='Impossible', integrators=[orbits.StormerVerlet()],\n"
+        "    dt=0.1, duration=1, samples=3, against=['leapfrog'], tolerances={'position': 1e-30},\n"
+        "    system=orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS))\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_commands_help_has_an_example(command):
+    out = call(command, "--help")
+    assert out.exit_code == 0
+    assert f"Example: orbits {command}" in " ".join(out.output.split())
+
+
+def test_the_commands_are_those_that_the_help_lists():
+    out = call("--help")
+    assert all(command in out.output for command in COMMANDS)
+    assert call("--version").output.strip() == f"orbits {orbits.__version__}"
+
+
+def test_list_shows_every_scenario_and_integrator():
+    text, record = call("list"), json.loads(call("list", "--json").stdout)
+    assert {s["name"] for s in record["scenarios"]} == {s.name for s in bundled()}
+    assert {m["name"] for m in record["integrators"]} == set(integrators.registry())
+    for name in [*(s.name for s in bundled()), *integrators.registry()]:
+        assert name in text.output
+    assert "symplectic" in text.output
+
+
+def test_run_prints_tables_and_writes_where_it_was_told(tmp_path):
+    out = call("run", "kepler", "--duration", "2", "--samples", "5", "--no-plot", "--out", tmp_path / "k")
+    assert out.exit_code == 0, out.output
+    assert "Gauss(stages=8)" in out.output
+    assert "holds" in out.output
+    assert (tmp_path / "k" / "report.json").exists()
+
+
+def test_run_takes_another_method_backwards_and_prints_json_alone(tmp_path):
+    out = call(
+        "run", "solar_system", "--integrator", "gauss(stages=4)", "--dt", "2 d", "--duration", "-0.5 yr",
+        "--samples", "3", "--json", "--no-plot", "--out", tmp_path,
+    )  # fmt: skip
+    record = json.loads(out.stdout)
+    assert out.exit_code == 0
+    (run,) = record["cases"][""]["runs"].values()
+    assert run["integrator"] == "Gauss(stages=4)"
+    assert run["dt"] == 2.0
+    assert orbits.Trajectory.open(tmp_path / "run.h5").times[-1] == -0.5 * 365.25
+
+
+def test_a_tolerance_that_is_exceeded_ends_with_exit_code_1(impossible, tmp_path):
+    for command in ("run", "compare"):
+        out = call(command, impossible, "--no-plot", "--out", tmp_path / command)
+        assert out.exit_code == 1, out.output
+        assert "FAIL" in out.output
+        assert "exceeds" in out.output
+
+
+def test_compare_takes_its_peers_from_the_command_line(tmp_path):
+    out = call(
+        "compare", "solar_system", "--against", "leapfrog", "--duration", "100 d", "--samples", "3", "--integrator",
+        "gauss", "--out", tmp_path, "--json",
+    )  # fmt: skip
+    record = json.loads(out.stdout)
+    assert out.exit_code == 0, out.output
+    assert [row["method"] for row in record["cases"][""]["rows"]] == ["Gauss(stages=8)", "REBOUND leapfrog"]
+    assert (tmp_path / "comparison.png").exists()
+    assert json.loads((tmp_path / "comparison.json").read_text()) == record["cases"][""]
+
+
+def test_info_says_what_an_archive_holds(archive):
+    text, record = call("info", archive), json.loads(call("info", archive, "--json").stdout)
+    assert record["names"] == ["Sun", "Jupiter", "Saturn"]
+    assert record["integrator"] == "Gauss(stages=8)"
+    assert (record["samples"], record["complete"], record["dt"]) == (11, True, 40.0)
+    assert "angular momentum" in text.output
+
+
+def test_plot_draws_an_archive(archive, tmp_path):
+    assert call("plot", archive).exit_code == 0
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+    assert call("plot", archive, "--out", tmp_path / "other.png").exit_code == 0
+    assert call("plot", archive).exit_code == 0  # its own picture may be replaced
+
+
+def test_resume_extends_a_finished_run(archive):
+    out = call("resume", archive, "--until", "12 yr")
+    assert out.exit_code == 0, out.output
+    assert orbits.Trajectory.open(archive).times[-1] == 12 * 365.25
+
+
+def test_an_interrupted_run_says_how_to_go_on_and_resume_completes_it(tmp_path, monkeypatch):
+    add = run_module._Keeper.add
+
+    def add_then_stop(self, q, v):
+        add(self, q, v)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    out = call("run", "solar_system", "--duration", "1 yr", "--samples", "9", "--no-plot", "--out", tmp_path)
+    assert out.exit_code == 130
+    assert "orbits resume" in out.output
+    assert "Traceback" not in out.output
+    monkeypatch.undo()
+    path = tmp_path / "run.h5"
+    assert "not complete" in call("info", path).output
+    assert call("resume", path).exit_code == 0
+    assert len(orbits.Trajectory.open(path)) == 9
+
+
+def bad(tmp_path):
+    (tmp_path / "text.h5").write_text("no archive")
+    (tmp_path / "way").write_text("a file in the way")
+    return [
+        (["run", "keppler"], "Did you mean"),
+        (["run", tmp_path / "none.py"], "does not exist"),
+        (["run", "kepler", "--dt", "0"], "dt must be positive"),
+        (["run", "kepler", "--dt", "nan"], "dt must be positive"),
+        (["run", "kepler", "--dt", "3 km"], "dt"),
+        (["run", "kepler", "--dt", "soon"], "--dt is 'soon'"),
+        (["run", "kepler", "--duration", "inf"], "duration must be finite"),
+        (["run", "kepler", "--duration", "0"], "duration is 0"),
+        (["run", "kepler", "--integrator", "gaus"], "did you mean gauss"),
+        (["run", "kepler", "--integrator", "gauss(stages=9)"], "between 1 and 8"),
+        (["run", "kepler", "--samples", "1"], "samples"),
+        (["run", "kepler", "--samples", "-3"], "samples"),
+        (["run", "kepler", "--out", tmp_path / "way"], "results need a folder"),
+        (["compare", "kepler", "--against", "mercury"], "no peer is called"),
+        (["info", tmp_path / "none.h5"], "none.h5"),
+        (["info", tmp_path / "text.h5"], "text.h5"),
+        (["plot", tmp_path / "text.h5"], "text.h5"),
+        (["resume", tmp_path / "text.h5"], "text.h5"),
+        (["info", tmp_path], str(tmp_path)),
+    ]
+
+
+@pytest.mark.parametrize("index", range(19))
+def test_a_wrong_use_is_one_line_and_exit_code_2(tmp_path, index):
+    arguments, message = bad(tmp_path)[index]
+    out = call(*arguments)
+    assert out.exit_code == 2, out.output
+    lines = [line for line in out.stderr.splitlines() if "error:" in line]
+    assert len(lines) == 1
+    assert message in " ".join(out.stderr.split())
+    assert "Traceback" not in out.output
+
+
+def test_a_truncated_archive_is_refused_in_words(archive):
+    archive.write_bytes(archive.read_bytes()[:4000])
+    out = call("info", archive)
+    assert out.exit_code == 2
+    assert "error:" in out.stderr
+
+
+def test_an_until_before_the_end_is_refused(archive):
+    out = call("resume", archive, "--until", "1 yr")
+    assert out.exit_code == 2
+    assert "before the end" in " ".join(out.stderr.split())
+
+
+def test_unknown_options_are_a_wrong_use():
+    assert call("run", "kepler", "--stepp", "1").exit_code == 2
+    assert call("nothing").exit_code == 2
+
+
+def test_the_command_line_starts_without_heavy_packages():
+    code = (
+        "import sys, orbits.cli\n"
+        "heavy = {'numba', 'matplotlib', 'rebound', 'astropy', 'h5py', 'numpy'} & set(sys.modules)\n"
+        "print(sorted(heavy))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_a_reader_that_stops_early_is_no_error():
+    command = f"{sys.executable} -c 'from orbits.cli import main; main()' list --json | head -1"
+    out = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert "Traceback" not in out.stderr
+    assert "BrokenPipe" not in out.stderr
+
+
+def test_interrupted_is_an_error_with_its_own_exit_code():
+    assert issubclass(Interrupted, orbits.OrbitsError)

@@ -1,0 +1,245 @@
+"""Scenarios: found by name and path, validated, performed, and careful with other people's files."""
+
+import contextlib
+import json
+import struct
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from astropy import units as u
+from hypothesis import given
+from hypothesis import strategies as st
+
+import orbits
+from orbits import integrators
+from orbits.errors import InputError, OrbitsError, UnknownNameError
+from orbits.scenario import bundled, load, perform
+from orbits.scenario.values import quantity
+
+NAMES = [each.name for each in bundled()]
+SHORT = {
+    "kepler": {"duration": 3.0, "samples": 21},
+    "solar_system": {"duration": 2 * u.yr, "samples": 11},
+    "asteroid_belt": {"duration": 60 * u.day, "samples": 5},
+}
+
+
+def pair(**changes):
+    system = orbits.System.from_states(
+        ["star", "planet"], [1.0, 1e-3], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0.1]], units=orbits.DIMENSIONLESS
+    )
+    settings = {
+        "name": "pair",
+        "title": "Two bodies",
+        "system": system,
+        "integrators": [orbits.Gauss(stages=4)],
+        "dt": 0.05,
+        "duration": 2.0,
+        "samples": 5,
+        "against": (),
+    }
+    return orbits.Scenario(**{**settings, **changes})
+
+
+def test_the_bundled_scenarios_are_those_of_the_readme():
+    assert NAMES == ["asteroid_belt", "kepler", "solar_system"]
+    assert all(each.summary for each in bundled())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_bundled_scenario_shortened_gives_all_that_it_demands(name, tmp_path):
+    """Variational methods keep angular momentum, the foils lose it, tolerances hold, pictures and JSON are written."""
+    scenario = load(name).with_changes(**SHORT[name])
+    outcome = perform(scenario, out=tmp_path)
+    assert outcome.ok, outcome.failures
+    assert {"Gauss(stages=8)", "StormerVerlet()", "RungeKutta4()", "ExplicitEuler()"} == set(outcome.runs)
+    claims = [c.claim for c in outcome.checks]
+    for label, verb in (("Gauss", "keeps"), ("StormerVerlet", "keeps"), ("RungeKutta4", "loses"), ("Euler", "loses")):
+        assert any(label in c and f"{verb} angular momentum" in c for c in claims)
+    record = json.loads((tmp_path / "report.json").read_text())
+    assert record["ok"]
+    for path in outcome.files:
+        assert path.exists()
+        if path.suffix == ".png":
+            width, height = struct.unpack(">II", path.read_bytes()[16:24])
+            assert width >= 1300
+            assert height >= 800
+
+
+def test_a_scenario_file_runs_as_a_program_of_its_own(tmp_path):
+    path = next(each.path for each in bundled() if each.name == "kepler")
+    done = subprocess.run(
+        [sys.executable, str(path), "--duration", "2", "--samples", "5", "--no-plot", "--json"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["ok"]
+    assert (tmp_path / "results" / "kepler" / "run-e-0.9.h5").exists()
+    assert not list(tmp_path.rglob("*.png"))
+
+
+def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
+    perform(pair(), out=tmp_path)
+    first = (tmp_path / "run.h5").read_bytes()
+    outcome = perform(pair(duration=4.0), out=tmp_path)
+    assert outcome.ok
+    assert (tmp_path / "run.h5").read_bytes() != first
+
+
+@pytest.mark.parametrize("name", ["run.h5", "report.json", "run.png"])
+def test_a_file_of_somebody_else_is_never_replaced(tmp_path, name):
+    (tmp_path / name).write_text("my notes")
+    try:
+        outcome = perform(pair(), out=tmp_path)
+    except InputError as error:
+        message = str(error)
+    else:
+        message = " ".join(outcome.failures)
+    assert f"{name} is there already and was not written by orbits" in message
+    assert (tmp_path / name).read_text() == "my notes"
+
+
+def test_the_results_folder_may_not_be_a_file(tmp_path):
+    (tmp_path / "here").write_text("")
+    with pytest.raises(InputError, match="results need a folder"):
+        perform(pair(), out=tmp_path / "here")
+
+
+def test_a_tolerance_that_is_exceeded_is_a_failure_with_its_numbers(tmp_path):
+    scenario = pair(against=("leapfrog",), tolerances={"position": 1e-30})
+    outcome = perform(scenario, out=tmp_path, plot=False)
+    assert not outcome.ok
+    assert "exceeds" in outcome.failures[0]
+    assert not json.loads((tmp_path / "report.json").read_text())["ok"]
+
+
+def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
+    outcome = perform(
+        pair(checks=lambda outcome: [orbits.Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path, plot=False
+    )
+    assert outcome.failures == ("pigs fly: 0 of 3",)
+
+
+def test_an_error_in_the_scenarios_own_code_names_file_and_line(tmp_path):
+    def draw(outcome):
+        raise ZeroDivisionError("nothing to draw")
+
+    outcome = perform(pair(draw=draw), out=tmp_path)
+    (failure,) = outcome.failures
+    assert "ZeroDivisionError: nothing to draw" in failure
+    assert "test_scenarios.py, line" in failure
+
+
+WRONG = [
+    ({"name": ""}, "name"),
+    ({"name": "../x"}, "name"),
+    ({"title": "two\nlines"}, "title"),
+    ({"integrators": []}, "integrators"),
+    ({"integrators": ["gauss"]}, "integrators"),
+    ({"integrators": [orbits.Gauss]}, "integrators"),
+    ({"samples": 1}, "samples"),
+    ({"samples": 2.5}, "samples"),
+    ({"against": "whfast"}, "against"),
+    ({"draw": 3}, "draw"),
+    ({"checks": []}, "checks"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=[str(w) for w, _ in WRONG])
+def test_a_scenario_that_cannot_be_is_refused_where_it_is_made(wrong, message):
+    with pytest.raises(InputError, match=message):
+        pair(**wrong)
+
+
+def test_a_system_that_is_none_is_refused_when_it_is_made(tmp_path):
+    with pytest.raises(InputError, match="must give a System"):
+        perform(pair(system=lambda: 42), out=tmp_path)
+
+
+FILES = [
+    ("def f(:\n", r"x\.py, line 1"),
+    ("import nowhere_to_be_found\n", r"x\.py, line 1: ModuleNotFoundError"),
+    ("a = 1\nb = a / 0\n", r"x\.py, line 2: ZeroDivisionError"),
+    ("a = 1\n", "defines none"),
+    ("scenario = 3\n", "type int"),
+    ("raise SystemExit(3)\n", r"x\.py, line 1: SystemExit"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), FILES)
+def test_a_file_that_is_no_scenario_is_refused_with_file_and_line(tmp_path, text, message):
+    path = tmp_path / "x.py"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        load(str(path))
+
+
+def test_unknown_scenarios_are_refused_with_the_names_that_come_close(tmp_path):
+    with pytest.raises(UnknownNameError, match="Did you mean 'kepler'"):
+        load("keppler")
+    with pytest.raises(InputError, match="does not exist"):
+        load(str(tmp_path / "none.py"))
+    with pytest.raises(InputError, match="is a folder"):
+        load(str(tmp_path) + "/.")
+
+
+def test_a_scenario_of_the_docs_length_is_found_by_its_path(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        textwrap.dedent("""
+        import orbits
+        scenario = orbits.Scenario(
+            name="mine", title="Mine", integrators=[orbits.StormerVerlet()], dt=0.1, duration=1, against=(),
+            system=lambda: orbits.System.from_elements({"s": {"gm": 1}, "p": {"a": 1}}, units=orbits.DIMENSIONLESS))
+        """)
+    )
+    outcome = perform(load(str(path)), out=tmp_path / "out")
+    assert outcome.ok
+    assert {p.name for p in outcome.files} == {"run.h5", "run.png", "report.json"}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("6 d", 6 * u.day), ("1000 yr", 1000 * u.yr), ("-2", -2.0), ("1e3", 1000.0), ("inf", np.inf)]
+)
+def test_times_are_read_as_people_type_them(text, expected):
+    assert quantity(text, "--dt") == expected
+
+
+@pytest.mark.parametrize("text", ["", "six days", "6 bananas", "6 d d d(", "--", "1,5"])
+def test_times_that_cannot_be_read_are_refused_with_the_option(text):
+    with pytest.raises(InputError, match="--dt is"):
+        quantity(text, "--dt")
+
+
+@given(st.text(max_size=30))
+def test_whatever_is_typed_as_a_time_is_read_or_refused(text):
+    with contextlib.suppress(InputError):
+        quantity(text, "--dt")
+
+
+@given(st.text(max_size=40))
+def test_whatever_is_typed_as_an_integrator_is_read_or_refused(text):
+    with contextlib.suppress(OrbitsError):
+        integrators.parse(text)
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["stages", "order", "x"]), st.one_of(st.integers(), st.text(), st.none(), st.floats())
+    )
+)
+def test_whatever_an_archive_says_of_an_integrator_is_built_or_refused(parameters):
+    with contextlib.suppress(OrbitsError):
+        integrators.build({"name": "gauss", "parameters": parameters})
+
+
+def test_paths_of_outcomes_are_below_the_folder(tmp_path):
+    outcome = perform(pair(), out=tmp_path)
+    assert all(Path(p).parent == tmp_path for p in outcome.files)
