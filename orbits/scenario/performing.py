@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orbits.errors import OrbitsError
+import numpy as np
+
+from orbits.errors import ArchiveError, OrbitsError
 from orbits.scenario.definition import CaseOutcome, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -29,7 +31,8 @@ def perform(
 ) -> Outcome:
     """Run all that a scenario asks for and write what it gives.
 
-    out : results folder, ./results/NAME by default; files of an earlier run are replaced, files of others never
+    out : results folder, ./results/NAME by default. Files of an earlier run are replaced, files of others never; the
+        very same run, stopped half-way by Ctrl-C, is gone on with
     plot : whether to draw
     progress : as in `propagate`; say : is told what is going on, a line at a time
 
@@ -41,9 +44,10 @@ def perform(
         systems = scenario.cases()
     cases: dict[str, CaseOutcome] = {}
     files: list[Path] = []
+    replaceable(folder / "report.json")  # before the long runs, not after them
     for name, system in systems.items():
         stem = f"-{slug(name)}" if name else ""
-        runs = _runs(scenario, system, folder / f"run{stem}.h5", progress, say)
+        runs = _runs(scenario, name, system, folder / f"run{stem}.h5", progress, say)
         files.append(folder / f"run{stem}.h5")
         cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, runs, progress, say))
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
@@ -88,14 +92,24 @@ def to_record(outcome: Outcome) -> dict[str, Any]:
 
 
 def _runs(
-    scenario: Scenario, system: System, archive: Path, progress: bool | None, say: Callable[[str], None]
+    scenario: Scenario,
+    name: str,
+    system: System,
+    archive: Path,
+    progress: bool | None,
+    say: Callable[[str], None],
 ) -> Mapping[str, Trajectory]:
-    from orbits.propagation import propagate
+    from orbits.propagation import propagate, resume
 
     runs: dict[str, Trajectory] = {}
     for method in scenario.integrators:
-        say(f"{method.label}: {len(system)} bodies")
+        task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
         first = not runs
+        if first and _interrupted(scenario, system, archive):
+            say(f"{task}, going on with the unfinished run in {archive}")
+            runs[method.label] = resume(archive, progress=progress)
+            continue
+        say(task)
         runs[method.label] = propagate(
             system,
             method,
@@ -107,6 +121,28 @@ def _runs(
             progress=progress,
         )
     return runs
+
+
+def _interrupted(scenario: Scenario, system: System, path: Path) -> bool:
+    """Whether `path` holds this very run, stopped half-way, so that going on gives the bits of an undisturbed one."""
+    from orbits import integrators
+    from orbits.archive import Archive
+    from orbits.propagation.binding import differences
+    from orbits.propagation.grid import checked_duration, sample_times, signed_step
+
+    duration = checked_duration(system.units, scenario.duration)
+    try:
+        with Archive.open(path) as old:
+            return (
+                not old.complete
+                and old.dt == signed_step(system.units, scenario.dt, duration)
+                and np.array_equal(old.times, sample_times(system.units, scenario.samples, duration))
+                and integrators.build(dict(old.integrator)) == scenario.integrators[0]
+                and old.system == system
+                and not differences(old.provenance)
+            )
+    except ArchiveError:
+        return False
 
 
 def _report(
@@ -121,7 +157,7 @@ def _report(
         return None
     from orbits.regression import compare
 
-    say(f"comparing with {', '.join(scenario.against)}")
+    say(f"{name + ', ' if name else ''}comparing with {', '.join(scenario.against)}")
     return compare(
         system,
         list(scenario.integrators),

@@ -2,6 +2,8 @@
 
 import contextlib
 import json
+import os
+import signal
 import struct
 import subprocess
 import sys
@@ -16,7 +18,8 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits import integrators
-from orbits.errors import InputError, OrbitsError, UnknownNameError
+from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
+from orbits.propagation import run as run_module
 from orbits.scenario import bundled, load, perform
 from orbits.scenario.values import quantity
 
@@ -91,6 +94,27 @@ def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
     outcome = perform(pair(duration=4.0), out=tmp_path)
     assert outcome.ok
     assert (tmp_path / "run.h5").read_bytes() != first
+
+
+@pytest.mark.parametrize("changes", [{}, {"dt": 0.025}], ids=["the same", "with another step"])
+def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_another(tmp_path, changes, monkeypatch):
+    add = run_module._Keeper.add
+
+    def add_then_stop(self, q, v):
+        add(self, q, v)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    with pytest.raises(Interrupted):
+        perform(pair(), out=tmp_path / "stopped")
+    monkeypatch.undo()
+    said = []
+    again = perform(pair(**changes), out=tmp_path / "stopped", say=said.append)
+    undisturbed = perform(pair(**changes), out=tmp_path / "whole")
+    assert any("going on with the unfinished run" in line for line in said) is not bool(changes)
+    assert again.run.complete
+    for ours, theirs in ((again.run.q, undisturbed.run.q), (again.run.v, undisturbed.run.v)):
+        assert ours.value.tobytes() == theirs.value.tobytes()
 
 
 @pytest.mark.parametrize("name", ["run.h5", "report.json", "run.png"])
