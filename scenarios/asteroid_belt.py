@@ -15,7 +15,8 @@ PLANETS = ("Sun", "Mercury", "Venus", "Earth-Moon barycenter", "Mars", "Jupiter"
 METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
 ROUND_OFF = 1e-14
 BELT, TROJANS = 1100, 150
-RESONANCES = ((4, 1), (3, 1), (5, 2), (7, 3), (2, 1))
+RESONANCES = ((4, 1), (3, 1), (5, 2), (7, 3), (2, 1), (3, 2))
+FAMILIES = ("Flora", "Vesta", "Phocaea", "Maria", "Eunomia", "Koronis", "Eos", "Themis", "Cybele", "Hilda")
 
 
 def system():
@@ -53,6 +54,23 @@ def mean_elements(run):
     return mean["a"].to_value(u.au), mean["e"].value, mean["inc"].to_value(u.deg)
 
 
+def resonance(run, p, q):
+    """Return the semi-major axis [au] at which an asteroid goes round p times while Jupiter does q times."""
+    jupiter = run.elements(primary="Sun")["Jupiter"].a.to_value(u.au).mean()
+    return jupiter * (q / p) ** (2 / 3)
+
+
+def zones(run, a):
+    """Yield the belt's zones between the main gaps, and the Trojans: label, colour, which asteroids."""
+    from orbits.plotting import style
+
+    edges = [0.0, resonance(run, 3, 1), resonance(run, 5, 2), resonance(run, 2, 1), 4.6, np.inf]
+    labels = ("inner belt", "middle belt", "outer belt", "Cybele and Hilda groups", "Jupiter Trojans")
+    colours = (style.BLUE, style.GREEN, style.VERMILION, style.PURPLE, style.ORANGE)
+    for label, colour, low, high in zip(labels, colours, edges[:-1], edges[1:], strict=True):
+        yield label, colour, (a >= low) & (a < high)
+
+
 def draw(outcome):
     """The belt in elements and in space, and what is conserved."""
     run = outcome.run
@@ -65,23 +83,30 @@ def belt_figure(outcome):
 
     run = outcome.run
     a, e, inclination = mean_elements(run)
-    jupiter = run.elements(primary="Sun")["Jupiter"].a.to_value(u.au).mean()
     figure = plotting.figure(16, 11)
     axes = figure.subplot_mosaic(
         [["histogram", "momentum"], ["e", "energy"], ["i", "errors"]], width_ratios=[1.75, 1], height_ratios=[1.1, 1, 1]
     )
-    ink = {"color": plotting.style.BLUE}
-    axes["histogram"].hist(a, bins=np.arange(2.0, 3.6, 0.0125), color=plotting.style.BLUE)
-    axes["e"].plot(a, e, ".", ms=4.5, alpha=0.75, mew=0, **ink)
-    axes["i"].plot(a, inclination, ".", ms=4.5, alpha=0.75, mew=0, **ink)
+    for _, colour, chosen in zones(run, a):
+        axes["histogram"].hist(a[chosen], bins=np.arange(2.0, 4.1, 0.0125), color=colour)
+        axes["e"].plot(a[chosen], e[chosen], ".", ms=4.5, mew=0, color=colour)
+        axes["i"].plot(a[chosen], inclination[chosen], ".", ms=4.5, mew=0, color=colour)
     for name, label in (("histogram", "asteroids per 0.0125 au"), ("e", "eccentricity"), ("i", "inclination [°]")):
-        axes[name].set(xlim=(2.0, 3.6), ylabel=label)
+        axes[name].set(xlim=(2.0, 4.1), ylabel=label)
         for p, q in RESONANCES:
-            place = jupiter * (q / p) ** (2 / 3)
-            axes[name].axvline(place, color=plotting.style.VERMILION, lw=1.2, ls=(0, (5, 3)), zorder=0)
+            place = resonance(run, p, q)
+            axes[name].axvline(place, color=plotting.style.GREY, lw=1.0, ls=(0, (5, 3)), zorder=0)
             if name == "histogram":
                 axes[name].text(place, 1.01, f"{p}:{q}", transform=axes[name].get_xaxis_transform(), ha="center",
-                                fontsize=14, color=plotting.style.VERMILION)  # fmt: skip
+                                fontsize=14)  # fmt: skip
+    names = [run.names[i] for i in particles(run)]
+    for namesake in set(FAMILIES) & set(names):
+        k = names.index(namesake)
+        spot = {"ms": 6, "mfc": "none", "mec": plotting.style.INK, "mew": 1.0}
+        axes["i"].plot(a[k], inclination[k], "o", **spot)
+        text = axes["i"].annotate(namesake, (a[k], inclination[k]), xytext=(6, 5), textcoords="offset points",
+                                  fontsize=12)  # fmt: skip
+        plotting.halo(text)
     axes["e"].set_ylim(0, 0.4)
     axes["i"].set(ylim=(0, 35), xlabel="semi-major axis [au], mean over the run")
     years = run.t.to_value(u.yr)
@@ -115,34 +140,30 @@ def from_above(run):
     """Asteroids and planets as seen from the ecliptic's north pole at the end."""
     from orbits import plotting
 
-    figure = plotting.figure(11, 11)
+    figure = plotting.figure(11, 11.8)
     panel = figure.subplots()
     place = plotting.in_plane(run.system, run.q[-1].value - run["Sun"].q[-1].value)
     a, _, _ = mean_elements(run)
     columns = particles(run)
-    trojans = a > 4.8
-    for chosen, colour, label in (
-        (~trojans, plotting.style.BLUE, "main belt"),
-        (trojans, plotting.style.GREEN, "Jupiter Trojans"),
-    ):
+    for label, colour, chosen in zones(run, a):
         x = place[columns[chosen]]
-        panel.plot(x[:, 0], x[:, 1], ".", ms=5, mew=0, color=colour, alpha=0.7, label=f"{label}, {chosen.sum()}")
+        panel.plot(x[:, 0], x[:, 1], ".", ms=5, mew=0, color=colour, label=f"{label}, {chosen.sum()}")
     end = run[len(run) - 1]
     sun = plotting.in_plane(end, end.values.q[0])
     for i, name in enumerate(run.names):
         if not run.system.massive[i] or name in ("Saturn", "Uranus", "Neptune"):
             continue
-        look = {"color": plotting.colour(name, i)}
+        look = {"color": plotting.style.ORANGE if name == "Sun" else plotting.style.INK}
         ellipse = plotting.osculating_ellipse(end, name)
         if ellipse is not None:
             panel.plot(ellipse[:, 0] - sun[0], ellipse[:, 1] - sun[1], lw=1.0, alpha=0.8, **look)
         panel.plot(*place[i, :2], "o", ms=10 if name in ("Sun", "Jupiter") else 6, mec="white", mew=0.6, **look)
         if name in ("Sun", "Jupiter", "Mars"):
             panel.annotate(name, place[i, :2], xytext=(9, 7), textcoords="offset points", fontsize=14)
-    panel.set(xlim=(-6.3, 6.3), ylim=(-6.3, 6.3), xlabel="x [au]", ylabel="y [au]")
+    panel.set(xlim=(-6.3, 6.3), ylim=(-6.3, 7.3), xlabel="x [au]", ylabel="y [au]")
     panel.set_aspect("equal", adjustable="box")
     panel.set_title(f"The belt on {run.epochs[-1].isot[:10]}, seen from the north pole of the ecliptic", fontsize=18)
-    panel.legend(loc="upper right", fontsize=14, markerscale=2)
+    panel.legend(loc="upper left", ncols=2, fontsize=14, markerscale=2.5, handletextpad=0.1)
     return figure
 
 

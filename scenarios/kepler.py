@@ -46,7 +46,7 @@ def draw(outcome):
 
 
 def orbits_and_errors(case):
-    """One panel for each method's orbit; below, what it keeps."""
+    """One panel for each method: three orbits as a line, the samples of all as dots; below, what it keeps."""
     from orbits import plotting
 
     runs = list(case.runs.values())
@@ -57,10 +57,11 @@ def orbits_and_errors(case):
     exact = exact_ellipse(case.system)
     for k, run in enumerate(runs):
         panel = axes[f"orbit {k}"]
-        relative = run["planet"].q.value - run["star"].q.value
-        seen = orbital_plane(case.system, relative)
+        first = orbits.propagate(case.system, run.integrator, dt=run.dt, duration=3 * PERIOD, samples=1201)
         panel.plot(exact[:, 0], exact[:, 1], color=plotting.style.GREY, lw=0.8)
-        panel.plot(seen[:, 0], seen[:, 1], ".", ms=2.2, color=plotting.style.PALETTE[k], alpha=0.75)
+        for part, look in ((run, {"ls": "", "marker": ".", "ms": 2.2, "alpha": 0.6}), (first, {"ls": "-", "lw": 1.2})):
+            seen = orbital_plane(case.system, part["planet"].q.value - part["star"].q.value)
+            panel.plot(seen[:, 0], seen[:, 1], color=plotting.style.PALETTE[k], **look)
         panel.plot(0, 0, "o", color="#E69F00", ms=8)
         panel.set(xlim=(-2.1, 1.0), ylim=(-1.35, 1.35), aspect="equal", xticks=[], yticks=[])
         for side in panel.spines.values():

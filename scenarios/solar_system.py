@@ -26,39 +26,22 @@ def checks(outcome):
 
 
 def draw(outcome):
-    """Orbits from above, inner and outer; conserved quantities; the error of every planet, method by method."""
+    """Orbits from above, outer and inner; conserved quantities; the error of every planet, method by method."""
     from orbits import plotting
 
     run, report = outcome.run, outcome.report
     figure = plotting.figure(16, 10)
-    axes = figure.subplot_mosaic(
-        [["outer", "outer", "energy", "energy"], ["outer", "outer", "momentum", "momentum"],
-         ["inner", "inner", "errors", "errors"], ["inner", "inner", "errors", "errors"]],
-    )  # fmt: skip
-    start, end = run[0], run[len(run) - 1]
-    for name, panel, reach in (("outer", axes["outer"], 50.0), ("inner", axes["inner"], 1.75)):
-        for i, body in enumerate(run.names):
-            if (body in INNER) != (name == "inner") and body != "Sun":
-                continue
-            look = {"color": plotting.colour(body, i)}
-            for state, width in ((start, 0.7), (end, 1.6)):
-                ellipse = plotting.osculating_ellipse(state, body)
-                if ellipse is not None:
-                    panel.plot(ellipse[:, 0], ellipse[:, 1], lw=width, **look)
-            place = plotting.in_plane(end, end.values.q[i])
-            label = None if body == "Sun" else plotting.short(body)
-            panel.plot(place[0], place[1], "o", ms=8, mec="white", mew=0.8, label=label, **look)
-        panel.set(xlim=(-reach, reach * 1.9), ylim=(-reach, reach), xlabel="x [au]", ylabel="y [au]")
-        panel.set_aspect("equal", adjustable="box")
-        panel.legend(loc="center right", fontsize=13, handletextpad=0.1)
-    axes["outer"].set_title("outer planets and Pluto")
-    axes["inner"].set_title("inner planets (thin: orbits at the start)")
+    above, below = figure.subfigures(2, 1, height_ratios=[1.35, 1])
+    axes = above.subplot_mosaic([["outer", "inner", "energy"], ["outer", "inner", "momentum"]])
+    inside = {"Sun", *INNER}
+    seen_from_above(axes["outer"], run, [name for name in run.names if name not in INNER], "outer planets and Pluto")
+    seen_from_above(axes["inner"], run, [name for name in run.names if name in inside], "inner planets")
     years = run.t.to_value(u.yr)
     plotting.flatness(axes["energy"], years, run.energy().value, "energy")
-    plotting.flatness(axes["momentum"], years, run.angular_momentum().value, "angular momentum, three components")
+    plotting.flatness(axes["momentum"], years, run.angular_momentum().value, "angular momentum: x, y, z")
     axes["momentum"].set_xlabel("years since J2000")
     if report is not None:
-        errors(axes["errors"], report, [name for name in run.names if name != "Sun"])
+        errors(below, report, [name for name in run.names if name != "Sun"])
     first, last = run.epochs[0].jyear, run.epochs[-1].jyear
     figure.suptitle(
         f"The Solar System from {first:.0f} to {last:.0f}: {run.integrator.label}, dt = {run.dt:.4g}",
@@ -68,22 +51,47 @@ def draw(outcome):
     return figure
 
 
-def errors(panel, report, names):
-    """The largest position error of each body: a dot for each method."""
+def seen_from_above(panel, run, bodies, title):
+    """Places at the end of the run and the ellipses that the bodies then osculate, from the ecliptic's north pole."""
     from orbits import plotting
 
+    end = run[len(run) - 1]
+    places = plotting.in_plane(end, end.values.q)
+    reach = 0.0
+    for body in bodies:
+        i = end.index(body)
+        colour = plotting.colour(body, i)
+        ellipse = plotting.osculating_ellipse(end, body)
+        if ellipse is not None:
+            panel.plot(ellipse[:, 0], ellipse[:, 1], lw=1.4, color=colour)
+            reach = max(reach, 1.08 * np.abs(ellipse[:, :2]).max())
+        panel.plot(*places[i, :2], "o", ms=9, mec="white", mew=0.8, color=colour)
+        if body != "Sun":
+            side = -1 if places[i, 0] < 0 else 1  # away from the Sun
+            text = panel.annotate(
+                plotting.short(body), places[i, :2], xytext=(8 * side, 6), textcoords="offset points", fontsize=13,
+                ha="left" if side > 0 else "right", zorder=5,
+            )  # fmt: skip
+            plotting.halo(text)
+    panel.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [au]", ylabel="y [au]", title=title)
+    panel.set_aspect("equal", adjustable="box")
+
+
+def errors(figure, report, names):
+    """The largest position error of each body: a mark for each method."""
+    from orbits import plotting
+
+    panel = figure.subplots()
     markers = "osD^vP"
     for k, row in enumerate(report.rows):
         if row.positions:
             values = [max(row.positions.get(name, np.nan), 1e-7) for name in names]
-            panel.plot(
-                values, range(len(names)), markers[k % 6], ms=9, color=plotting.style.PALETTE[k], label=row.method
-            )
-    panel.set_yticks(range(len(names)), [plotting.short(name) for name in names])
-    panel.invert_yaxis()
-    panel.set(xscale="log", xlabel="km", title="largest position error")
-    panel.grid(color=plotting.style.FAINT, lw=0.6)
-    panel.legend(loc="lower center", bbox_to_anchor=(0.45, -0.32), ncols=4, fontsize=13)
+            style = {"ms": 10, "color": plotting.style.PALETTE[k], "label": row.method}
+            panel.plot(range(len(names)), values, markers[k % 6], **style)
+    panel.set_xticks(range(len(names)), [plotting.short(name) for name in names])
+    panel.set(yscale="log", ylabel="km", title="largest position error over the whole run")
+    panel.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
+    figure.legend(loc="outside lower center", ncols=6, fontsize=14, handletextpad=0.1, columnspacing=1.5)
 
 
 scenario = orbits.Scenario(

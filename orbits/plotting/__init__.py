@@ -14,13 +14,14 @@ from orbits.plotting.pictures import (
     plot_trajectory,
     relative_change,
 )
-from orbits.plotting.style import colour, figure, look, save, short
+from orbits.plotting.style import colour, figure, halo, look, save, short
 
 __all__ = [
     "colour",
     "conserved",
     "figure",
     "flatness",
+    "halo",
     "in_plane",
     "look",
     "osculating_ellipse",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 # Okabe & Ito (2008).
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
@@ -79,6 +80,13 @@ def save(made: Figure, path: Path) -> None:
     """Write a figure as PNG that says it comes from this package."""
     with look():
         made.savefig(path, metadata={"Software": MARK})
+
+
+def halo(text: Text) -> None:
+    """Set a text off from the lines behind it by a white rim."""
+    from matplotlib.patheffects import withStroke
+
+    text.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
 
 
 def colour(name: str, index: int) -> str:

@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from orbits.errors import ArchiveError, OrbitsError
 from orbits.scenario.definition import CaseOutcome, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
@@ -125,6 +123,8 @@ def _runs(
 
 def _interrupted(scenario: Scenario, system: System, path: Path) -> bool:
     """Whether `path` holds this very run, stopped half-way, so that going on gives the bits of an undisturbed one."""
+    import numpy as np
+
     from orbits import integrators
     from orbits.archive import Archive
     from orbits.propagation.binding import differences
