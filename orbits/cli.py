@@ -1,6 +1,7 @@
 """The command line: `orbits run`, `resume`, `compare`, `plot`, `info`, `list`.
 
-Exit codes: 0 when all that was demanded holds, 1 when a check falls short or a run fails, 2 for a wrong use.
+Exit codes: 0 when all that was demanded holds, 1 when a check falls short or a run fails, 2 for a wrong use, 130 when
+stopped by Ctrl-C or SIGTERM.
 """
 
 from __future__ import annotations
@@ -119,10 +120,10 @@ def plot(
     """
     with guarded():
         from orbits.plotting import save
-        from orbits.scenario.files import replaceable
+        from orbits.scenario.files import picture_path, replaceable
         from orbits.trajectory import Trajectory
 
-        target = replaceable(out or file.with_suffix(".png"))
+        target = replaceable(picture_path(out or file.with_suffix(".png")))
         save(Trajectory.open(file).plot(), target)
         print(f"wrote {target}")
 
@@ -191,6 +192,7 @@ def _compare(
     from orbits.scenario import load
     from orbits.scenario.definition import slug
     from orbits.scenario.files import replaceable, results_folder, write_text
+    from orbits.scenario.loading import located
 
     scenario = command.changed(load(name), *typed)
     peers = scenario.against if against is None else [p.strip() for p in against.split(",") if p.strip()]
@@ -198,7 +200,9 @@ def _compare(
     console, ok, records = Console(highlight=False), True, {}
     if not console.is_terminal:
         console = Console(highlight=False, width=100)
-    for case, system in scenario.cases().items():
+    with located():
+        cases = scenario.cases()
+    for case, system in cases.items():
         report = compare_methods(
             system,
             list(scenario.integrators),

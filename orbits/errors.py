@@ -69,6 +69,8 @@ class Interrupted(OrbitsError):
     trajectory : what was computed, a `Trajectory`
     """
 
+    exit_code = 130
+
     def __init__(self, message: str, *, trajectory: Any = None) -> None:
         super().__init__(message)
         self.trajectory = trajectory

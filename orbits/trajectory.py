@@ -264,6 +264,7 @@ class Trajectory:
         centre = self.centre_of_mass().value
         uniform = centre[0] + np.outer(self.times - self.times[0], diagnostics.centre_of_mass(gm, start.v[massive]))
         reach = float(np.linalg.norm(start.q[massive] - diagnostics.centre_of_mass(gm, start.q[massive]), axis=1).max())
+        reach = max(reach, float(np.linalg.norm(uniform - uniform[0], axis=1).max(initial=0.0)))
         momentum = float(gm @ np.linalg.norm(start.v[massive], axis=1)) / self.system.units.G
         return ConservedQuantities(
             energy=diagnostics.drift(self.energy().value),

@@ -12,6 +12,7 @@ import orbits
 ECCENTRICITIES = (0.0, 0.3, 0.6, 0.9)
 METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
 PERIOD = 2 * np.pi
+DT = PERIOD / 400
 SHOWN = 0.6
 ROUND_OFF = 1e-14
 
@@ -35,7 +36,7 @@ def checks(outcome):
             measured = f"{change:.1e}"
             if "momentum maps" in run.integrator.declares:
                 yield orbits.Check(f"{name}: {label} keeps angular momentum", change < ROUND_OFF, measured)
-            else:
+            elif abs(run.step) > 0.99 * DT:  # at shorter steps a foil may take longer to show itself
                 yield orbits.Check(f"{name}: {label} loses angular momentum", change > 10 * ROUND_OFF, measured)
 
 
@@ -69,7 +70,8 @@ def orbits_and_errors(case):
         panel.set_title(run.integrator.label, fontsize=17, loc="center")
     error_panels(axes, case)
     figure.suptitle(
-        f"A hundred orbits with {case.name}, {PERIOD / abs(runs[0].step):.0f} steps each: what is kept, what is lost",
+        f"{abs(runs[0].times[-1]) / PERIOD:.4g} orbits with {case.name}, {PERIOD / abs(runs[0].step):.0f} steps each: "
+        "what is kept, what is lost",
         fontsize=21,
         fontweight="bold",
     )
@@ -95,14 +97,16 @@ def error_panels(axes, case):
         }
         for name in ("position", "energy", "angular_momentum"):
             series = np.maximum.accumulate(np.maximum(np.nan_to_num(getattr(row.series, name)), 3e-17))
-            axes["momentum" if name == "angular_momentum" else name].plot(case.report.times / unit, series, **look)
+            axes["momentum" if name == "angular_momentum" else name].plot(
+                np.abs(case.report.times) / unit, series, **look
+            )
     for name, title in (
         ("position", "position error [a]"),
         ("energy", "energy, |ΔE/E|"),
         ("momentum", "angular momentum, |ΔL/L|"),
     ):
         panel = axes[name]
-        panel.set(yscale="log", xscale="log", xlim=(1, None), ylim=(2e-17, 10), title=title, xlabel="orbits")
+        panel.set(yscale="log", xscale="log", ylim=(2e-17, 10), title=title, xlabel="orbits")
         panel.axhline(2.0**-53, color=plotting.style.GREY, lw=1, ls=(0, (6, 4)))
         panel.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
 
@@ -120,14 +124,14 @@ def eccentricities(outcome):
                 continue
             peer = row.kind == "peer"
             axes[name].plot(
-                case.report.times / PERIOD,
+                np.abs(case.report.times) / PERIOD,
                 np.maximum.accumulate(np.maximum(np.nan_to_num(row.series.position), 3e-17)),
                 color=plotting.style.PALETTE[k % 8],
                 lw=1.3 if peer else 2.0,
                 ls=(0, (5, 2)) if peer else "-",
                 label=row.method,
             )
-        axes[name].set(yscale="log", xscale="log", xlim=(1, None), ylim=(2e-17, 30), title=name, xlabel="orbits")
+        axes[name].set(yscale="log", xscale="log", ylim=(2e-17, 30), title=name, xlabel="orbits")
         axes[name].grid(axis="y", color=plotting.style.FAINT, lw=0.6)
     axes[names[0]].set_ylabel("position error [a]")
     handles, labels = axes[names[0]].get_legend_handles_labels()
@@ -157,7 +161,7 @@ scenario = orbits.Scenario(
     title="Kepler's problem: variational methods and foils against the exact orbit",
     system=systems,
     integrators=METHODS,
-    dt=PERIOD / 400,
+    dt=DT,
     duration=100 * PERIOD,
     samples=2003,
     against=("whfast", "ias15"),

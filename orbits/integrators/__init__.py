@@ -72,5 +72,5 @@ def _find(name: str) -> type[Integrator]:
         if key(name) in (key(cls.name), key(cls.__name__)):
             return cls
     close = get_close_matches(name.replace("_", "-").lower(), known, n=1, cutoff=0.4)
-    hint = f"; did you mean {close[0]}?" if close else ""
+    hint = f"; did you mean {close[0]}?" if close else "."
     raise UnknownNameError(f"no integrator is called {name!r}{hint} Known: {', '.join(sorted(known))}.")

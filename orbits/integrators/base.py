@@ -26,7 +26,7 @@ SYMMETRIC = "symmetric"
 MOMENTUM_MAPS = "momentum maps"
 
 OK, NOT_CONVERGED, NOT_FINITE = 0, 1, 2
-"""Status codes of the kernels; `orbits.propagation` turns them into errors."""
+"""Status codes of the kernels; `Marcher` turns them into errors."""
 
 
 def padded(count: int) -> int:

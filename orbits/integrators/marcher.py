@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from itertools import pairwise
 from typing import NoReturn
 
@@ -97,8 +98,7 @@ class Marcher:
     def advance(self, steps: int) -> None:
         """March on by `steps` >= 0 steps.
 
-        Raises ConvergenceError or SingularityError; the state is then a whole state from at most `block` steps before
-        the failure.
+        Raises ConvergenceError or SingularityError; the state is then the one before the step that failed.
         """
         while steps > 0:
             count = min(steps, self.block)
@@ -107,11 +107,34 @@ class Marcher:
             try:
                 self._march_block(self._state, self.h, count)
             except IntegrationError:
-                for name, array in self._state.items():
-                    np.copyto(array, self._backup[name])
+                count = self._steps_before_failure(count)
+                self._replay(count)
+                self.step += count
+                trial = {name: array.copy() for name, array in self._state.items()}
+                self._march_block(trial, self.h, 1)  # raises, with the right step and time
                 raise
             self.step += count
             steps -= count
+
+    def _steps_before_failure(self, count: int) -> int:
+        """Return how many steps of the block of `count` that has just failed can be taken, by bisection."""
+        good, bad = 0, count
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            try:
+                self._replay(middle)
+            except IntegrationError:
+                bad = middle
+            else:
+                good = middle
+        return good
+
+    def _replay(self, count: int) -> None:
+        """March `count` steps from the state at the beginning of the block."""
+        for name, array in self._state.items():
+            np.copyto(array, self._backup[name])
+        if count:
+            self._march_block(self._state, self.h, count)
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64."""
@@ -145,8 +168,9 @@ class Marcher:
         self.step, self.evaluations, self.particle_evaluations = (int(x) for x in checkpoint["counts"])
 
     def compile(self) -> None:
-        """Compile, or load from the cache, all that `advance` needs: one step on a copy."""
-        self.state_after(self.h)
+        """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
+        with suppress(IntegrationError):
+            self.state_after(self.h)
 
     def close(self) -> None:
         """Release the threads."""
@@ -161,8 +185,14 @@ class Marcher:
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         status, done, body, evaluations = method.advance(*arguments, *massive, self._work, self._field, count)
         self.evaluations += evaluations
+        if status == NOT_CONVERGED:
+            self._fail(status, done, self._meeting(state, body))
         if status != OK:
-            self._fail(status, done, self._meeting(state, body) if status == NOT_CONVERGED else [])
+            # The state is spoilt; who met is seen in the one before the step, when the block is a single step.
+            lost = np.flatnonzero(~np.isfinite(state["q"][: 3 * self._bodies] + state["v"][: 3 * self._bodies]))
+            before = self._state if state is not self._state else self._backup
+            body = int(lost[0]) % self._bodies if lost.size else 0
+            self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
         if not self._tasks:
             return
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
@@ -176,10 +206,11 @@ class Marcher:
             return result
 
         tasks = range(len(self._tasks))
-        for status, done, particle, evaluations in self._pool.map(share, tasks) if self._pool else map(share, tasks):
-            self.particle_evaluations += evaluations
+        outcomes = list(self._pool.map(share, tasks) if self._pool else map(share, tasks))
+        self.particle_evaluations += sum(evaluations for *_, evaluations in outcomes)
+        for status, done, particle, _ in outcomes:
             if status != OK:
-                self._fail(status, done, [int(self._particles[particle])])
+                self._fail(status, done if status == NOT_CONVERGED else 0, [int(self._particles[particle])])
 
     def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
         """Return two massive bodies: `body` and the one next to it, the lighter one first."""
@@ -230,7 +261,7 @@ def _vector(x: Array) -> Array:
 
 
 def _columns(x: Array) -> Array:
-    """Return (m, 3) as (3, padded). The padding particles rest far out, where nothing is singular."""
+    """Return (m, 3) as (3, padded). What stands in the padding is finite and read by nobody."""
     out = np.full((3, padded(len(x))), 1e6)
     out[:, : len(x)] = x.T
     return out

@@ -19,7 +19,7 @@ from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
 from orbits.kernels.binding import accelerate, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.state import all_finite, drift, kick, load_particles, store_particles
+from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 
@@ -94,7 +94,8 @@ def advance_particles(
             vz, vz_lo = accumulate(vz, vz_lo, h / 6 * (az + 2.0 * (bz + cz) + dz))
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
-    return OK, steps, 0, 4 * steps * (stop - start)
+    lost = first_not_finite(q, v, start, stop)
+    return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), 4 * steps * (stop - start)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,16 @@ def all_finite(q, v, size):
     return True
 
 
+@kernel
+def first_not_finite(q, v, start, stop):
+    """Return the first of particles start ... stop - 1 whose state is not finite, or -1; q, v : (3, padded)."""
+    for p in range(start, stop):
+        for k in range(3):
+            if not (q[k, p] * 0.0 == 0.0 and v[k, p] * 0.0 == 0.0):
+                return p
+    return -1
+
+
 @kernel(inline=True)
 def load_particles(q, q_lo, p):
     """Return x, y, z and their low parts of particles p ... p + 7; q, q_lo : (3, padded)."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from orbits.errors import InputError
 from orbits.propagation.binding import bound
-from orbits.propagation.grid import split
+from orbits.propagation.grid import single_number, split
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -22,7 +22,7 @@ def state_at(trajectory: Trajectory, t: Any) -> System:
     Raises InputError if t lies outside the run.
     """
     units = trajectory.system.units
-    time = float(np.asarray(units.time_value(t, "t")))
+    time = single_number(units.time_value(t, "t"), "t")
     times = trajectory.times
     direction = -1.0 if trajectory.step < 0 else 1.0
     if not (times[0] - time) * direction <= 0.0 <= (times[-1] - time) * direction:

@@ -28,7 +28,7 @@ def signed_step(units: UnitSystem, dt: Any, duration: float) -> float:
     """Return the step h in units.time, its sign that of `duration`. Raises InputError unless dt is positive and
     finite.
     """
-    value = _number(units.time_value(dt, "dt"), "dt")
+    value = single_number(units.time_value(dt, "dt"), "dt")
     if not (math.isfinite(value) and value > 0.0):
         raise InputError(
             f"dt must be positive and finite, got {value:g}; the sign of duration gives the direction of time"
@@ -46,11 +46,19 @@ def signed_step(units: UnitSystem, dt: Any, duration: float) -> float:
 
 def checked_duration(units: UnitSystem, duration: Any) -> float:
     """Return the duration in units.time. Raises InputError unless it is finite and not zero."""
-    value = _number(units.time_value(duration, "duration"), "duration")
+    value = single_number(units.time_value(duration, "duration"), "duration")
     if not math.isfinite(value):
         raise InputError(f"duration must be finite, got {value}; a run has to end")
     if value == 0.0:
         raise InputError("duration is 0; give a positive one to go forwards in time or a negative one to go backwards")
+    return value
+
+
+def checked_until(units: UnitSystem, until: Any, h: float) -> float:
+    """Return the time to extend a run to, in units.time. Raises InputError unless it is finite and can be reached."""
+    value = single_number(units.time_value(until, "until"), "until")
+    if not math.isfinite(value) or abs(value / h) > MOST_STEPS:
+        raise InputError(f"until = {value:g} cannot be reached with steps of {abs(h):g}; give a nearer time")
     return value
 
 
@@ -105,7 +113,8 @@ def split(times: Array, h: float) -> tuple[NDArray[np.int64], Array]:
     return steps, remainder
 
 
-def _number(value: Any, what: str) -> float:
+def single_number(value: Any, what: str) -> float:
+    """Return a scalar as float. Raises InputError, naming it, for an array."""
     array = np.asarray(value, dtype=np.float64)
     if array.ndim:
         raise InputError(f"{what} must be a single number or quantity, got an array of shape {array.shape}")

@@ -15,7 +15,7 @@ from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupte
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
 from orbits.propagation.binding import bound, differences, provenance
-from orbits.propagation.grid import checked_duration, sample_times, signed_step, split
+from orbits.propagation.grid import MOST_SAMPLES, checked_duration, checked_until, sample_times, signed_step, split
 from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
 from orbits.system import System
@@ -118,7 +118,7 @@ def resume(
             f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out differently "
             "here. Resume with same_bits=False (--any-bits) to accept that."
         )
-    target = None if until is None else float(np.asarray(system.units.time_value(until, "until")))
+    target = None if until is None else checked_until(system.units, until, h)
     times = old.times if target is None else _extended_times(old, target)
     marcher = bound(system, integrator, h, threads)
     committed, checkpoint = old.committed, old.checkpoint()
@@ -136,12 +136,16 @@ def _extended_times(old: Archive, target: float) -> Array:
         raise ArchiveError("this run is not complete yet: resume it without until=..., then extend it")
     end = float(times[-1])
     direction = np.sign(old.dt)
-    if not np.isfinite(target) or (target - end) * direction < 0.0:
+    if (target - end) * direction < 0.0:
         raise InputError(f"until = {target:g} lies before the end of the run, {end:g} {old.system.units.time}")
     if len(times) < 2:
-        return np.unique([end, target])
-    spacing = (end - times[0]) / (len(times) - 1) if len(times) > 1 else target - end
+        return times if target == end else np.array([end, target])
+    spacing = (end - times[0]) / (len(times) - 1)
     count = int(np.floor((target - end) / spacing * (1 + 1e-12)))
+    if count > MOST_SAMPLES:
+        raise InputError(
+            f"until = {target:g} asks for {count:.3g} more samples; at most {MOST_SAMPLES:.0e} are possible"
+        )
     more = end + spacing * np.arange(1, count + 1)
     if count and abs(more[-1] - target) <= 1e-9 * abs(spacing):
         more[-1] = target
@@ -193,8 +197,8 @@ def _march(
     if failure is not None:
         failure.trajectory = trajectory
         raise failure
-    if stop.name:
-        at = f"{marcher.step * marcher.h:,.6g} of {times[-1]:,.6g} {system.units.time}"
+    if stop.name and not trajectory.complete:
+        at = f"{marcher.step * marcher.h:,.6g} of {times[-1]:,.6g} {system.units.time}".rstrip()
         how = (
             f"go on with: orbits resume {writer.path}"
             if writer is not None

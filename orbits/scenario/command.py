@@ -45,7 +45,7 @@ def guarded() -> Iterator[None]:
         sys.stdout.flush()
     except OrbitsError as error:
         stderr().print(f"[bold red]error:[/] {_escaped(' '.join(str(error).split()))}", soft_wrap=True)
-        raise SystemExit(INTERRUPTED if type(error).__name__ == "Interrupted" else error.exit_code) from None
+        raise SystemExit(error.exit_code) from None
     except KeyboardInterrupt:
         stderr().print("[bold red]error:[/] stopped by Ctrl-C.")
         raise SystemExit(INTERRUPTED) from None
@@ -58,6 +58,12 @@ def guarded() -> Iterator[None]:
         raise SystemExit(1) from None
     except OSError as error:
         stderr().print(f"[bold red]error:[/] {_escaped(str(error))}", soft_wrap=True)
+        raise SystemExit(1) from None
+    except (typer.Exit, typer.Abort):
+        raise
+    except Exception as error:
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}; a defect of orbits: please report it"
+        stderr().print(f"[bold red]error:[/] {_escaped(what)}", soft_wrap=True)
         raise SystemExit(1) from None
 
 

@@ -26,6 +26,15 @@ def replaceable(path: Path) -> Path:
     return path
 
 
+def picture_path(path: Path) -> Path:
+    """Return `path` if a PNG can be written there; raise InputError otherwise."""
+    if path.suffix.lower() != ".png":
+        raise InputError(f"{path} does not end in .png; pictures are written as PNG.")
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"the folder {path.absolute().parent} does not exist; make it, or give another --out.")
+    return path
+
+
 def write_text(path: Path, text: str) -> Path:
     """Write a text file. Raises StorageError where the device does not take it."""
     try:

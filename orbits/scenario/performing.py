@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orbits.errors import ArchiveError, OrbitsError
-from orbits.scenario.definition import CaseOutcome, Outcome, Scenario, slug
+from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError
+from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 
@@ -42,26 +42,29 @@ def perform(
         systems = scenario.cases()
     cases: dict[str, CaseOutcome] = {}
     files: list[Path] = []
+    complaints: list[str] = []
     replaceable(folder / "report.json")  # before the long runs, not after them
     for name, system in systems.items():
         stem = f"-{slug(name)}" if name else ""
-        runs = _runs(scenario, name, system, folder / f"run{stem}.h5", progress, say)
+        runs = _runs(scenario, name, system, folder / f"run{stem}.h5", progress, say, complaints)
         files.append(folder / f"run{stem}.h5")
         cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, runs, progress, say))
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
         checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
+    for check in checks:
+        if not isinstance(check, Check):
+            raise InputError(f"scenario {scenario.name!r}: checks must yield orbits.Check values, got {check!r}.")
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases, checks=checks)
-    complaints: tuple[str, ...] = ()
     if plot:
         say("drawing")
         try:
             files += _draw(outcome)
         except OrbitsError as error:
-            complaints = (str(error),)
+            complaints.append(str(error))
     files.append(folder / "report.json")
     outcome = Outcome(
-        scenario=scenario, folder=folder, cases=cases, checks=checks, files=tuple(files), complaints=complaints
+        scenario=scenario, folder=folder, cases=cases, checks=checks, files=tuple(files), complaints=tuple(complaints)
     )
     write_text(folder / "report.json", json.dumps(to_record(outcome), indent=1) + "\n")
     return outcome
@@ -96,7 +99,9 @@ def _runs(
     archive: Path,
     progress: bool | None,
     say: Callable[[str], None],
+    failures: list[str],
 ) -> Mapping[str, Trajectory]:
+    """Run every method; one whose step fails is told in `failures` and keeps the samples before."""
     from orbits.propagation import propagate, resume
 
     runs: dict[str, Trajectory] = {}
@@ -108,16 +113,22 @@ def _runs(
             runs[method.label] = resume(archive, progress=progress)
             continue
         say(task)
-        runs[method.label] = propagate(
-            system,
-            method,
-            dt=scenario.dt,
-            duration=scenario.duration,
-            samples=scenario.samples,
-            archive=replaceable(archive) if first else None,
-            overwrite=True,
-            progress=progress,
-        )
+        try:
+            runs[method.label] = propagate(
+                system,
+                method,
+                dt=scenario.dt,
+                duration=scenario.duration,
+                samples=scenario.samples,
+                archive=replaceable(archive) if first else None,
+                overwrite=True,
+                progress=progress,
+            )
+        except IntegrationError as error:
+            if error.trajectory is None or not len(error.trajectory):
+                raise
+            failures.append(f"{task}: {error}")
+            runs[method.label] = error.trajectory
     return runs
 
 
@@ -153,7 +164,7 @@ def _report(
     progress: bool | None,
     say: Callable[[str], None],
 ) -> Any:
-    if not scenario.against:
+    if not scenario.against and not scenario.demands():
         return None
     from orbits.regression import compare
 
@@ -167,7 +178,7 @@ def _report(
         against=scenario.against,
         tolerances=scenario.demands() or None,
         title=f"{scenario.title}: {name}" if name else scenario.title,
-        runs=list(runs.values()),
+        runs=[run for run in runs.values() if run.complete],
         progress=progress,
     )
 
@@ -180,6 +191,9 @@ def _draw(outcome: Outcome) -> list[Path]:
         with located(), look():
             drawn = outcome.scenario.draw(outcome)
         figures.update(drawn if isinstance(drawn, Mapping) else {outcome.scenario.name: drawn})
+        for name, figure in figures.items():
+            if not hasattr(figure, "savefig"):
+                raise InputError(f"draw gave {figure!r} as {name!r}; expected a matplotlib Figure, or several by name.")
     else:
         for name, case in outcome.cases.items():
             figures[slug(name) or "run"] = plot_trajectory(case.run, title=outcome.scenario.title)

@@ -156,6 +156,65 @@ def test_a_state_that_is_no_longer_finite_is_an_error():
         orbits.propagate(system, orbits.StormerVerlet(), dt=2.0, duration=100.0, samples=2)
 
 
+def test_a_particle_at_a_singularity_is_an_error_that_names_it_and_not_a_silent_nan():
+    """At rest at distance 1 of GM = 2, dt = 1: half a kick of 1 and a drift put the particle onto the star, exactly."""
+    system = orbits.System.from_states(
+        ["star", "dust", "far"],
+        [2.0, 0.0, 0.0],
+        [[0, 0, 0], [1, 0, 0], [50, 0, 0]],
+        [[0, 0, 0], [0, 0, 0], [0, 0.1, 0]],
+        units=orbits.DIMENSIONLESS,
+    )
+    with pytest.raises(SingularityError, match="the state of dust is no longer finite") as caught:
+        orbits.propagate(system, orbits.StormerVerlet(), dt=1.0, duration=8.0, samples=9)
+    assert caught.value.bodies == ("dust",)
+    assert caught.value.step == 0
+    assert len(caught.value.trajectory) == 1
+
+
+@pytest.mark.parametrize("method", [orbits.RungeKutta4(), orbits.ExplicitEuler()], ids=["rk4", "euler"])
+def test_a_particle_that_meets_a_body_is_an_error_with_every_explicit_method(method):
+    """One unit a step towards a star of next to no mass, which it meets after three steps."""
+    system = orbits.System.from_states(
+        ["star", "dust"], [1e-300, 0.0], [[0, 0, 0], [3, 0, 0]], [[0, 0, 0], [-1, 0, 0]], units=orbits.DIMENSIONLESS
+    )
+    with pytest.raises(SingularityError, match="the state of dust") as caught:
+        orbits.propagate(system, method, dt=1.0, duration=100.0, samples=101)
+    assert caught.value.step in (2, 3)
+
+
+def test_the_step_and_the_bodies_of_a_meeting_are_the_true_ones_however_long_the_block():
+    """Two bodies approach by exactly two units a step and meet in step 1,000; a third one is far away."""
+    system = orbits.System.from_states(
+        ["a", "b", "c"],
+        [1e-300, 1e-300, 1e-300],
+        [[-1000, 0, 0], [1000, 0, 0], [0, 1e6, 0]],
+        [[1, 0, 0], [-1, 0, 0], [0, 0, 0]],
+        units=orbits.DIMENSIONLESS,
+    )
+    with pytest.raises(SingularityError, match="the state of a, b is no longer finite") as caught:
+        orbits.propagate(system, orbits.StormerVerlet(), dt=1.0, duration=1e5, samples=101)
+    assert caught.value.step == 999
+    assert caught.value.time == 999.0
+    assert set(caught.value.bodies) == {"a", "b"}
+    assert len(caught.value.trajectory) == 1
+
+
+def test_a_first_step_that_fails_leaves_the_first_sample(tmp_path):
+    with pytest.raises(ConvergenceError) as caught:
+        orbits.propagate(
+            binary(), orbits.Gauss(stages=8), dt=8.0, duration=50.0, samples=2, archive=tmp_path / "run.h5"
+        )
+    assert len(caught.value.trajectory) == 1
+    assert len(orbits.Trajectory.open(tmp_path / "run.h5")) == 1
+
+
+def test_the_centre_of_mass_of_a_single_moving_body_does_not_drift_infinitely():
+    system = orbits.System.from_states(["s"], [1.0], [[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.7]], units=orbits.DIMENSIONLESS)
+    drift = orbits.propagate(system, orbits.Gauss(), dt=0.1, duration=1000.0).drift()
+    assert drift.centre_of_mass.max_fraction < 1e-15
+
+
 TABLE = [
     ({"dt": 0}, "dt must be positive"),
     ({"dt": -1.0}, "dt must be positive"),

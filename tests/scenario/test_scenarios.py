@@ -144,6 +144,29 @@ def test_a_tolerance_that_is_exceeded_is_a_failure_with_its_numbers(tmp_path):
     assert not json.loads((tmp_path / "report.json").read_text())["ok"]
 
 
+def test_tolerances_are_judged_also_without_peers(tmp_path):
+    outcome = perform(pair(tolerances={"position": 1e-30}), out=tmp_path, plot=False)
+    assert not outcome.ok
+
+
+def test_a_method_that_fails_is_reported_and_the_others_are_judged(tmp_path):
+    scenario = pair(integrators=[orbits.Gauss(stages=8), orbits.StormerVerlet()], dt=8.0, duration=100.0)
+    outcome = perform(scenario, out=tmp_path, plot=False)
+    assert not outcome.ok
+    assert "did not converge" in outcome.failures[0]
+    assert outcome.runs["StormerVerlet()"].complete
+    assert (tmp_path / "report.json").exists()
+
+
+@pytest.mark.parametrize("wrong", [{"draw": lambda outcome: 3}, {"checks": lambda outcome: ["fine"]}])
+def test_pictures_and_checks_of_another_kind_are_refused_in_words(tmp_path, wrong):
+    try:
+        message = " ".join(perform(pair(**wrong), out=tmp_path).failures)
+    except InputError as error:
+        message = str(error)
+    assert "expected a matplotlib Figure" in message or "must yield orbits.Check" in message
+
+
 def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
     outcome = perform(
         pair(checks=lambda outcome: [orbits.Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path, plot=False
