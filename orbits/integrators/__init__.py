@@ -56,7 +56,7 @@ def parse(text: str) -> Integrator:
     if isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name) and not tree.args:
         try:
             parameters = {str(k.arg): ast.literal_eval(k.value) for k in tree.keywords}
-        except ValueError:
+        except (ValueError, TypeError):
             parameters = None
         if parameters is not None:
             return build({"name": tree.func.id, "parameters": parameters})

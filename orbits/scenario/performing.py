@@ -108,22 +108,22 @@ def _runs(
     for method in scenario.integrators:
         task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
         first = not runs
-        if first and _interrupted(scenario, system, archive):
-            say(f"{task}, going on with the unfinished run in {archive}")
-            runs[method.label] = resume(archive, progress=progress)
-            continue
-        say(task)
+        unfinished = first and _interrupted(scenario, system, archive)
+        say(f"{task}, going on with the unfinished run in {archive}" if unfinished else task)
         try:
-            runs[method.label] = propagate(
-                system,
-                method,
-                dt=scenario.dt,
-                duration=scenario.duration,
-                samples=scenario.samples,
-                archive=replaceable(archive) if first else None,
-                overwrite=True,
-                progress=progress,
-            )
+            if unfinished:
+                runs[method.label] = resume(archive, progress=progress)
+            else:
+                runs[method.label] = propagate(
+                    system,
+                    method,
+                    dt=scenario.dt,
+                    duration=scenario.duration,
+                    samples=scenario.samples,
+                    archive=replaceable(archive) if first else None,
+                    overwrite=True,
+                    progress=progress,
+                )
         except IntegrationError as error:
             if error.trajectory is None or not len(error.trajectory):
                 raise
@@ -168,7 +168,8 @@ def _report(
         return None
     from orbits.regression import compare
 
-    say(f"{name + ', ' if name else ''}comparing with {', '.join(scenario.against)}")
+    peers = ", ".join(scenario.against) or "the yardstick alone"
+    say(f"{name + ', ' if name else ''}comparing with {peers}")
     return compare(
         system,
         list(scenario.integrators),

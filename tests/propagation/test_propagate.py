@@ -296,6 +296,7 @@ def test_integrators_are_read_as_people_type_them(text, expected):
         ("gauss(stages=__import__('os'))", "cannot read"),
         ("", "cannot read"),
         ("(" * 500, "cannot read"),
+        ("gauss(stages={[]: 1})", "cannot read"),
         ("euler(", "cannot read"),
     ],
 )

@@ -155,6 +155,8 @@ def test_a_method_that_fails_is_reported_and_the_others_are_judged(tmp_path):
     assert not outcome.ok
     assert "did not converge" in outcome.failures[0]
     assert outcome.runs["StormerVerlet()"].complete
+    again = perform(scenario, out=tmp_path, plot=False)
+    assert again.failures == outcome.failures
     assert (tmp_path / "report.json").exists()
 
 
