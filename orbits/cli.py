@@ -55,7 +55,7 @@ def run(
 ) -> None:
     """Run a scenario: integrate, compare, check, draw.
 
-    Example: orbits run kepler --duration 200 --out /tmp/kepler
+    Example: orbits run kepler --duration 200 --out results/short
     """
     with guarded():
         from orbits.scenario import load

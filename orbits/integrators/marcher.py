@@ -104,15 +104,18 @@ class Marcher:
             count = min(steps, self.block)
             for name, array in self._state.items():
                 np.copyto(self._backup[name], array)
+            failure: IntegrationError | None = None
             try:
                 self._march_block(self._state, self.h, count)
-            except IntegrationError:
+            except IntegrationError as error:
+                failure = error
+            if failure is not None:
                 count = self._steps_before_failure(count)
                 self._replay(count)
                 self.step += count
                 trial = {name: array.copy() for name, array in self._state.items()}
-                self._march_block(trial, self.h, 1)  # raises, with the right step and time
-                raise
+                self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
+                raise failure
             self.step += count
             steps -= count
 
