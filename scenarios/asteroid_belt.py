@@ -9,6 +9,7 @@ import numpy as np
 from astropy import units as u
 
 import orbits
+from orbits.scenario import angular_momentum_checks
 
 EPOCH = "2022-08-09"
 PLANETS = ("Sun", "Mercury", "Venus", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
@@ -29,12 +30,8 @@ def system():
 
 def checks(outcome):
     """Angular momentum of the massive bodies: kept where declared, lost where not; asteroids where they belong."""
-    for label, run in outcome.runs.items():
-        change = run.drift().angular_momentum.max_fraction
-        if "momentum maps" in run.integrator.declares:
-            yield orbits.Check(f"{label} keeps angular momentum", change < ROUND_OFF, f"{change:.1e}")
-        elif abs(run.step) >= DT.value:  # at shorter steps a foil may take longer to show itself
-            yield orbits.Check(f"{label} loses angular momentum", change > 10 * ROUND_OFF, f"{change:.1e}")
+    foils = abs(outcome.run.step) >= DT.value
+    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, foils=foils)
     a, e, _ = mean_elements(outcome.run)
     inside = np.isfinite(a) & (a > 1.5) & (a < 6.0) & (e < 1.0)
     yield orbits.Check(

@@ -8,6 +8,7 @@ runs away for the others.
 import numpy as np
 
 import orbits
+from orbits.scenario import angular_momentum_checks
 
 ECCENTRICITIES = (0.0, 0.3, 0.6, 0.9)
 METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
@@ -30,14 +31,9 @@ def systems():
 
 def checks(outcome):
     """Angular momentum: at round-off where the method declares its momentum maps, visibly not where it does not."""
+    foils = abs(outcome.run.step) > 0.99 * DT
     for name, case in outcome.cases.items():
-        for label, run in case.runs.items():
-            change = run.drift().angular_momentum.max_fraction
-            measured = f"{change:.1e}"
-            if "momentum maps" in run.integrator.declares:
-                yield orbits.Check(f"{name}: {label} keeps angular momentum", change < ROUND_OFF, measured)
-            elif abs(run.step) > 0.99 * DT:  # at shorter steps a foil may take longer to show itself
-                yield orbits.Check(f"{name}: {label} loses angular momentum", change > 10 * ROUND_OFF, measured)
+        yield from angular_momentum_checks(case.runs, bound=ROUND_OFF, foils=foils, case=name)
 
 
 def draw(outcome):

@@ -9,6 +9,7 @@ import numpy as np
 from astropy import units as u
 
 import orbits
+from orbits.scenario import angular_momentum_checks
 
 METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
 ROUND_OFF = 1e-14
@@ -18,12 +19,8 @@ INNER = ("Mercury", "Venus", "Earth-Moon barycenter", "Mars")
 
 def checks(outcome):
     """Angular momentum: at round-off where the method declares its momentum maps, visibly not where it does not."""
-    for label, run in outcome.runs.items():
-        change = run.drift().angular_momentum.max_fraction
-        if "momentum maps" in run.integrator.declares:
-            yield orbits.Check(f"{label} keeps angular momentum", change < ROUND_OFF, f"{change:.1e}")
-        elif abs(run.step) >= DT.value:  # at shorter steps a foil may take longer to show itself
-            yield orbits.Check(f"{label} loses angular momentum", change > 10 * ROUND_OFF, f"{change:.1e}")
+    foils = abs(outcome.run.step) >= DT.value
+    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, foils=foils)
 
 
 def draw(outcome):

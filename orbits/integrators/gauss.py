@@ -221,11 +221,12 @@ def advance_particles(
 class Gauss(Integrator):
     """Gauss collocation with 1 ... 8 stages, order 2s: the method of choice when accuracy matters.
 
-    stages : s; 8 stages (order 16) fill one register and cost hardly more than 2
+    stages : s; 8 stages (order 16) fill one register. Fewer save nothing: a step is evaluated for eight lanes all the
+        same, and its iteration starts from a poorer guess
 
-    Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off. A step of about 1/15 of the
-    shortest period is solved to round-off with 8 stages; a step whose iteration does not converge is an error, never a
-    result.
+    Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off. With 8 stages, 15 steps
+    for a nearly circular orbit leave nothing but round-off; eccentric ones want more. A step whose iteration does not
+    converge is an error, never a result.
     """
 
     stages: int = 8

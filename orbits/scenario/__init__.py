@@ -8,8 +8,18 @@ files        which files of a results folder may be replaced
 command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
 """
 
-from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario
+from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, angular_momentum_checks
 from orbits.scenario.loading import Listed, bundled, load
 from orbits.scenario.performing import perform
 
-__all__ = ["CaseOutcome", "Check", "Listed", "Outcome", "Scenario", "bundled", "load", "perform"]
+__all__ = [
+    "CaseOutcome",
+    "Check",
+    "Listed",
+    "Outcome",
+    "Scenario",
+    "angular_momentum_checks",
+    "bundled",
+    "load",
+    "perform",
+]

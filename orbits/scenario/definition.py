@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -229,6 +229,24 @@ class Outcome:
     def ok(self) -> bool:
         """Whether all that the scenario demands holds."""
         return not self.failures
+
+
+def angular_momentum_checks(
+    runs: Mapping[str, Trajectory], *, bound: float, foils: bool = True, case: str = ""
+) -> Iterator[Check]:
+    """Yield a check for each run: angular momentum kept where the method declares its momentum maps, lost where not.
+
+    runs : by the integrator's label; bound : largest relative change that counts as kept; ten times it counts as lost
+    foils : whether methods that declare nothing must be seen to lose it; at short steps they may take long to
+    case : heads the claims of a scenario with several cases
+    """
+    for label, run in runs.items():
+        change = run.drift().angular_momentum.max_fraction
+        head = f"{case}: {label}" if case else label
+        if "momentum maps" in run.integrator.declares:
+            yield Check(f"{head} keeps angular momentum", change < bound, f"{change:.1e}")
+        elif foils:
+            yield Check(f"{head} loses angular momentum", change > 10 * bound, f"{change:.1e}")
 
 
 def slug(case: str) -> str:
