@@ -20,7 +20,7 @@ _KERNELS: dict[str, Mapping[str, Any]] = {}
 class Tag:
     """The compiled face of a Lagrangian.
 
-    name : unique name of the Lagrangian
+    name : unique; where the kernels may change under the same name, it must hold a hash of their source
     kernels : what it provides, by the names of the functions of this module
     """
 
@@ -55,6 +55,50 @@ def _unbox_tag(kind, instance, context):
 
 def _kernel_of(tag, name):
     return _KERNELS[tag.tag][name] if isinstance(tag, TagType) and name in _KERNELS[tag.tag] else None
+
+
+def dimension(lagrangian, parameters):
+    """Return the number of coordinates."""
+    raise NotImplementedError("dimension() is for compiled code only")
+
+
+@overload(dimension)
+def _dimension(lagrangian, parameters):
+    compiled = _kernel_of(lagrangian, "dimension")
+    return compiled and (lambda lagrangian, parameters: compiled(parameters))
+
+
+def value(lagrangian, parameters, t, q, v):
+    """Return L(q, v, t): float64 for vectors, `Lanes` for rows of eight stages (t is then `Lanes`)."""
+    raise NotImplementedError("value() is for compiled code only")
+
+
+@overload(value)
+def _value(lagrangian, parameters, t, q, v):
+    compiled = _kernel_of(lagrangian, "value")
+    return compiled and (lambda lagrangian, parameters, t, q, v: compiled(parameters, t, q, v))
+
+
+def gradients(lagrangian, parameters, t, q, v, f, p):
+    """Write dL/dq(q, v, t) into f and dL/dv(q, v, t) into p; vectors, or rows of eight stages with t in `Lanes`."""
+    raise NotImplementedError("gradients() is for compiled code only")
+
+
+@overload(gradients)
+def _gradients(lagrangian, parameters, t, q, v, f, p):
+    compiled = _kernel_of(lagrangian, "gradients")
+    return compiled and (lambda lagrangian, parameters, t, q, v, f, p: compiled(parameters, t, q, v, f, p))
+
+
+def hessians(lagrangian, parameters, t, q, v, out):
+    """Write d2L/dq dq, d2L/dq dv and d2L/dv dv, each d x d row by row, into `out`: 3 d^2 elements or rows."""
+    raise NotImplementedError("hessians() is for compiled code only")
+
+
+@overload(hessians)
+def _hessians(lagrangian, parameters, t, q, v, out):
+    compiled = _kernel_of(lagrangian, "hessians")
+    return compiled and (lambda lagrangian, parameters, t, q, v, out: compiled(parameters, t, q, v, out))
 
 
 def accelerate(lagrangian, parameters, q, out):

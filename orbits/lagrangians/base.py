@@ -1,35 +1,248 @@
-"""What a Lagrangian is to the rest of the package."""
+"""What a Lagrangian is: kernels for L and its derivatives, what may be asked of it, and its values as plain floats."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.errors import InputError, SingularityError
+from orbits.lagrangians.symmetry import Symmetry
 
 if TYPE_CHECKING:
     from orbits.kernels.binding import Tag
 
+Array = NDArray[np.float64]
+
 SEPARABLE = "separable"
-"""L(q, v) = T(v) - V(q) with a constant mass matrix: an explicit method can serve it."""
+"""L(q, v) = T(v) - V(q) with a constant mass matrix and no time: an explicit method can serve it."""
 
 MASSLESS_PARTICLES = "massless particles"
 """It has a field in which each massless particle moves by a Lagrangian of its own."""
 
+GRADIENTS = "gradients"
+"""It has kernels for dL/dq, dL/dv and the second derivatives: implicit methods in canonical form can serve it."""
+
 
 @dataclass(frozen=True)
-class Lagrangian:
-    """L(q, v) of a mechanical system, as kernels and traits.
+class Compiled:
+    """The compiled face of a Lagrangian.
 
-    name : unique, as registered
-    formula : L(q, v), for people
-    tag : the compiled face (see `orbits.kernels.binding`)
-    traits : what methods may ask of it: `SEPARABLE`, `MASSLESS_PARTICLES`
-    symmetries : names of its continuous symmetries: "translation", "rotation"
+    tag : how kernels find its kernels (see `orbits.kernels.binding`)
+    traits : what methods may ask of it: `SEPARABLE`, `MASSLESS_PARTICLES`, `GRADIENTS`
+    """
+
+    tag: Tag
+    traits: frozenset[str]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Where a motion starts, and a step that suits it: q, v of shape (d,), dt in the Lagrangian's unit of time."""
+
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    dt: float
+    t: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Lagrangian:
+    """L(q, v, t) of a mechanical system on R^d, with the values of its parameters.
+
+    name : for people, as registered
+    formula : L(q, v, t), for people
+    coordinates : (d,) names
+    parameters : the parameters' values by name, in the order of the kernels' parameter vector
+    compile : makes the kernels, on first use; called once
+    example : a nonlinear motion that shows the system at work; what tables and tests use when nothing else is given
+    symmetries : one-parameter groups that leave L invariant
     source : where it comes from
+    order : (d,) which coordinate stands at each place of the kernels' vectors; None where it is the same
+
+    Vectors of coordinates have shape (d,). Where a system consists of bodies in space, (n, 3) is accepted for (3n,).
     """
 
     name: str
     formula: str
-    tag: Tag
-    traits: frozenset[str]
-    symmetries: frozenset[str]
-    source: str
+    coordinates: tuple[str, ...]
+    parameters: Mapping[str, float]
+    compile: Callable[[], Compiled] = field(repr=False)
+    example: Motion
+    symmetries: tuple[Symmetry, ...] = ()
+    source: str = ""
+    order: tuple[int, ...] | None = field(default=None, repr=False)
+
+    @cached_property
+    def compiled(self) -> Compiled:
+        """The kernels and traits; made on first use."""
+        return self.compile()
+
+    @property
+    def tag(self) -> Tag:
+        """The compiled face."""
+        return self.compiled.tag
+
+    @property
+    def traits(self) -> frozenset[str]:
+        """What methods may ask of it."""
+        return self.compiled.traits
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates d."""
+        return len(self.coordinates)
+
+    @cached_property
+    def parameter_vector(self) -> Array:
+        """The parameters as the kernels want them; never empty."""
+        return np.array([*self.parameters.values(), 0.0][: max(1, len(self.parameters))], dtype=np.float64)
+
+    def with_parameters(self, **values: float) -> Lagrangian:
+        """Return the same Lagrangian with other values of some parameters. Raises InputError for unknown names."""
+        unknown = sorted(set(values) - set(self.parameters))
+        if unknown:
+            known = ", ".join(self.parameters) or "none"
+            raise InputError(f"'{self.name}' has no parameter {', '.join(unknown)}; it has: {known}")
+        changed = {key: float(_real(value, key)) for key, value in {**self.parameters, **values}.items()}
+        made = self.compiled
+        return replace(self, parameters=changed, compile=lambda: made)
+
+    def value(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> float:
+        """Return L(q, v, t). Raises SingularityError where it is not finite."""
+        from orbits.lagrangians.evaluation import value
+
+        x, w = self.vector(q, "q"), self.vector(v, "v")
+        result = float(value(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w)))
+        self._finite(result, x, w, t)
+        return result
+
+    def gradients(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> tuple[Array, Array]:
+        """Return (dL/dq, dL/dv), each (d,). Raises SingularityError where they are not finite."""
+        from orbits.lagrangians.evaluation import gradients
+
+        x, w = self.vector(q, "q"), self.vector(v, "v")
+        f, p = np.empty(self.dimension), np.empty(self.dimension)
+        gradients(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w), f, p)
+        self._finite(float(np.sum(f) + np.sum(p)), x, w, t)
+        return self._out(f), self._out(p)
+
+    def hessians(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> tuple[Array, Array, Array]:
+        """Return (d2L/dq dq, d2L/dq dv, d2L/dv dv), each (d, d); rows of the mixed one belong to q.
+
+        Raises SingularityError where they are not finite.
+        """
+        from orbits.lagrangians.evaluation import hessians
+
+        x, w = self.vector(q, "q"), self.vector(v, "v")
+        d = self.dimension
+        out = np.empty(3 * d * d)
+        hessians(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w), out)
+        self._finite(float(np.sum(out)), x, w, t)
+        blocks = out.reshape(3, d, d)
+        if self.order is not None:
+            place = np.argsort(self.order)
+            blocks = blocks[:, place][:, :, place]
+        return blocks[0], blocks[1], blocks[2]
+
+    def momentum(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> Array:
+        """Return p = dL/dv, the Legendre transform of v at q, (d,)."""
+        return self.gradients(q, v, t)[1]
+
+    def velocity(self, q: ArrayLike, p: ArrayLike, t: float = 0.0) -> Array:
+        """Return v with dL/dv(q, v, t) = p, the inverse Legendre transform, (d,), by Newton's method.
+
+        Raises InputError where L is not regular at q: the matrix d2L/dv dv has no inverse.
+        """
+        x, target = self.vector(q, "q"), self.vector(p, "p")
+        v = np.zeros(self.dimension)
+        previous = np.inf
+        for _ in range(60):
+            mass = self.hessians(x, v, t)[2]
+            change = self.solve_mass(mass, target - self.momentum(x, v, t), x)
+            v = v + change
+            size = float(np.max(np.abs(change)))
+            if size == 0.0 or (size >= previous and size <= 1e-8 * float(np.max(np.abs(v)))):
+                return v
+            previous = size
+        raise InputError(
+            f"'{self.name}': no velocity belongs to the momentum p = {_show(target)} at q = {_show(x)}: Newton's "
+            "method does not settle; the Legendre transform is not invertible there."
+        )
+
+    def energy(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> float:
+        """Return p . v - L, the energy (Jacobi's integral in a rotating frame)."""
+        w = self.vector(v, "v")
+        return float(self.momentum(q, w, t) @ w) - self.value(q, w, t)
+
+    def require_regular(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> None:
+        """Raise InputError unless d2L/dv dv is invertible at (q, v, t)."""
+        self.solve_mass(self.hessians(q, v, t)[2], np.zeros(self.dimension), self.vector(q, "q"))
+
+    def solve_mass(self, mass: Array, right: Array, q: Array) -> Array:
+        """Return mass^-1 right; InputError, with the reason, if the mass matrix d2L/dv dv has no inverse."""
+        singular = np.linalg.svd(mass, compute_uv=False)
+        if not singular[-1] > 1e-14 * singular[0]:
+            raise InputError(
+                f"'{self.name}' is not regular at q = {_show(q)}: the matrix d2L/dv dv = {_show(mass)} has no inverse, "
+                "so momenta do not determine velocities. Expected a Lagrangian whose kinetic energy depends on every "
+                "velocity; remove the coordinates that have none, or choose others."
+            )
+        solved: Array = np.linalg.solve(mass, right)
+        return solved
+
+    def vector(self, x: ArrayLike, what: str) -> Array:
+        """Return x as a vector of d finite floats; InputError says what is wrong with it."""
+        try:
+            given = np.asarray(x)
+        except ValueError:
+            given = np.array(None)
+        if given.dtype == object or given.dtype.kind not in "fiub":
+            raise InputError(f"'{self.name}': {what} must be {self.dimension} real numbers; got {x!r}")
+        if given.size != self.dimension or (given.ndim > 1 and given.shape != (self.dimension // 3, 3)):
+            names = ", ".join(self.coordinates[:6]) + (", ..." if self.dimension > 6 else "")
+            raise InputError(
+                f"'{self.name}' has {self.dimension} coordinates ({names}); got {what} of shape {given.shape}"
+            )
+        values = np.array(given, dtype=np.float64).reshape(-1)
+        if not np.all(np.isfinite(values)):
+            raise InputError(f"'{self.name}': {what} must be finite; got {_show(values)}")
+        return values
+
+    def kernel_order(self, x: Array) -> Array:
+        """Return coordinates (..., d) in the order of the kernels' vectors."""
+        return np.ascontiguousarray(x) if self.order is None else np.ascontiguousarray(x[..., list(self.order)])
+
+    def caller_order(self, x: Array) -> Array:
+        """Undo `kernel_order`."""
+        return x if self.order is None else np.ascontiguousarray(x[..., np.argsort(self.order)])
+
+    _in = kernel_order
+    _out = caller_order
+
+    def _finite(self, probe: float, q: Array, v: Array, t: float) -> None:
+        if not np.isfinite(probe):
+            raise SingularityError(
+                f"'{self.name}' is singular at q = {_show(q)}, v = {_show(v)}, t = {t:.6g}: its value or derivatives "
+                "are not finite there. Start elsewhere, or use a smaller dt.",
+                time=float(t),
+            )
+
+
+def _real(value: Any, what: str) -> float:
+    if isinstance(value, complex) or not np.isscalar(value) or isinstance(value, str):
+        raise InputError(f"parameter {what} must be a real number; got {value!r}")
+    number = float(value)
+    if not np.isfinite(number):
+        raise InputError(f"parameter {what} must be finite; got {value!r}")
+    return number
+
+
+def _show(x: Array) -> str:
+    """A vector or matrix for a message, no longer than a line."""
+    text = np.array2string(np.asarray(x), precision=6, threshold=12, separator=", ").replace("\n", "")
+    return " ".join(text.split())
