@@ -1,0 +1,45 @@
+"""Small tableaux: the symplectic Euler methods, explicit Euler, and the classical Runge–Kutta method.
+
+Source: Hairer, Lubich & Wanner (2006), sec. I.1.2, VI.3.1; Kutta (1901).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import lru_cache
+
+import mpmath
+
+from orbits.tableaux.partitioned import DIGITS, PartitionedTableau, exact
+from orbits.tableaux.symplectic import SymplecticTableau, symplectic
+
+
+@lru_cache(maxsize=1)
+def kick_drift() -> SymplecticTableau:
+    """Symplectic Euler of L_d = h L(q, (q+ - q)/h): the momenta first, then the positions with the new momenta."""
+    return symplectic("symplectic Euler, kick-drift", [[0]], [[1]], [1], 1)
+
+
+@lru_cache(maxsize=1)
+def drift_kick() -> SymplecticTableau:
+    """Symplectic Euler of L_d = h L(q+, (q+ - q)/h): the positions first, then the momenta at the new positions."""
+    return symplectic("symplectic Euler, drift-kick", [[1]], [[0]], [1], 1)
+
+
+@lru_cache(maxsize=1)
+def explicit_euler() -> PartitionedTableau:
+    """Return the explicit Euler method."""
+    return _unpartitioned("explicit Euler", [[0]], [1], 1)
+
+
+@lru_cache(maxsize=1)
+def runge_kutta_4() -> PartitionedTableau:
+    """Return the classical method with four stages."""
+    half, third, sixth = Fraction(1, 2), Fraction(1, 3), Fraction(1, 6)
+    a = [[0, 0, 0, 0], [half, 0, 0, 0], [0, half, 0, 0], [0, 0, 1, 0]]
+    return _unpartitioned("Runge-Kutta 4", a, [sixth, third, third, sixth], 4)
+
+
+def _unpartitioned(name: str, a: object, b: object, order: int) -> PartitionedTableau:
+    with mpmath.workdps(DIGITS + 10):
+        return PartitionedTableau(name, exact(a), exact(a), exact(b), order)

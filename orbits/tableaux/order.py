@@ -1,0 +1,74 @@
+"""Order conditions of partitioned Runge–Kutta methods: one for each tree with vertices of two colours.
+
+A vertex stands for V (white: a derivative of q, integrated by a) or F (black: a derivative of p, integrated by a_bar).
+With Phi_i of a vertex the product over its children of sum_j a_ij Phi_j (white child) or sum_j a_bar_ij Phi_j (black
+child), a method has order r if sum_i b_i Phi_i(tree) = 1 / gamma(tree) for every tree with at most r vertices.
+
+Source: Hairer, Lubich & Wanner (2006), sec. III.2.1.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+from typing import Any
+
+import numpy as np
+
+from orbits.tableaux.partitioned import PartitionedTableau
+
+HIGHEST = 6
+"""Orders are told apart up to this one: it has 916 trees of its own."""
+
+TOLERANCE = 1e-13
+"""Float64 sums of at most eight terms of order one; the smallest violated condition differs by 1/720 or more."""
+
+
+def convergence_order(tableau: PartitionedTableau) -> int:
+    """Return the order of the method for any Lagrangian, at most `HIGHEST`."""
+    # A tree is what it contributes to its parent: (number of vertices, gamma, Phi seen from the parent).
+    white: dict[int, list[tuple[int, np.ndarray[Any, Any]]]] = {}
+    black: dict[int, list[tuple[int, np.ndarray[Any, Any]]]] = {}
+    for size in range(1, HIGHEST + 1):
+        forests = _forests(size - 1, white, black)
+        weights = [(size * gamma, phi * np.ones(tableau.stages)) for gamma, phi in forests]
+        if any(abs(float(tableau.b @ phi) - 1.0 / gamma) > TOLERANCE for gamma, phi in weights):
+            return size - 1
+        white[size] = [(gamma, tableau.a @ phi) for gamma, phi in weights]
+        black[size] = [(gamma, tableau.a_bar @ phi) for gamma, phi in weights]
+    return HIGHEST
+
+
+def _forests(total: int, white: Any, black: Any) -> list[tuple[int, Any]]:
+    """All multisets of coloured trees with `total` vertices: product of their gammas and of their Phis."""
+    if total == 0:
+        return [(1, 1.0)]
+    trees = [(size, *tree) for size in range(1, total + 1) for colour in (white, black) for tree in colour[size]]
+    found = []
+    for partition in _partitions(total):
+        pools = []
+        for size in sorted(set(partition)):
+            of_size = [tree for tree in trees if tree[0] == size]
+            pools.append(list(combinations_with_replacement(of_size, partition.count(size))))
+        found += _products(pools)
+    return found
+
+
+def _products(pools: list[list[Any]]) -> list[tuple[int, Any]]:
+    combined: list[tuple[int, Any]] = [(1, 1.0)]
+    for pool in pools:
+        extended = []
+        for gamma, phi in combined:
+            for chosen in pool:
+                g, x = gamma, phi
+                for _, tree_gamma, tree_phi in chosen:
+                    g, x = g * tree_gamma, x * tree_phi
+                extended.append((g, x))
+        combined = extended
+    return combined
+
+
+def _partitions(total: int, largest: int | None = None) -> list[list[int]]:
+    largest = total if largest is None else largest
+    if total == 0:
+        return [[]]
+    return [[part, *rest] for part in range(min(total, largest), 0, -1) for rest in _partitions(total - part, part)]
