@@ -21,7 +21,7 @@ def registry() -> dict[str, type[Integrator]]:
     found: dict[str, type[Integrator]] = {}
     for module in pkgutil.iter_modules(__path__):
         for value in vars(importlib.import_module(f"{__name__}.{module.name}")).values():
-            if isinstance(value, type) and issubclass(value, Integrator) and value is not Integrator:
+            if isinstance(value, type) and issubclass(value, Integrator) and hasattr(value, "name"):
                 found[value.name] = value
     return found
 

@@ -1,6 +1,6 @@
 """The contract of an integrator: a frozen value that says what it is, asks for and promises, and how it steps.
 
-The state of n bodies is four vectors q, q_lo, v, v_lo of 3n coordinates (all x, all y, all z) padded to `padded(3 n)`
+The state of d coordinates (of n bodies: all x, all y, all z) is four vectors q, q_lo, v, v_lo padded to `padded(d)`
 elements; (q, q_lo) and (v, v_lo) are numbers of doubled precision. While the massive bodies march, the positions that
 the method evaluates forces at are recorded in `field`; each massless particle is then marched through that field on
 its own, so that particles may be shared among threads and no particle's bits depend on its neighbours.
@@ -9,6 +9,7 @@ its own, so that particles may be shared among threads and no particle's bits de
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.kernels.lanes import WIDTH
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import GRADIENTS, Lagrangian
+from orbits.tableaux import PartitionedTableau
 
 Array = NDArray[np.float64]
 
@@ -25,8 +27,8 @@ SYMPLECTIC = "symplectic"
 SYMMETRIC = "symmetric"
 MOMENTUM_MAPS = "momentum maps"
 
-OK, NOT_CONVERGED, NOT_FINITE = 0, 1, 2
-"""Status codes of the kernels; `Marcher` turns them into errors."""
+OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
+"""Status codes of the kernels; `Marcher` and `Flow` turn them into errors."""
 
 
 def padded(count: int) -> int:
@@ -42,8 +44,7 @@ class Integrator:
     summary : one line for people
     requires : traits that a Lagrangian must have
     declares : properties that hold to round-off; contract tests check each, and that the others fail
-    discrete_lagrangian : name in `orbits.discrete` of the discrete Lagrangian whose Euler–Lagrange equations the step
-        solves, if there is one
+    variational : whether the step solves the Euler–Lagrange equations of a discrete Lagrangian, that of its tableau
     source : where the method comes from
 
     Kernels, the same signature for all methods; both return (status, steps done, index, evaluations):
@@ -52,16 +53,31 @@ class Integrator:
         marches the massive bodies; `field` has one slot for each step, or one slot that is used over and over
     advance_particles(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop)
         marches particles start ... stop - 1, whose vectors have shape (3, padded), through the recorded field
+
+    and, for methods that serve any regular Lagrangian, in positions and momenta, from step `first` of a march from t:
+
+    advance_canonical(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory, work, steps)
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     requires: ClassVar[frozenset[str]]
     declares: ClassVar[frozenset[str]]
-    discrete_lagrangian: ClassVar[str | None] = None
+    variational: ClassVar[bool] = False
     source: ClassVar[str]
     advance: ClassVar[Any]
     advance_particles: ClassVar[Any]
+    advance_canonical: ClassVar[Any] = None
+
+    @classmethod
+    def examples(cls) -> tuple[Integrator, ...]:
+        """Return instances that show the method at work: what tables list and contract tests run."""
+        return (cls(),)
+
+    @property
+    def tableau(self) -> PartitionedTableau:
+        """The step as a partitioned Runge–Kutta method."""
+        raise NotImplementedError
 
     @property
     def order(self) -> int:
@@ -72,13 +88,13 @@ class Integrator:
         """Return what the kernels need to know of the method and the step, (rows, 8)."""
         return np.zeros((1, WIDTH))
 
-    def field_shape(self, bodies: int) -> tuple[int, int]:
-        """Return the shape of one step's record of the massive bodies' positions."""
+    def field_shape(self, size: int) -> tuple[int, int]:
+        """Return the shape of one step's record of the positions of `size` coordinates."""
         raise NotImplementedError
 
-    def memory_rows(self, bodies: int) -> int:
-        """Return how many rows of eight the method carries from step to step for the massive bodies (it is stored for
-        resuming).
+    def memory_rows(self, size: int) -> int:
+        """Return how many rows of eight the method carries from step to step for `size` coordinates (they are stored
+        for resuming).
         """
         return 0
 
@@ -87,8 +103,12 @@ class Integrator:
         """Rows of eight that the method carries from step to step for each particle."""
         return 0
 
-    def work_shape(self, bodies: int) -> tuple[int, int]:
-        """Return the shape of the scratch that the kernels want."""
+    def work_shape(self, size: int) -> tuple[int, int]:
+        """Return the shape of the scratch that the kernels want for `size` coordinates."""
+        raise NotImplementedError
+
+    def canonical_work_shape(self, size: int) -> tuple[int, int]:
+        """Return the shape of the scratch that `advance_canonical` wants."""
         raise NotImplementedError
 
     @property
@@ -97,13 +117,24 @@ class Integrator:
         values = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in dataclasses.fields(self))
         return f"{type(self).__name__}({values})"
 
-    def check(self, lagrangian: Lagrangian, others: dict[str, type[Integrator]]) -> None:
+    def serves(self, lagrangian: Lagrangian) -> bool:
+        """Whether this method can march `lagrangian`."""
+        return self._second_order(lagrangian) or self._canonical(lagrangian)
+
+    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
         """Raise InputError if this method cannot serve `lagrangian`, naming those of `others` that can."""
+        if self.serves(lagrangian):
+            return
         missing = self.requires - lagrangian.traits
-        if missing:
-            able = sorted(c.__name__ for c in others.values() if c.requires <= lagrangian.traits)
-            remedy = f"Use {' or '.join(able)}." if able else "No method of this package can."
-            raise InputError(
-                f"{self.name} needs a Lagrangian that is {' and '.join(sorted(missing))}; "
-                f"'{lagrangian.name}' is not. {remedy}"
-            )
+        able = sorted(c.__name__ for c in others.values() if any(m.serves(lagrangian) for m in c.examples()))
+        remedy = f"Use {' or '.join(able)}." if able else "No method of this package can."
+        raise InputError(
+            f"{self.name} needs a Lagrangian that is {' and '.join(sorted(missing))}; "
+            f"'{lagrangian.name}' is not. {remedy}"
+        )
+
+    def _second_order(self, lagrangian: Lagrangian) -> bool:
+        return self.requires <= lagrangian.traits
+
+    def _canonical(self, lagrangian: Lagrangian) -> bool:
+        return self.advance_canonical is not None and GRADIENTS in lagrangian.traits

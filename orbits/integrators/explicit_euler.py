@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
-from orbits.kernels.binding import accelerate, field
+from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
+from orbits.tableaux import PartitionedTableau, explicit_euler
 
 
 @kernel
@@ -24,7 +25,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     """March the massive bodies by `steps` steps of h; `field_record` (slots, 1, padded) receives the positions before
     each.
     """
-    size = 3 * (parameters.shape[0] - 1)
+    size = dimension(tag, parameters)
     g = work[0]
     for step in range(steps):
         accelerate(tag, parameters, q, g)
@@ -71,14 +72,19 @@ class ExplicitEuler(Integrator):
     advance_particles: ClassVar[Any] = staticmethod(advance_particles)
 
     @property
+    def tableau(self) -> PartitionedTableau:
+        """One stage, nothing implicit."""
+        return explicit_euler()
+
+    @property
     def order(self) -> int:
         """Order of convergence: 1."""
         return 1
 
-    def field_shape(self, bodies: int) -> tuple[int, int]:
+    def field_shape(self, size: int) -> tuple[int, int]:
         """Positions before a step."""
-        return 1, padded(3 * bodies)
+        return 1, padded(size)
 
-    def work_shape(self, bodies: int) -> tuple[int, int]:
+    def work_shape(self, size: int) -> tuple[int, int]:
         """One vector of accelerations."""
-        return 1, padded(3 * bodies)
+        return 1, padded(size)

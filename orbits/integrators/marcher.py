@@ -76,7 +76,7 @@ class Marcher:
             "q_lo": np.zeros(padded(3 * n)),
             "v": _vector(v[self._massive]),
             "v_lo": np.zeros(padded(3 * n)),
-            "memory": np.zeros((integrator.memory_rows(n), WIDTH)),
+            "memory": np.zeros((integrator.memory_rows(3 * n), WIDTH)),
             "particle_q": _columns(q[self._particles]),
             "particle_q_lo": np.zeros((3, padded(m))),
             "particle_v": _columns(v[self._particles]),
@@ -84,15 +84,15 @@ class Marcher:
             "particle_memory": np.zeros((m, integrator.particle_memory_rows, WIDTH)),
         }
         self._backup = {name: array.copy() for name, array in self._state.items()}
-        shape = integrator.field_shape(n)
+        shape = integrator.field_shape(3 * n)
         slots = 1
         if m:
             slots = int(np.clip(FIELD_BYTES // (8 * shape[0] * shape[1]), 1, max(1, BLOCK_WORK // (m * n))))
         self.block = slots if m else max(1, BLOCK_WORK // (n * n))
         self._field = np.zeros((slots, *shape))
-        self._work = np.zeros(integrator.work_shape(n))
+        self._work = np.zeros(integrator.work_shape(3 * n))
         self._tasks = _shares(m, threads)
-        self._task_work = [np.zeros(integrator.work_shape(n)) for _ in self._tasks]
+        self._task_work = [np.zeros(integrator.work_shape(3 * n)) for _ in self._tasks]
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and len(self._tasks) > 1 else None
 
     def advance(self, steps: int) -> None:

@@ -16,12 +16,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
-from orbits.kernels.binding import accelerate, field
+from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
+from orbits.tableaux import PartitionedTableau, runge_kutta_4
 
 
 @kernel
@@ -29,7 +30,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     """March the massive bodies by `steps` steps of h; `field_record` (slots, 4, padded) receives the positions of the
     stages.
     """
-    size = 3 * (parameters.shape[0] - 1)
+    size = dimension(tag, parameters)
     g1, g2, g3, g4 = work[0], work[1], work[2], work[3]
     for step in range(steps):
         slot = step % field_record.shape[0]
@@ -113,14 +114,19 @@ class RungeKutta4(Integrator):
     advance_particles: ClassVar[Any] = staticmethod(advance_particles)
 
     @property
+    def tableau(self) -> PartitionedTableau:
+        """Four stages, nothing implicit."""
+        return runge_kutta_4()
+
+    @property
     def order(self) -> int:
         """Order of convergence: 4."""
         return 4
 
-    def field_shape(self, bodies: int) -> tuple[int, int]:
+    def field_shape(self, size: int) -> tuple[int, int]:
         """Positions of the four stages."""
-        return 4, padded(3 * bodies)
+        return 4, padded(size)
 
-    def work_shape(self, bodies: int) -> tuple[int, int]:
+    def work_shape(self, size: int) -> tuple[int, int]:
         """Four vectors of accelerations."""
-        return 4, padded(3 * bodies)
+        return 4, padded(size)

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from orbits.integrators.base import MOMENTUM_MAPS, NOT_FINITE, OK, SYMMETRIC, SYMPLECTIC, Integrator, padded
-from orbits.kernels.binding import accelerate, field
+from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
+from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib
 
 
 @kernel
@@ -29,7 +30,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
     `field_record` (slots, 2, padded) receives the positions before and after each step.
     """
-    size = 3 * (parameters.shape[0] - 1)
+    size = dimension(tag, parameters)
     g = work[0]
     accelerate(tag, parameters, q, g)
     for step in range(steps):
@@ -83,20 +84,25 @@ class StormerVerlet(Integrator):
     summary: ClassVar[str] = "Störmer–Verlet (leapfrog): variational, explicit, order 2"
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE})
     declares: ClassVar[frozenset[str]] = frozenset({SYMPLECTIC, SYMMETRIC, MOMENTUM_MAPS})
-    discrete_lagrangian: ClassVar[str | None] = "trapezoidal"
+    variational: ClassVar[bool] = True
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. I.1.4; Marsden & West (2001), sec. 2.6"
     advance: ClassVar[Any] = staticmethod(advance)
     advance_particles: ClassVar[Any] = staticmethod(advance_particles)
+
+    @property
+    def tableau(self) -> PartitionedTableau:
+        """Lobatto IIIA-IIIB with two stages."""
+        return lobatto_iiia_iiib(2)
 
     @property
     def order(self) -> int:
         """Order of convergence: 2."""
         return 2
 
-    def field_shape(self, bodies: int) -> tuple[int, int]:
+    def field_shape(self, size: int) -> tuple[int, int]:
         """Positions before and after a step."""
-        return 2, padded(3 * bodies)
+        return 2, padded(size)
 
-    def work_shape(self, bodies: int) -> tuple[int, int]:
+    def work_shape(self, size: int) -> tuple[int, int]:
         """One vector of accelerations."""
-        return 1, padded(3 * bodies)
+        return 1, padded(size)

@@ -68,6 +68,17 @@ def _dimension(lagrangian, parameters):
     return compiled and (lambda lagrangian, parameters: compiled(parameters))
 
 
+def bodies(lagrangian, parameters):
+    """Return the number of bodies of three coordinates each, all x first; 0 where coordinates do not form bodies."""
+    raise NotImplementedError("bodies() is for compiled code only")
+
+
+@overload(bodies)
+def _bodies(lagrangian, parameters):
+    compiled = _kernel_of(lagrangian, "bodies")
+    return (lambda lagrangian, parameters: compiled(parameters)) if compiled else (lambda lagrangian, parameters: 0)
+
+
 def value(lagrangian, parameters, t, q, v):
     """Return L(q, v, t): float64 for vectors, `Lanes` for rows of eight stages (t is then `Lanes`)."""
     raise NotImplementedError("value() is for compiled code only")

@@ -82,3 +82,21 @@ def unsettled_body(history, blocks, bodies, fraction):
         if not least <= fraction * scale:
             return body
     return -1
+
+
+@kernel
+def unsettled_coordinate(history, blocks, size, fraction, of_largest):
+    """Return the first coordinate whose least change exceeds `fraction` of its own largest stage value and
+    `of_largest` of the largest value of all; -1 if none does.
+
+    What is small against the others may lie in their rounding: a coordinate on which forces cancel never settles by
+    itself.
+    """
+    scale = 0.0
+    for k in range(size):
+        scale = maximum(history[2 * blocks + k // 8, k % 8], scale)
+    for k in range(size):
+        least = history[k // 8, k % 8]
+        if not (least <= fraction * history[2 * blocks + k // 8, k % 8] or least <= of_largest * scale):
+            return k
+    return -1

@@ -32,6 +32,12 @@ def dimension(parameters):
     return 3 * (parameters.shape[0] - 1)
 
 
+@kernel(inline=True)
+def bodies(parameters):
+    """Return n."""
+    return parameters.shape[0] - 1
+
+
 @kernel
 def value(parameters, t, q, v):
     """Return L; float64, or lanes for q, v of shape (3n, 8)."""
@@ -84,6 +90,7 @@ def hessians(parameters, t, q, v, out):
 def _compiled() -> Compiled:
     kernels = {
         "dimension": dimension,
+        "bodies": bodies,
         "value": value,
         "gradients": gradients,
         "hessians": hessians,

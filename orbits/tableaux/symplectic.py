@@ -156,7 +156,9 @@ def _binary_mu(plain: PartitionedTableau, exact_mu: list[list[Any]], symmetric: 
     s = range(plain.stages)
     size = max(1, *(abs(x) for row in exact_mu for x in row), *(abs(1 - x) for row in exact_mu for x in row))
     grid = 52 - int(mpmath.floor(mpmath.log(size, 2)))
-    own = max(abs(x - y) for r, t in zip(plain.exact_a, plain.exact_a_bar, strict=True) for x, y in zip(r, t, strict=True))
+    own = max(
+        abs(x - y) for r, t in zip(plain.exact_a, plain.exact_a_bar, strict=True) for x, y in zip(r, t, strict=True)
+    )
     mu = np.full((plain.stages, plain.stages), np.nan)
     for i in s:
         for j in s:

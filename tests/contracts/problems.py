@@ -8,16 +8,11 @@ from orbits.integrators import registry
 from orbits.integrators.marcher import Marcher
 from orbits.lagrangians.newtonian import newtonian, parameters
 
-GAUSS_STAGES = (1, 2, 3, 4, 8)
-
 
 def methods():
-    """Every registered method, Gauss with several numbers of stages."""
-    for name, cls in sorted(registry().items()):
-        if name == "gauss":
-            yield from (cls(stages=s) for s in GAUSS_STAGES)
-        else:
-            yield cls()
+    """The examples of every registered method."""
+    for _, cls in sorted(registry().items()):
+        yield from cls.examples()
 
 
 def three_bodies():

@@ -1,0 +1,84 @@
+"""Lobatto IIIA–IIIB: variational partitioned Runge–Kutta methods with nodes at both ends of the step, order 2s - 2.
+
+    L_d(q, q+; h) = h sum_i b_i L(Q_i, V_i),   extremized under   q+ = q + h sum_i b_i V_i
+
+IIIA gives the positions and IIIB the momenta, or the other way round. For a separable Lagrangian IIIA–IIIB with two
+stages is Störmer–Verlet, the method of the trapezoidal discrete Lagrangian.
+
+Source: Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Marsden & West (2001), sec. 2.6.4; Sun (1993).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from orbits.errors import InputError
+from orbits.integrators.vprk.family import VariationalRungeKutta
+from orbits.kernels.lanes import WIDTH
+from orbits.tableaux import SymplecticTableau, lobatto_iiia_iiib, lobatto_iiib_iiia
+
+
+def _check(name: str, stages: object) -> None:
+    if not isinstance(stages, int) or isinstance(stages, bool) or not 2 <= stages <= WIDTH:
+        raise InputError(f"{name} needs stages between 2 and {WIDTH}, got {stages!r}; use e.g. {name}(stages=3)")
+
+
+@dataclass(frozen=True)
+class LobattoIIIAB(VariationalRungeKutta):
+    """Lobatto IIIA for the positions, IIIB for the momenta, 2 ... 8 stages, order 2s - 2.
+
+    stages : s
+
+    Implicit except for two stages with a separable Lagrangian; symplectic, symmetric; keeps linear and angular
+    momentum. The ends of a step are stages, so forces are known at the very positions that are output.
+    """
+
+    stages: int = 3
+
+    name: ClassVar[str] = "lobatto-iiia-iiib"
+    summary: ClassVar[str] = "Lobatto IIIA–IIIB: variational, implicit, order 2s - 2"
+    source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Sun (1993)"
+
+    def __post_init__(self) -> None:
+        _check("LobattoIIIAB", self.stages)
+
+    @property
+    def tableau(self) -> SymplecticTableau:
+        """IIIA with its symplectic partner."""
+        return lobatto_iiia_iiib(self.stages)
+
+    @classmethod
+    def examples(cls) -> tuple[LobattoIIIAB, ...]:
+        """Return the methods with 2, 3 and 4 stages."""
+        return tuple(cls(stages=s) for s in (2, 3, 4))
+
+
+@dataclass(frozen=True)
+class LobattoIIIBA(VariationalRungeKutta):
+    """Lobatto IIIB for the positions, IIIA for the momenta, 2 ... 8 stages, order 2s - 2.
+
+    stages : s
+
+    Symplectic, symmetric; keeps linear and angular momentum. With two stages and a separable Lagrangian it is
+    drift - kick - drift.
+    """
+
+    stages: int = 3
+
+    name: ClassVar[str] = "lobatto-iiib-iiia"
+    summary: ClassVar[str] = "Lobatto IIIB–IIIA: variational, implicit, order 2s - 2"
+    source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Sun (1993)"
+
+    def __post_init__(self) -> None:
+        _check("LobattoIIIBA", self.stages)
+
+    @property
+    def tableau(self) -> SymplecticTableau:
+        """IIIB with its symplectic partner."""
+        return lobatto_iiib_iiia(self.stages)
+
+    @classmethod
+    def examples(cls) -> tuple[LobattoIIIBA, ...]:
+        """Return the methods with 2 and 3 stages."""
+        return tuple(cls(stages=s) for s in (2, 3))

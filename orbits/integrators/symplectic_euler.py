@@ -1,0 +1,53 @@
+"""Symplectic Euler: the variational integrators of the two rectangle rules, order 1.
+
+    kick-drift    L_d(q, q+; h) = h L(q, (q+ - q)/h)     p+ = p + h dL/dq(q, V),    q+ = q + h V,  dL/dv(q, V) = p+
+    drift-kick    L_d(q, q+; h) = h L(q+, (q+ - q)/h)    q+ = q + h V,  dL/dv(q+, V) = p,    p+ = p + h dL/dq(q+, V)
+
+Each is the adjoint of the other; neither is symmetric. As partitioned tableaux: one stage, a = 0 with a_bar = 1, or the
+other way round.
+
+Source: Hairer, Lubich & Wanner (2006), sec. VI.3.1; Marsden & West (2001), sec. 2.6.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from orbits.errors import InputError
+from orbits.integrators.base import MOMENTUM_MAPS, SYMPLECTIC
+from orbits.integrators.vprk.family import VariationalRungeKutta
+from orbits.tableaux import SymplecticTableau, drift_kick, kick_drift
+
+_VARIANTS = {"kick-drift": kick_drift, "drift-kick": drift_kick}
+
+
+@dataclass(frozen=True)
+class SymplecticEuler(VariationalRungeKutta):
+    """Symplectic Euler, order 1: the simplest variational integrator, for teaching.
+
+    variant : "kick-drift" (momenta first) or "drift-kick" (positions first)
+
+    Keeps linear and angular momentum and the symplectic form, not the direction of time. `StormerVerlet` costs no more.
+    """
+
+    variant: str = "kick-drift"
+
+    name: ClassVar[str] = "symplectic-euler"
+    summary: ClassVar[str] = "symplectic Euler, kick–drift or drift–kick: variational, order 1"
+    declares: ClassVar[frozenset[str]] = frozenset({SYMPLECTIC, MOMENTUM_MAPS})
+    source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. VI.3.1; Marsden & West (2001), sec. 2.6.1"
+
+    def __post_init__(self) -> None:
+        if self.variant not in _VARIANTS:
+            raise InputError(f"SymplecticEuler knows the variants {' and '.join(_VARIANTS)}; got {self.variant!r}")
+
+    @property
+    def tableau(self) -> SymplecticTableau:
+        """One stage at the beginning or at the end of the step."""
+        return _VARIANTS[self.variant]()
+
+    @classmethod
+    def examples(cls) -> tuple[SymplecticEuler, ...]:
+        """Return both variants."""
+        return tuple(cls(variant=v) for v in _VARIANTS)
