@@ -53,7 +53,8 @@ def _unbox_tag(kind, instance, context):
     return NativeValue(context.context.get_dummy_value())
 
 
-def _kernel_of(tag, name):
+def kernel_of(tag, name):
+    """Return the kernel of that name of a tag's Numba type, or None."""
     return _KERNELS[tag.tag][name] if isinstance(tag, TagType) and name in _KERNELS[tag.tag] else None
 
 
@@ -64,7 +65,7 @@ def dimension(lagrangian, parameters):
 
 @overload(dimension)
 def _dimension(lagrangian, parameters):
-    compiled = _kernel_of(lagrangian, "dimension")
+    compiled = kernel_of(lagrangian, "dimension")
     return compiled and (lambda lagrangian, parameters: compiled(parameters))
 
 
@@ -75,7 +76,7 @@ def bodies(lagrangian, parameters):
 
 @overload(bodies)
 def _bodies(lagrangian, parameters):
-    compiled = _kernel_of(lagrangian, "bodies")
+    compiled = kernel_of(lagrangian, "bodies")
     return (lambda lagrangian, parameters: compiled(parameters)) if compiled else (lambda lagrangian, parameters: 0)
 
 
@@ -86,7 +87,7 @@ def value(lagrangian, parameters, t, q, v):
 
 @overload(value)
 def _value(lagrangian, parameters, t, q, v):
-    compiled = _kernel_of(lagrangian, "value")
+    compiled = kernel_of(lagrangian, "value")
     return compiled and (lambda lagrangian, parameters, t, q, v: compiled(parameters, t, q, v))
 
 
@@ -97,7 +98,7 @@ def gradients(lagrangian, parameters, t, q, v, f, p):
 
 @overload(gradients)
 def _gradients(lagrangian, parameters, t, q, v, f, p):
-    compiled = _kernel_of(lagrangian, "gradients")
+    compiled = kernel_of(lagrangian, "gradients")
     return compiled and (lambda lagrangian, parameters, t, q, v, f, p: compiled(parameters, t, q, v, f, p))
 
 
@@ -108,7 +109,7 @@ def hessians(lagrangian, parameters, t, q, v, out):
 
 @overload(hessians)
 def _hessians(lagrangian, parameters, t, q, v, out):
-    compiled = _kernel_of(lagrangian, "hessians")
+    compiled = kernel_of(lagrangian, "hessians")
     return compiled and (lambda lagrangian, parameters, t, q, v, out: compiled(parameters, t, q, v, out))
 
 
@@ -119,7 +120,7 @@ def accelerate(lagrangian, parameters, q, out):
 
 @overload(accelerate)
 def _accelerate(lagrangian, parameters, q, out):
-    compiled = _kernel_of(lagrangian, "accelerate" if getattr(q, "ndim", 0) == 1 else "accelerate_stages")
+    compiled = kernel_of(lagrangian, "accelerate" if getattr(q, "ndim", 0) == 1 else "accelerate_stages")
     return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))
 
 
@@ -130,5 +131,5 @@ def field(lagrangian, parameters, sources, x, y, z):
 
 @overload(field)
 def _field(lagrangian, parameters, sources, x, y, z):
-    compiled = _kernel_of(lagrangian, "field")
+    compiled = kernel_of(lagrangian, "field")
     return compiled and (lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z))

@@ -159,7 +159,7 @@ class Lagrangian:
         Raises InputError where L is not regular at q: the matrix d2L/dv dv has no inverse.
         """
         x, target = self.vector(q, "q"), self.vector(p, "p")
-        v = np.zeros(self.dimension)
+        v: Array = np.zeros(self.dimension)
         previous = np.inf
         for _ in range(60):
             mass = self.hessians(x, v, t)[2]
@@ -170,7 +170,7 @@ class Lagrangian:
                 return v
             previous = size
         raise InputError(
-            f"'{self.name}': no velocity belongs to the momentum p = {_show(target)} at q = {_show(x)}: Newton's "
+            f"'{self.name}': no velocity belongs to the momentum p = {show(target)} at q = {show(x)}: Newton's "
             "method does not settle; the Legendre transform is not invertible there."
         )
 
@@ -188,7 +188,7 @@ class Lagrangian:
         singular = np.linalg.svd(mass, compute_uv=False)
         if not singular[-1] > 1e-14 * singular[0]:
             raise InputError(
-                f"'{self.name}' is not regular at q = {_show(q)}: the matrix d2L/dv dv = {_show(mass)} has no inverse, "
+                f"'{self.name}' is not regular at q = {show(q)}: the matrix d2L/dv dv = {show(mass)} has no inverse, "
                 "so momenta do not determine velocities. Expected a Lagrangian whose kinetic energy depends on every "
                 "velocity; remove the coordinates that have none, or choose others."
             )
@@ -210,7 +210,7 @@ class Lagrangian:
             )
         values = np.array(given, dtype=np.float64).reshape(-1)
         if not np.all(np.isfinite(values)):
-            raise InputError(f"'{self.name}': {what} must be finite; got {_show(values)}")
+            raise InputError(f"'{self.name}': {what} must be finite; got {show(values)}")
         return values
 
     def kernel_order(self, x: Array) -> Array:
@@ -227,22 +227,23 @@ class Lagrangian:
     def _finite(self, probe: float, q: Array, v: Array, t: float) -> None:
         if not np.isfinite(probe):
             raise SingularityError(
-                f"'{self.name}' is singular at q = {_show(q)}, v = {_show(v)}, t = {t:.6g}: its value or derivatives "
+                f"'{self.name}' is singular at q = {show(q)}, v = {show(v)}, t = {t:.6g}: its value or derivatives "
                 "are not finite there. Start elsewhere, or use a smaller dt.",
                 time=float(t),
             )
 
 
 def _real(value: Any, what: str) -> float:
-    if isinstance(value, complex) or not np.isscalar(value) or isinstance(value, str):
-        raise InputError(f"parameter {what} must be a real number; got {value!r}")
-    number = float(value)
+    try:
+        number = float("nan") if isinstance(value, str) else float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"parameter {what} must be a real number; got {value!r}") from None
     if not np.isfinite(number):
         raise InputError(f"parameter {what} must be finite; got {value!r}")
     return number
 
 
-def _show(x: Array) -> str:
-    """A vector or matrix for a message, no longer than a line."""
+def show(x: Array) -> str:
+    """Return a vector or matrix for a message, no longer than a line."""
     text = np.array2string(np.asarray(x), precision=6, threshold=12, separator=", ").replace("\n", "")
     return " ".join(text.split())

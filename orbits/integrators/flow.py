@@ -1,0 +1,285 @@
+"""The flow of a method on a Lagrangian: its one-step map on positions and momenta, and marches recorded in compiled code.
+
+`Flow` is the plain view of an integrator, for any Lagrangian on R^d: states are vectors, momenta are dL/dv. (Systems of
+bodies with massless particles, units and archives are marched by `orbits.propagate`.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.errors import ConvergenceError, InputError, SingularityError
+from orbits.integrators import registry
+from orbits.integrators.base import NOT_CONVERGED, NOT_REGULAR, OK, Integrator, padded
+from orbits.integrators.methods import method_tag
+from orbits.integrators.recording import record, record_canonical
+from orbits.kernels.lanes import WIDTH
+from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian, show
+from orbits.lagrangians.symmetry import Symmetry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DiscretePath:
+    """A discrete trajectory: positions and the step's own momenta at uniform times.
+
+    lagrangian, integrator, dt : what was marched, how, and the step
+    t : (n,) times; q, p : (n, d) positions and momenta; evaluations : of the forces, in all
+    """
+
+    lagrangian: Lagrangian
+    integrator: Integrator
+    dt: float
+    t: Array
+    q: Array
+    p: Array
+    evaluations: int = field(default=0, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def v(self) -> Array:
+        """Velocities, (n, d), by the inverse Legendre transform of the momenta."""
+        return velocities(self.lagrangian, self.t, self.q, self.p)
+
+    def energy(self) -> Array:
+        """Return p . v - L at each sample, (n,): the energy, or Jacobi's integral in a rotating frame."""
+        states = zip(self.q, self.v, self.t, strict=True)
+        return np.array([self.lagrangian.energy(q, v, float(t)) for q, v, t in states])
+
+    def momentum_map(self, symmetry: Symmetry) -> Array:
+        """Return Noether's charge J = p . xi(q) of a symmetry at each sample, (n,)."""
+        return np.array([p @ symmetry.generator(q) for q, p in zip(self.q, self.p, strict=True)])
+
+
+class Flow:
+    """The one-step map of `integrator` on `lagrangian` with step dt.
+
+    dt : not 0; negative goes back in time. t : time of the first step, for Lagrangians that depend on it
+    canonical : march in canonical form even where the faster second-order form would serve
+
+    Raises InputError if the method cannot serve the Lagrangian.
+    """
+
+    def __init__(
+        self, lagrangian: Lagrangian, integrator: Integrator, dt: float, *, t: float = 0.0, canonical: bool = False
+    ) -> None:
+        if not isinstance(lagrangian, Lagrangian):
+            raise InputError(f"expected a Lagrangian such as orbits.lagrangians.pendulum, got {lagrangian!r}")
+        if not isinstance(integrator, Integrator):
+            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+        integrator.check(lagrangian, registry())
+        self.lagrangian, self.integrator = lagrangian, integrator
+        self.dt, self.t = _finite(dt, "dt"), _finite(t, "t")
+        if self.dt == 0.0:
+            raise InputError("dt must not be zero")
+        self.canonical = canonical or not integrator.requires <= lagrangian.traits
+        if self.canonical and (integrator.advance_canonical is None or GRADIENTS not in lagrangian.traits):
+            raise InputError(f"{integrator.label} has no canonical form for '{lagrangian.name}'")
+        size = lagrangian.dimension
+        self._tag = method_tag(integrator.advance, integrator.advance_canonical)
+        self._coefficients = integrator.coefficients(self.dt)
+        self._memory = np.zeros((integrator.memory_rows(size), WIDTH))
+        shape = integrator.canonical_work_shape(size) if self.canonical else integrator.work_shape(size)
+        self._work = np.zeros(shape)
+        self._field = np.zeros((1, *(integrator.field_shape(size) if not self.canonical else (1, 1))))
+
+    @cached_property
+    def _mass(self) -> Array | None:
+        """The constant mass matrix of a separable Lagrangian; None for the unit matrix."""
+        if GRADIENTS not in self.lagrangian.traits:
+            return None
+        start = self.lagrangian.example
+        return self.lagrangian.hessians(start.q, start.v)[2]
+
+    def step(self, q: ArrayLike, p: ArrayLike, steps: int = 1) -> tuple[Array, Array]:
+        """Return (q, p), each (d,), after `steps` steps from (q, p). Raises ConvergenceError or SingularityError."""
+        path = self.march(q, p, steps, every=steps)
+        return path.q[-1], path.p[-1]
+
+    def march(self, q: ArrayLike, p: ArrayLike, steps: int, *, every: int = 1) -> DiscretePath:
+        """March from (q, p) and record every `every`-th state, the first included.
+
+        q, p : (d,) positions and momenta; steps : a multiple of `every`
+        Raises ConvergenceError or SingularityError, with the step and the state, if a step cannot be taken; the error's
+        `trajectory` holds the samples before.
+        """
+        x, y = self.lagrangian.vector(q, "q"), self.lagrangian.vector(p, "p")
+        steps, every = _count(steps, "steps"), _count(every, "every")
+        if steps % every:
+            raise InputError(f"steps must be a multiple of every, got {steps} and {every}")
+        samples = steps // every
+        out_q, out_p = np.empty((samples + 1, len(x))), np.empty((samples + 1, len(x)))
+        out_q[0], out_p[0] = x, y
+        status, done, evaluations = self._record(x, y, every, out_q[1:], out_p[1:])
+        path = self._path(out_q, out_p, every, evaluations)
+        if status != OK:
+            self._fail(status, done, x, y, path, every)
+        return path
+
+    def _record(self, q: Array, p: Array, every: int, out_q: Array, out_p: Array) -> tuple[int, int, int]:
+        order = self.lagrangian.kernel_order
+        second = p if self.canonical else self._velocity(p)
+        state = [_padded(order(q)), _padded(np.zeros_like(q)), _padded(order(second)), _padded(np.zeros_like(p))]
+        self._memory[:] = 0.0
+        bound = (self._tag, self.lagrangian.tag, self.lagrangian.parameter_vector, self._coefficients)
+        if self.canonical:
+            outcome = record_canonical(*bound, self.t, self.dt, *state, self._memory, self._work, every, out_q, out_p)
+        else:
+            outcome = record(*bound, self.dt, *state, self._memory, self._work, self._field, every, out_q, out_p)
+        out_q[:], out_p[:] = self.lagrangian.caller_order(out_q), self.lagrangian.caller_order(out_p)
+        if not self.canonical and self._mass is not None:
+            out_p[:] = out_p @ self._mass.T
+        return outcome
+
+    def _velocity(self, p: Array) -> Array:
+        if self._mass is None:
+            return p
+        return self.lagrangian.solve_mass(self._mass, p, p)
+
+    def _path(self, q: Array, p: Array, every: int, evaluations: int = 0) -> DiscretePath:
+        t = self.t + self.dt * every * np.arange(len(q))
+        return DiscretePath(self.lagrangian, self.integrator, self.dt, t, q, p, evaluations)
+
+    def _fail(self, status: int, done: int, q: Array, p: Array, path: DiscretePath, every: int) -> NoReturn:
+        if status not in (NOT_CONVERGED, NOT_REGULAR):
+            done = self._steps_before_failure(q, p, done)
+        good = done // every + 1
+        before = self._path(path.q[:good], path.p[:good], every)
+        if done:
+            last_q, last_p = np.empty((1, len(q))), np.empty((1, len(q)))
+            self._record(q, p, done, last_q, last_p)
+            q, p = last_q[0], last_p[0]
+        time = self.t + done * self.dt
+        where = (
+            f"'{self.lagrangian.name}', step {done + 1} (t = {time:.10g}, dt = {self.dt:.6g}), "
+            f"at q = {show(q)}, p = {show(p)}"
+        )
+        error: ConvergenceError | SingularityError
+        if status == NOT_CONVERGED:
+            error = ConvergenceError(
+                f"{where}: the stages of {self.integrator.label} did not converge, neither by fixed point nor by "
+                "Newton's method; the result would not be symplectic. Use a smaller dt.",
+                step=done,
+                time=time,
+            )
+        elif status == NOT_REGULAR:
+            error = SingularityError(
+                f"{where}: the matrix d2L/dv dv has no inverse, so momenta do not determine velocities. Use coordinates "
+                "that are regular there, or start elsewhere.",
+                step=done,
+                time=time,
+            )
+        else:
+            error = SingularityError(
+                f"{where}: the state is no longer finite; the motion met a singularity, or dt is far too long. Use a "
+                "smaller dt.",
+                step=done,
+                time=time,
+            )
+        error.trajectory = before
+        raise error
+
+    def _steps_before_failure(self, q: Array, p: Array, known_bad: int) -> int:
+        """Return how many steps stay finite, by bisection; every march starts afresh, so bits are those of one march."""
+        good, bad = 0, max(known_bad, 1)
+        last_q, last_p = np.empty((1, len(q))), np.empty((1, len(q)))
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            if self._record(q, p, middle, last_q, last_p)[0] == OK:
+                good = middle
+            else:
+                bad = middle
+        return good
+
+
+def march(
+    lagrangian: Lagrangian,
+    integrator: Integrator,
+    *,
+    dt: float,
+    steps: int,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    p: ArrayLike | None = None,
+    t: float = 0.0,
+    every: int = 1,
+) -> DiscretePath:
+    """March a Lagrangian on R^d from (q, v) or (q, p) by `steps` steps of dt and record every `every`-th state.
+
+    q, v, p : (d,); give either v or p, which is dL/dv(q, v); without q, the Lagrangian's own example
+    Raises InputError if the method cannot serve the Lagrangian, or for values that do not fit; ConvergenceError or
+    SingularityError, with the step and the state, if a step cannot be taken.
+
+        path = orbits.march(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), q=[1.0], v=[0.0], dt=0.1, steps=1000)
+        path.t, path.q, path.p, path.v, path.energy()
+    """
+    flow = Flow(lagrangian, integrator, dt, t=t)
+    q, p = starting_state(lagrangian, q, v, p, t)
+    return flow.march(q, p, steps, every=every)
+
+
+def starting_state(
+    lagrangian: Lagrangian, q: ArrayLike | None, v: ArrayLike | None, p: ArrayLike | None = None, t: float = 0.0
+) -> tuple[Array, Array]:
+    """Return (q, p) from what a caller gave; the Lagrangian's example where nothing was given."""
+    if q is None:
+        if v is not None or p is not None:
+            raise InputError(f"'{lagrangian.name}': a start needs q together with v or p; got no q")
+        q, v = lagrangian.example.q, lagrangian.example.v
+    elif (v is None) == (p is None):
+        raise InputError(
+            f"'{lagrangian.name}': a start needs q and either v or p; got {'both' if p is not None else 'q'}"
+        )
+    x = lagrangian.vector(q, "q")
+    if p is not None:
+        return x, lagrangian.vector(p, "p")
+    w = lagrangian.vector(v if v is not None else [], "v")
+    if GRADIENTS not in lagrangian.traits:
+        return x, w
+    lagrangian.require_regular(x, w, t)
+    return x, lagrangian.momentum(x, w, t)
+
+
+def velocities(lagrangian: Lagrangian, t: Array, q: Array, p: Array) -> Array:
+    """Return dq/dt for many states, (n, d)."""
+    if GRADIENTS not in lagrangian.traits:
+        return p.copy()
+    if SEPARABLE in lagrangian.traits:
+        mass = lagrangian.hessians(q[0], np.zeros(lagrangian.dimension))[2]
+        solved: Array = np.linalg.solve(mass, p.T).T
+        return solved
+    return np.array([lagrangian.velocity(x, y, float(s)) for x, y, s in zip(q, p, t, strict=True)])
+
+
+def _padded(x: Array) -> Array:
+    out = np.zeros(padded(len(x)))
+    out[: len(x)] = x
+    return out
+
+
+def _finite(value: Any, what: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} must be a real number, got {value!r}") from None
+    if not np.isfinite(number):
+        raise InputError(f"{what} must be finite, got {value!r}")
+    return number
+
+
+def _count(value: Any, what: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InputError(f"{what} must be a whole number >= 1, got {value!r}")
+    return int(value)
+
+
+__all__: Sequence[str] = ["DiscretePath", "Flow", "march", "starting_state", "velocities"]

@@ -1,0 +1,55 @@
+"""How compiled code finds the kernels of a method: by a tag, as for Lagrangians (see `orbits.kernels.binding`)."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from numba.extending import overload
+
+from orbits.kernels.binding import Tag, kernel_of
+
+
+@lru_cache(maxsize=256)
+def method_tag(advance: Any, advance_canonical: Any) -> Tag:
+    """Return the tag of a method with these kernels; its name holds a hash of the files that they stand in."""
+    kernels = {"advance": advance, "advance_canonical": advance_canonical}
+    kernels = {name: kernel for name, kernel in kernels.items() if kernel is not None}
+    digest = hashlib.sha256()
+    for kernel in kernels.values():
+        digest.update(f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}".encode())
+        digest.update(Path(inspect.getfile(kernel.py_func)).read_bytes())
+    return Tag(f"method-{digest.hexdigest()[:16]}", kernels)
+
+
+def advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps):
+    """March in second-order form, as `Integrator.advance`."""
+    raise NotImplementedError("advance() is for compiled code only")
+
+
+@overload(advance)
+def _advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps):
+    compiled = kernel_of(method, "advance")
+
+    def call(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps):
+        return compiled(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps)
+
+    return compiled and call
+
+
+def advance_canonical(method, tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory, work, steps):
+    """March in canonical form, as `Integrator.advance_canonical`."""
+    raise NotImplementedError("advance_canonical() is for compiled code only")
+
+
+@overload(advance_canonical)
+def _advance_canonical(method, tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory, work, steps):
+    compiled = kernel_of(method, "advance_canonical")
+
+    def call(method, tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory, work, steps):
+        return compiled(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory, work, steps)
+
+    return compiled and call
