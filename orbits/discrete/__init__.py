@@ -1,5 +1,66 @@
-"""Discrete mechanics on Q x Q: discrete Lagrangians and their Euler–Lagrange equations."""
+"""Discrete mechanics on Q x Q: discrete Lagrangians, their Euler–Lagrange equations, and what these conserve."""
 
-from orbits.discrete.quadrature import DiscreteLagrangian, euler_lagrange_residual, midpoint, trapezoidal
+from orbits.discrete.base import DiscreteLagrangian
+from orbits.discrete.boundary import boundary_value
+from orbits.discrete.exact import exact, exact_by_collocation
+from orbits.discrete.lambert import exact_kepler
+from orbits.discrete.legendre import (
+    canonical_form,
+    inverse_legendre_minus,
+    inverse_legendre_plus,
+    legendre_derivative,
+    legendre_minus,
+    legendre_plus,
+    momentum_mismatch,
+    pair_derivative,
+    phase_derivative,
+    phase_map,
+    pull_back,
+    require_regular,
+    two_form,
+)
+from orbits.discrete.linear import exact_free_particle, exact_harmonic_oscillator, exact_linear
+from orbits.discrete.marching import advance, march_pairs, start, step
+from orbits.discrete.noether import Drift, drift, invariance, momentum_map
+from orbits.discrete.path import action, euler_lagrange_residual
+from orbits.discrete.quadrature import midpoint, symplectic_euler_a, symplectic_euler_b, trapezoidal
+from orbits.discrete.vprk import vprk
 
-__all__ = ["DiscreteLagrangian", "euler_lagrange_residual", "midpoint", "trapezoidal"]
+__all__ = [
+    "DiscreteLagrangian",
+    "Drift",
+    "action",
+    "advance",
+    "boundary_value",
+    "canonical_form",
+    "drift",
+    "euler_lagrange_residual",
+    "exact",
+    "exact_by_collocation",
+    "exact_free_particle",
+    "exact_harmonic_oscillator",
+    "exact_kepler",
+    "exact_linear",
+    "invariance",
+    "inverse_legendre_minus",
+    "inverse_legendre_plus",
+    "legendre_derivative",
+    "legendre_minus",
+    "legendre_plus",
+    "march_pairs",
+    "midpoint",
+    "momentum_map",
+    "momentum_mismatch",
+    "pair_derivative",
+    "phase_derivative",
+    "phase_map",
+    "pull_back",
+    "require_regular",
+    "start",
+    "step",
+    "symplectic_euler_a",
+    "symplectic_euler_b",
+    "trapezoidal",
+    "two_form",
+    "vprk",
+]

@@ -1,0 +1,134 @@
+"""The exact discrete Lagrangian: the action of the true motion from q0 to q1 in the time h,
+
+    L_d^E(q0, q1; h) = int_0^h L(q(t), q'(t), t) dt,      -D1 L_d^E = p(0),   D2 L_d^E = p(h).
+
+In closed form where there is one: the free particle, the harmonic oscillator and the Kepler problem. For any other
+Lagrangian the boundary-value problem is solved by Gauss collocation on a mesh, itself a discrete variational problem,
+whose steps are halved until nothing changes; its stationary action is then L_d^E to round-off.
+
+Source: Marsden & West (2001), sec. 1.6, 2.3; Hairer, Lubich & Wanner (2006), sec. VI.6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics, show
+from orbits.discrete.boundary import block_solve, jets_of, stationary
+from orbits.discrete.lambert import Way, exact_kepler
+from orbits.discrete.linear import exact_linear
+from orbits.discrete.vprk import Vprk, vprk
+from orbits.errors import ConvergenceError, InputError
+from orbits.tableaux.gauss import gauss
+
+STAGES = 8
+MESHES = (1, 2, 4, 8, 16, 32, 64)
+AGREED = 1e-10
+"""Halving the steps divides the error by 2^16: two meshes that agree to this leave the finer one at round-off."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExactByCollocation(DiscreteLagrangian):
+    """The action along the converged solution of the boundary-value problem; see `exact`."""
+
+    name: str
+    lagrangian: Mechanics
+    rule: Vprk
+
+    def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
+        jets = self._jets(q0, q1, h, t)
+        return float(sum(jet.value for jet in jets)), jets[0].d1, jets[-1].d2
+
+    def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
+        jet = self._jet(q0, q1, h, t)
+        return jet.d11, jet.d12, jet.d22
+
+    def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
+        jets = self._jets(q0, q1, h, t)
+        first, last = jets[0], jets[-1]
+        if len(jets) == 1:
+            return first
+        # The inner points follow the ends: their share is taken off, the Schur complement.
+        d = q0.size
+        by_ends = np.zeros(((len(jets) - 1) * d, 2 * d))
+        by_ends[:d, :d] = first.d12.T
+        by_ends[-d:, d:] = last.d12
+        moved = block_solve(jets, by_ends)
+        d11 = first.d11 - first.d12 @ moved[:d, :d]
+        d12 = -first.d12 @ moved[:d, d:]
+        d22 = last.d22 - last.d12.T @ moved[-d:, d:]
+        return Jet(float(sum(jet.value for jet in jets)), first.d1, last.d2, d11, d12, d22)
+
+    def _jets(self, q0: Array, q1: Array, h: float, t: float) -> list[Jet]:
+        """Return the steps of the converged mesh."""
+        points, coarse, failed = np.array([q0, q1]), None, None
+        for mesh in MESHES:
+            if len(points) != mesh + 1:  # no coarser mesh was solved
+                points = q0 + np.linspace(0.0, 1.0, mesh + 1)[:, None] * (q1 - q0)
+            try:
+                points = stationary(self.rule, points, h / mesh, t)
+                jets = jets_of(self.rule, points, h / mesh, t)
+            except ConvergenceError as error:
+                if coarse is not None or mesh >= 8:
+                    failed = error
+                    break
+                continue
+            ends = np.concatenate([-jets[0].d1, jets[-1].d2])
+            if coarse is not None and np.max(np.abs(ends - coarse)) <= AGREED * np.max(np.abs(ends)):
+                return jets
+            coarse = ends
+            points = self._halved(points, jets, h / mesh, t)
+        raise ConvergenceError(
+            f"{self.name}: the motion of '{self.lagrangian.name}' from q0 = {show(q0)} to q1 = {show(q1)} in "
+            f"h = {h:.6g} was not found: the boundary-value problem does not converge from the "
+            "straight line. Use a smaller h, or points that a motion without close encounters joins.",
+            time=t,
+        ) from failed
+
+    def _halved(self, points: Array, jets: list[Jet], h: float, t: float) -> Array:
+        """Return the path with a point amid each step, by cubic interpolation of positions and velocities."""
+        finer = [points[0]]
+        for k, jet in enumerate(jets):
+            v0 = self.lagrangian.velocity(points[k], -jet.d1, t + k * h)
+            v1 = self.lagrangian.velocity(points[k + 1], jet.d2, t + (k + 1) * h)
+            finer += [0.5 * (points[k] + points[k + 1]) + 0.125 * h * (v0 - v1), points[k + 1]]
+        return np.array(finer)
+
+
+def exact_by_collocation(lagrangian: Mechanics) -> ExactByCollocation:
+    """Return the exact discrete Lagrangian without a closed form; see `exact`."""
+    return ExactByCollocation("exact-by-collocation", lagrangian, vprk(lagrangian, gauss(STAGES)))
+
+
+def exact(lagrangian: Mechanics, *, way: Way = "short") -> DiscreteLagrangian:
+    """Return the exact discrete Lagrangian of a Lagrangian.
+
+    way : which of the two arcs of a Kepler orbit; "short" below 180 degrees, "long" above
+    'free-particle', 'harmonic-oscillator' and 'kepler' have closed forms, whose constants are read off the Lagrangian.
+    Any other is served by the motion itself, found from the straight line between the points: for h so long that
+    several motions join them, another one, or none, may be found; ConvergenceError says so in the latter case.
+    """
+    name = lagrangian.name.replace("_", "-").replace(" ", "-")
+    if name in ("free-particle", "harmonic-oscillator"):
+        origin = np.zeros(lagrangian.dimension)
+        qq, qv, vv = lagrangian.hessians(origin, origin)
+        probe = np.linspace(1.0, 2.0, lagrangian.dimension)
+        f, p = lagrangian.gradients(probe, probe, 0.7)
+        if _close(qv, 0.0 * qv, vv) and _close(f, qq @ probe, f) and _close(p, vv @ probe, p):
+            return exact_linear(vv, -qq, lagrangian=lagrangian)
+    elif name == "kepler" and lagrangian.dimension in (2, 3):
+        probe = np.linspace(1.0, 2.0, lagrangian.dimension)
+        f, p = lagrangian.gradients(probe, probe)
+        mass, r2 = float(p[0] / probe[0]), float(probe @ probe)
+        gm = -float(f @ probe) * np.sqrt(r2) / mass
+        if gm > 0.0 and _close(p, mass * probe, p) and _close(f, -mass * gm * probe / r2**1.5, f):
+            return exact_kepler(gm, way, mass=mass, lagrangian=lagrangian)
+    if way != "short":
+        raise InputError(f"way = {way!r} chooses an arc of a Kepler orbit; '{lagrangian.name}' has no such arcs")
+    return exact_by_collocation(lagrangian)
+
+
+def _close(x: Array, y: Array, size: Array) -> bool:
+    return bool(np.max(np.abs(x - y)) <= 1e-13 * np.max(np.abs(size)))

@@ -1,0 +1,92 @@
+"""The discrete action of a path, and by how much the path misses the discrete Euler–Lagrange equations.
+
+    S(q_0, ..., q_N) = sum_k L_d(q_k, q_{k+1}; h),      dS/dq_k = D2 L_d(q_{k-1}, q_k; h) + D1 L_d(q_k, q_{k+1}; h)
+
+Source: Marsden & West (2001), sec. 1.3.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, time_step
+from orbits.errors import InputError
+
+UNIFORM = 8.0 * 2.0**-52
+"""Times are uniform if they miss k h by no more than a few roundings of the largest."""
+
+
+def action(discrete: DiscreteLagrangian, path: ArrayLike, h: float | ArrayLike, t0: float = 0.0) -> float:
+    """Return the discrete action of a path.
+
+    path : (N, d) or (N, n, 3), N >= 2; h : its spacing, or the N times themselves
+    """
+    points, _ = points_of(discrete, path, least=2)
+    step, start = spacing(h, len(points), t0)
+    pairs = itertools.pairwise(points)
+    return float(sum(discrete.value(a, b, step, start + k * step) for k, (a, b) in enumerate(pairs)))
+
+
+def euler_lagrange_residual(
+    discrete: DiscreteLagrangian, path: ArrayLike, h: float | ArrayLike, t0: float = 0.0, *, in_ulps: bool = False
+) -> Array:
+    """Return D2 L_d(q_{k-1}, q_k) + D1 L_d(q_k, q_{k+1}) at the inner points, the gradient of the action.
+
+    path : (N, d) or (N, n, 3), N >= 3, from anywhere; the result has N - 2 points of the same shape
+    h : its spacing, or the N times themselves, which must be uniform
+    in_ulps : divide by the unit in the last place of the largest component of D2 L_d at that point
+
+    A path that solves the equations leaves round-off. Stored positions have lost eps |q| each, which the difference of
+    neighbours shows: expect about |q|/|dq| ulps, not one. Raises InputError for other shapes or times.
+    """
+    points, shape = points_of(discrete, path, least=3)
+    step, start = spacing(h, len(points), t0)
+    pairs = itertools.pairwise(points)
+    first = [discrete.first(a, b, step, start + k * step) for k, (a, b) in enumerate(pairs)]
+    arriving = np.array([d2 for _, _, d2 in first[:-1]])
+    residual: Array = arriving + np.array([d1 for _, d1, _ in first[1:]])
+    if in_ulps:
+        residual = (
+            residual / np.spacing(np.maximum(np.max(np.abs(arriving), axis=1), np.finfo(np.float64).tiny))[:, None]
+        )
+    return residual.reshape(len(residual), *shape)
+
+
+def points_of(discrete: DiscreteLagrangian, path: ArrayLike, *, least: int) -> tuple[Array, tuple[int, ...]]:
+    """Return a path as (N, d) and the shape of one of its points; InputError, with the reason, if it is none."""
+    points = np.asarray(path)
+    if points.ndim not in (2, 3) or (points.ndim == 3 and points.shape[2] != 3) or len(points) < least:
+        raise InputError(
+            f"a path has shape (N, d), or (N, bodies, 3), with N >= {least} points; got shape {points.shape}"
+        )
+    shape = points.shape[1:]
+    return np.array([discrete.vector(q, f"point {k} of the path") for k, q in enumerate(points)]), shape
+
+
+def spacing(h: float | ArrayLike, count: int, t0: float) -> tuple[float, float]:
+    """Return (h, first time) from a spacing or from the times themselves, which must be uniform to rounding."""
+    times = np.asarray(h)
+    if times.ndim == 0:
+        return time_step(finite_number(h, "h")), finite_number(t0, "t0")
+    if times.dtype.kind not in "fiu" or times.shape != (count,):
+        raise InputError(f"h is the spacing of the path, or its {count} times; got an array of shape {times.shape}")
+    if t0 != 0.0:
+        raise InputError(f"the times themselves say when the path starts: leave t0 = {t0!r} out")
+    times = times.astype(np.float64)
+    if not np.all(np.isfinite(times)):
+        raise InputError(f"the times of a path must be finite; got {times[~np.isfinite(times)][0]} among them")
+    step = time_step((times[-1] - times[0]) / (count - 1))
+    miss = np.abs(times - (times[0] + step * np.arange(count)))
+    if np.max(miss) > UNIFORM * np.max(np.abs(times)):
+        gaps = np.diff(times)
+        usual = float(np.median(gaps))
+        k = int(np.argmax(np.abs(gaps - usual)))
+        raise InputError(
+            f"the discrete Euler–Lagrange equations need one step h for the whole path; the usual spacing is "
+            f"{usual!r}, but between the times {times[k]!r} and {times[k + 1]!r} (points {k} and {k + 1}) it is "
+            f"{gaps[k]!r}. Sample the path uniformly, or give a stretch of it that is."
+        )
+    return step, float(times[0])
