@@ -28,6 +28,10 @@ GRADIENTS = "gradients"
 """It has kernels for dL/dq, dL/dv and the second derivatives: implicit methods in canonical form can serve it."""
 
 
+TIME_DEPENDENT = "time-dependent"
+"""L depends on t: there is no energy to conserve."""
+
+
 @dataclass(frozen=True)
 class Compiled:
     """The compiled face of a Lagrangian.
@@ -91,6 +95,11 @@ class Lagrangian:
     def traits(self) -> frozenset[str]:
         """What methods may ask of it."""
         return self.compiled.traits
+
+    @property
+    def autonomous(self) -> bool:
+        """Whether L is free of t."""
+        return TIME_DEPENDENT not in self.traits
 
     @property
     def dimension(self) -> int:

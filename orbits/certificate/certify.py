@@ -1,0 +1,151 @@
+"""`certify`: a method measured on the problem that it is going to be used for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.certificate.measuring import EPS, Measured, Problem
+from orbits.certificate.values import Certificate, Finding
+from orbits.diagnostics.convergence import Slope
+from orbits.diagnostics.tangent import plain_step, symplecticity_defect
+from orbits.errors import InputError, IntegrationError
+from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
+from orbits.integrators.flow import starting_state
+from orbits.lagrangians.base import Lagrangian
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+ORDER_SLACK = 0.12
+"""How far, relatively, a fitted slope may lie below the order; above it is no fault."""
+
+
+def certify(
+    problem: System | Lagrangian,
+    integrator: Integrator,
+    dt: Any,
+    *,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    t: float = 0.0,
+) -> Certificate:
+    """Measure what `integrator` declares, and what a variational integrator must have, on an actual problem.
+
+    problem : a `System`, or a `Lagrangian` with its start q, v of shape (d,) (its own example by default)
+    dt : the step; a Quantity, or a number in the problem's unit of time
+    t : time of the start, for a Lagrangian that depends on it
+
+    Measured are: the step against a plain solution of its equations; the residual of its discrete Euler–Lagrange
+    equations; the momentum map of each symmetry; symplecticity, from the exact derivative of the step, of the massive
+    bodies and of particles' fibres; the area of a loop of initial conditions; reversibility; the order of the map and
+    of L_d, above the plateau of round-off; whether the energy is bounded.
+
+    Raises InputError if the method cannot serve the problem, IntegrationError if no step can be taken.
+
+        print(orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), dt=0.1))
+    """
+    if not isinstance(integrator, Integrator):
+        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+    if isinstance(problem, Lagrangian):
+        start, p = starting_state(problem, q, v, None, t)
+        step = float(_plain(dt))
+        bound = Problem(problem, integrator, step, start, p, float(t))
+        return _certificate(bound, problem.name, "", [])
+    from orbits.system import System
+
+    if not isinstance(problem, System):
+        raise InputError(f"certify needs a System or a Lagrangian, got {type(problem).__name__}")
+    if q is not None or v is not None:
+        raise InputError("a System has its own start: leave q and v out")
+    return _of_system(problem, integrator, dt)
+
+
+def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
+    from orbits.lagrangians.newtonian import n_body
+
+    values, units = system.values, system.units
+    step = float(units.time_value(dt, "dt"))
+    massive = values.gm > 0.0
+    lagrangian = n_body(values.gm[massive], values.softening)
+    q, v = values.q[massive].ravel(), values.v[massive].ravel()
+    bound = Problem(lagrangian, integrator, step, q, lagrangian.momentum(q, v), 0.0)
+    particles = [(values.q[k], values.v[k]) for k in np.flatnonzero(~massive)[:3]]
+    many = f", {int(np.sum(~massive))} massless particles" if particles else ""
+    unit = units.time.to_string() if hasattr(units.time, "to_string") else str(units.time)
+    return _certificate(bound, f"{int(np.sum(massive))} bodies{many}", unit, particles)
+
+
+def _certificate(problem: Problem, name: str, unit: str, particles: list[Any]) -> Certificate:
+    if not (math.isfinite(problem.dt) and problem.dt != 0.0):
+        raise InputError(f"dt must be finite and not zero, got {problem.dt!r}")
+    findings = tuple(_findings(problem, particles))
+    return Certificate(name, problem.integrator.label, problem.dt, unit, findings)
+
+
+def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
+    method = problem.integrator
+    declares = method.declares
+    yield _finding("step solves its equations", problem.step_solves_its_equations(), None, needed=True)
+    if method.variational:
+        yield _finding("discrete Euler-Lagrange residual", problem.euler_lagrange(), True, needed=True)
+    else:
+        yield Finding("discrete Euler-Lagrange residual", math.nan, math.nan, "", False, False, True, "it has no L_d")
+    for name, measured in problem.momentum_maps():
+        yield _finding(f"momentum map: {name}", measured, MOMENTUM_MAPS in declares, needed=True)
+    yield _finding("symplecticity", problem.symplecticity(), SYMPLECTIC in declares, needed=True)
+    if particles:
+        yield _finding("symplecticity of particles", _fibres(problem, particles), SYMPLECTIC in declares, needed=True)
+    yield _finding("area of a loop", problem.areas(), SYMPLECTIC in declares, needed=True)
+    yield _finding("reversibility", problem.reversibility(), SYMMETRIC in declares, needed=False)
+    yield _order("order of the map", problem.order(), method.order)
+    if method.variational:
+        yield _order("order of L_d", problem.order_of_discrete_lagrangian(), method.order)
+    if problem.lagrangian.autonomous:
+        try:
+            energy = problem.energy()
+        except IntegrationError as error:
+            energy = Measured(math.inf, 0.5, "of its oscillation", f"the march fails: {error}")
+        yield _finding("drift of the energy", energy, None, needed=True)
+
+
+def _finding(name: str, measured: Measured, declared: bool | None, *, needed: bool) -> Finding:
+    return Finding(
+        name, measured.value, measured.bound, measured.unit, measured.holds, declared, needed, measured.note
+    )
+
+
+def _order(name: str, fitted: Slope, order: int) -> Finding:
+    if math.isnan(fitted.order):
+        note = "too few errors between round-off and the regime of long steps"
+        return Finding(name, math.nan, float(order), "", True, None, False, note)
+    holds = fitted.order > (1.0 - ORDER_SLACK) * order
+    return Finding(name, fitted.order, float(order), "", holds, True, True, f"from {len(fitted.h)} steps")
+
+
+def _fibres(problem: Problem, particles: list[Any]) -> Measured:
+    """For given massive bodies, the map of a particle's own (q, p): a body of GM = 1e-30 pulls on nothing."""
+    from orbits.lagrangians.newtonian import n_body
+
+    worst, tiny = 0.0, 1e-30
+    gm = [value for name, value in problem.lagrangian.parameters.items() if name.startswith("GM")]
+    lagrangian = n_body([*gm, tiny], math.sqrt(problem.lagrangian.parameters["eps2"]))
+    for x, w in particles:
+        q, p = np.append(problem.q, x), np.append(problem.p, tiny * w)
+        step = plain_step(lagrangian, problem.integrator.tableau, q, p, problem.dt)
+        d = len(problem.q)
+        own = [d, d + 1, d + 2, 2 * d + 3, 2 * d + 4, 2 * d + 5]
+        weights = np.full(3, math.sqrt(tiny * np.max(np.abs(w)) / np.max(np.abs(x))))
+        worst = max(worst, symplecticity_defect(step.derivative[np.ix_(own, own)], weights))
+    return Measured(worst, 32.0 * EPS * 6.0**0.5, "", f"{len(particles)} of the particles")
+
+
+def _plain(dt: Any) -> float:
+    try:
+        return float(dt)
+    except (TypeError, ValueError):
+        raise InputError(f"a Lagrangian has no units: dt must be a number, got {dt!r}") from None

@@ -1,0 +1,265 @@
+"""The measurements of a certificate, each on the actual problem: a Lagrangian, a method, a step and a start.
+
+Round-off is judged against what it can do: a bound is a small multiple of 2^-53 times the sizes that are rounded. What
+is declared or needed is decided elsewhere; here is only what was found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits import discrete
+from orbits.diagnostics import loops
+from orbits.diagnostics.convergence import Slope, slope
+from orbits.diagnostics.tangent import plain_step, symplecticity_defect
+from orbits.errors import IntegrationError
+from orbits.integrators.base import Integrator
+from orbits.integrators.flow import DiscretePath, Flow
+from orbits.integrators.gauss import Gauss
+from orbits.lagrangians.base import Lagrangian
+
+Array = NDArray[np.float64]
+EPS = 2.0**-53
+
+STEPS = 200
+"""Length of the march on which momentum maps, areas and reversibility are measured."""
+
+ENERGY_STEPS = 4000
+"""Length of the march on which the energy is followed."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A figure, what round-off or the declaration allows, and in what unit."""
+
+    value: float
+    bound: float
+    unit: str = ""
+    note: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the figure is within its bound."""
+        return self.value <= self.bound
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is certified: a method with a step on a Lagrangian, from (q, p) at time t."""
+
+    lagrangian: Lagrangian
+    integrator: Integrator
+    dt: float
+    q: Array
+    p: Array
+    t: float
+
+    @cached_property
+    def flow(self) -> Flow:
+        """The method's one-step map."""
+        return Flow(self.lagrangian, self.integrator, self.dt, t=self.t)
+
+    @cached_property
+    def path(self) -> DiscretePath:
+        """The first `STEPS` steps."""
+        return self.flow.march(self.q, self.p, STEPS)
+
+    @cached_property
+    def weights(self) -> Array:
+        """Square roots of the masses: w q and p / w are of one size for all bodies."""
+        mass = self.lagrangian.hessians(self.q, self.lagrangian.velocity(self.q, self.p, self.t), self.t)[2]
+        weights: Array = np.sqrt(np.abs(np.diag(mass)))
+        return np.where(weights > 0.0, weights, 1.0)
+
+    @cached_property
+    def size(self) -> float:
+        """Largest |w q| along the path."""
+        return float(np.max(np.abs(self.path.q) * self.weights))
+
+    @cached_property
+    def momentum_size(self) -> float:
+        """Largest |p / w| along the path."""
+        return float(np.max(np.abs(self.path.p) / self.weights))
+
+    def step_solves_its_equations(self) -> Measured:
+        """The compiled step against a plain solution of the tableau's equations, in units of 2^-53 of the state."""
+        plain = plain_step(self.lagrangian, self.integrator.tableau, self.q, self.p, self.dt, self.t)
+        q, p = self.path.q[1], self.path.p[1]
+        off = max(
+            float(np.max(np.abs(q - plain.q) * self.weights)) / self.size,
+            float(np.max(np.abs(p - plain.p) / self.weights)) / self.momentum_size,
+        )
+        # The plain solution rounds a few dozen times; forces that nearly cancel lose more, by the condition of the step.
+        grown = max(1.0, float(np.max(np.abs(plain.derivative * self._scaling))))
+        return Measured(off / EPS, 64.0 * grown, "x 2^-53")
+
+    @property
+    def _scaling(self) -> Array:
+        scale = np.concatenate([self.weights / self.size, 1.0 / (self.weights * self.momentum_size)])
+        scaled: Array = scale[:, None] / scale[None, :]
+        return scaled
+
+    def euler_lagrange(self, points: int = 12) -> Measured:
+        """The DEL residual along the path with the method's own L_d, in ulps of D2 L_d."""
+        L_d = discrete.vprk(self.lagrangian, self.integrator.tableau)
+        q = self.path.q[: points + 2]
+        residual = discrete.euler_lagrange_residual(L_d, q, self.dt, self.t, in_ulps=True)
+        worst, noise = 0.0, 1.0
+        for k, r in enumerate(residual):
+            jet = L_d.jet(q[k], q[k + 1], self.dt, self.t + k * self.dt)
+            # Stored positions have lost 2^-53 |q|; D2 L_d sees their difference through its second derivatives.
+            felt = np.abs(jet.d12) @ np.abs(q[k + 1]) + np.abs(jet.d22) @ np.abs(q[k + 1])
+            ulp = np.spacing(np.max(np.abs(jet.d2)))
+            here = 4.0 * EPS * float(np.max(felt)) / ulp + 4.0
+            if np.max(np.abs(r)) / here > worst / noise:
+                worst, noise = float(np.max(np.abs(r))), here
+        return Measured(worst, 2.0 * noise, "ulp", "positions are stored to 2^-53, differences of neighbours see it")
+
+    def momentum_maps(self) -> Iterator[tuple[str, Measured]]:
+        """The largest change of each symmetry's momentum map along the path, relative to the sum of its terms."""
+        for symmetry in self.lagrangian.symmetries:
+            xi = np.array([symmetry.generator(x) for x in self.path.q])
+            terms = np.sum(np.abs(self.path.p * xi), axis=1)
+            charge = np.sum(self.path.p * xi, axis=1)
+            scale = float(np.max(terms))
+            drift = float(np.max(np.abs(charge - charge[0]))) / scale if scale > 0.0 else 0.0
+            # A random walk of roundings, each of half a unit of each of the terms.
+            yield symmetry.name, Measured(drift, 4.0 * EPS * math.sqrt(STEPS), "relative")
+
+    def symplecticity(self) -> Measured:
+        """|M^T J M - J| for the exact derivative M of a step, the largest of three steps."""
+        worst = 0.0
+        for k in (0, STEPS // 3, 2 * STEPS // 3):
+            step = plain_step(
+                self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
+            )
+            worst = max(worst, symplecticity_defect(step.derivative, self._even_weights))
+        return Measured(worst, 32.0 * EPS * (2 * len(self.q)) ** 0.5, "", "exact derivative of the step")
+
+    @property
+    def _even_weights(self) -> Array:
+        return self.weights * math.sqrt(self.momentum_size / self.size)
+
+    def areas(self, steps: int = STEPS // 4) -> Measured:
+        """The relative change of the area of a loop of initial conditions that the method has marched."""
+        rng = np.random.default_rng(7)
+        u = rng.normal(size=len(self.q))
+        u /= np.sqrt(u @ u)
+        dq, dp = 0.01 * self.size * u / self.weights, 0.01 * self.momentum_size * u * self.weights
+        start = loops.loop(self.q, self.p, dq, dp, 128)
+        before = loops.area(*start)
+        moved = loops.marched(lambda x, y: self.flow.step(x, y, steps), *start)
+        after = loops.area(*moved)
+        # What the series of the moved loop leaves out: its highest quarter of frequencies, if they are not noise.
+        tail = _tail(moved[0] * self.weights) * self.momentum_size + _tail(moved[1] / self.weights) * self.size
+        spread = float(
+            np.max(np.abs(moved[0] - moved[0].mean(axis=0)) * self.weights) * self.momentum_size
+            + np.max(np.abs(moved[1] - moved[1].mean(axis=0)) / self.weights) * self.size
+        )
+        noise = 16.0 * EPS * spread * math.sqrt(steps) * math.sqrt(len(self.q)) + 16.0 * tail * spread / self.size
+        return Measured(abs(after - before) / abs(before), noise / abs(before), "relative", f"{steps} steps, 128 points")
+
+    def reversibility(self, steps: int = 7) -> Measured:
+        """Steps forth and the same number back: what is missing of the identity, in units of 2^-53 of the state."""
+        q, p = self.path.q[steps], self.path.p[steps]
+        back = Flow(self.lagrangian, self.integrator, -self.dt, t=self.t + steps * self.dt)
+        q, p = back.step(q, p, steps)
+        off = max(
+            float(np.max(np.abs(q - self.q) * self.weights)) / self.size,
+            float(np.max(np.abs(p - self.p) / self.weights)) / self.momentum_size,
+        )
+        grown = 1.0
+        for k in range(steps):
+            at = plain_step(
+                self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
+            )
+            grown = max(grown, float(np.max(np.abs(at.derivative * self._scaling))))
+        # The low parts are dropped at the turning point; that rounding grows with the motion, at most like this.
+        return Measured(off / EPS, 8.0 * steps * grown, "x 2^-53")
+
+    def energy(self) -> Measured:
+        """The drift of the energy over the run against its oscillation: bounded means a ratio well below 1.
+
+        For a Lagrangian that depends on time there is nothing to conserve: NaN.
+        """
+        path = self.flow.march(self.q, self.p, ENERGY_STEPS, every=ENERGY_STEPS // 400)
+        try:
+            E = path.energy()
+        except IntegrationError:
+            return Measured(math.inf, 0.5, "of its oscillation")
+        quarter = len(E) // 4
+        oscillation = max(float(np.ptp(part)) for part in (E[:quarter], E[-quarter:]))
+        v = path.v
+        kinetic = float(np.max(np.abs(np.sum(path.p * v, axis=1))))
+        noise = 16.0 * EPS * (kinetic + float(np.max(np.abs(E)))) * math.sqrt(ENERGY_STEPS)
+        drift = abs(float(np.mean(E[-quarter:]) - np.mean(E[:quarter])))
+        return Measured(drift / max(oscillation, noise), 0.5, "of its oscillation", f"{ENERGY_STEPS} steps")
+
+    @cached_property
+    def _truth_end(self) -> tuple[float, Array, Array]:
+        span = 40.0 * self.dt
+        fine = Flow(self.lagrangian, Gauss(stages=8), span / 640, t=self.t)
+        q, p = fine.step(self.q, self.p, 640)
+        return span, q, p
+
+    def order(self) -> Slope:
+        """The slope of the error of (q, p) over 40 steps' time, for steps of all lengths, against Gauss-16."""
+        span, q, p = self._truth_end
+        h, errors = [], []
+        for count in _counts(self.integrator.order):
+            try:
+                x, y = Flow(self.lagrangian, self.integrator, span / count, t=self.t).step(self.q, self.p, count)
+            except IntegrationError:
+                continue  # a step that is far too long is refused
+            h.append(span / count)
+            errors.append(float(np.max(np.abs(x - q) * self.weights)) / self.size)
+        return slope(h, errors, floor=3e-13, ceiling=2e-3)
+
+    def order_of_discrete_lagrangian(self) -> Slope:
+        """The slope of |L_d - exact L_d| along a true solution, less 1."""
+        L_d = discrete.vprk(self.lagrangian, self.integrator.tableau)
+        h, errors = [], []
+        scale = self.momentum_size * self.size
+        for factor in 2.0 ** np.arange(5.0, -6.0, -0.5 if self.integrator.order > 6 else -1.0):
+            step = factor * self.dt
+            try:
+                action, q = true_action(self.lagrangian, self.q, self.p, step, self.t)
+                errors.append(abs(L_d.value(self.q, q, step, self.t) - action) / scale)
+            except IntegrationError:
+                continue
+            h.append(step)
+        fitted = slope(h, errors, floor=1e-14, ceiling=1e-2)
+        return Slope(fitted.order - 1.0, fitted.h, fitted.errors)
+
+
+def true_action(lagrangian: Lagrangian, q: Array, p: Array, h: float, t: float, pieces: int = 8) -> tuple[float, Array]:
+    """Return the action of the true motion from (q, p) over the time h, and where it leads; by Gauss-16 in pieces."""
+    tableau = Gauss(stages=8).tableau
+    small, action = h / pieces, []
+    for k in range(pieces):
+        start = t + k * small
+        step = plain_step(lagrangian, tableau, q, p, small, start)
+        stages = zip(tableau.b, tableau.c, step.Q, step.V, strict=True)
+        action.append(math.fsum(b * small * lagrangian.value(Q, V, start + c * small) for b, c, Q, V in stages))
+        q, p = step.q, step.p
+    return math.fsum(action), q
+
+
+def _counts(order: int) -> list[int]:
+    """Numbers of steps to try: high orders pass from 1e-3 to round-off within a factor of a few."""
+    if order >= 8:
+        return list(range(2, 81, 2))
+    return sorted({round(10 * 2 ** (k / 2)) for k in range(6 if order > 4 else 18)} | {4, 6, 8})
+
+
+def _tail(points: Array) -> float:
+    """Largest Fourier amplitude of the highest quarter of frequencies of a closed curve, (n, d)."""
+    n = len(points)
+    amplitudes = np.abs(np.fft.fft(points - points.mean(axis=0), axis=0)) / n
+    return float(np.max(amplitudes[n // 2 - n // 8 : n // 2 + n // 8]))

@@ -1,0 +1,158 @@
+"""What a certificate is: findings, a verdict, a table, JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from orbits.errors import InputError
+
+FORMAT = "orbits-certificate"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One property, measured.
+
+    name : of the property
+    measured, bound : the figure and what it was held to, in `unit`; NaN where nothing could be measured
+    holds : whether the property was found
+    declared : whether the method declares it; None for what no method needs to declare
+    needed : whether a variational integrator must have it
+    note : how it was measured, or why it was not
+    """
+
+    name: str
+    measured: float
+    bound: float
+    unit: str
+    holds: bool
+    declared: bool | None
+    needed: bool
+    note: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """One word or two for the table."""
+        if self.holds:
+            return "holds" if self.declared in (True, None) else "holds, undeclared"
+        if self.declared:
+            return "FAILS, DECLARED"
+        return "fails" if self.needed else "no"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was measured of one method on one problem with one step.
+
+    problem, method : in words
+    dt : the step, in the problem's unit of time (`time_unit`)
+    findings : property by property
+    """
+
+    problem: str
+    method: str
+    dt: float
+    time_unit: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether the method was found to be a variational integrator, and all that it declares."""
+        return not self.failures
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What a variational integrator must have, or the method declares, and was not found; in words."""
+        return tuple(
+            f"{f.name}{', declared' if f.declared else ''}: {f.measured:.2g} {f.unit}, at most {f.bound:.2g} allowed"
+            if not f.name.startswith("order")
+            else f"{f.name}: {f.measured:.2f}, expected {f.bound:g}"
+            for f in self.findings
+            if not f.holds and (f.needed or f.declared)
+        )
+
+    def __getitem__(self, name: str) -> Finding:
+        for finding in self.findings:
+            if finding.name == name:
+                return finding
+        raise InputError(f"the certificate has no finding {name!r}; it has: {', '.join(f.name for f in self.findings)}")
+
+    def table(self) -> str:
+        """Return the certificate as text, one property a line."""
+        head = ("property", "measured", "bound", "", "")
+        rows = [(f.name, _number(f.measured), _number(f.bound), f.unit, f.verdict) for f in self.findings]
+        widths = [max(len(row[k]) for row in [head, *rows]) for k in range(5)]
+        lines = [f"{self.method} on {self.problem}, dt = {self.dt:.6g} {self.time_unit}".rstrip(), ""]
+        for row in [head, *rows]:
+            cells = [row[0].ljust(widths[0]), row[1].rjust(widths[1]), row[2].rjust(widths[2])]
+            lines.append("  ".join([*cells, row[3].ljust(widths[3]), row[4]]).rstrip())
+        lines += ["", "a variational integrator, as declared" if self.ok else "NOT CERTIFIED"]
+        lines += [f"  {failure}" for failure in self.failures]
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def to_record(self) -> dict[str, Any]:
+        """Return values that JSON can hold; a figure that could not be measured is null."""
+        findings = []
+        for f in self.findings:
+            record = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in asdict(f).items()}
+            findings.append({**record, "verdict": f.verdict})
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "problem": self.problem,
+            "method": self.method,
+            "dt": self.dt,
+            "time_unit": self.time_unit,
+            "ok": self.ok,
+            "failures": list(self.failures),
+            "findings": findings,
+        }
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """Return the certificate as JSON, and write it to `path` if given."""
+        text = json.dumps(self.to_record(), indent=1, allow_nan=False)
+        if path is not None:
+            try:
+                Path(path).write_text(text + "\n")
+            except OSError as error:
+                raise InputError(f"cannot write the certificate to {path}: {error.strerror}") from None
+        return text
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Certificate:
+        """Return the certificate that `to_record` described. Raises InputError for anything else."""
+        try:
+            if record["format"] != FORMAT or record["version"] != VERSION:
+                raise InputError(f"expected a certificate of version {VERSION}, got {record['format']!r}")
+            findings = tuple(
+                Finding(
+                    **{
+                        key: math.nan if value is None and key in ("measured", "bound") else value
+                        for key, value in finding.items()
+                        if key != "verdict"
+                    }
+                )
+                for finding in record["findings"]
+            )
+            return cls(
+                str(record["problem"]), str(record["method"]), float(record["dt"]), str(record["time_unit"]), findings
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"this is no certificate: {error}") from None
+
+
+def _number(x: float) -> str:
+    if not math.isfinite(x):
+        return "-"
+    return f"{x:.2f}" if 0.05 <= abs(x) < 1000 else f"{x:.1e}"
