@@ -114,9 +114,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
 
 
 def _finding(name: str, measured: Measured, declared: bool | None, *, needed: bool) -> Finding:
-    return Finding(
-        name, measured.value, measured.bound, measured.unit, measured.holds, declared, needed, measured.note
-    )
+    return Finding(name, measured.value, measured.bound, measured.unit, measured.holds, declared, needed, measured.note)
 
 
 def _order(name: str, fitted: Slope, order: int) -> Finding:

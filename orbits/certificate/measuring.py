@@ -163,7 +163,9 @@ class Problem:
             + np.max(np.abs(moved[1] - moved[1].mean(axis=0)) / self.weights) * self.size
         )
         noise = 16.0 * EPS * spread * math.sqrt(steps) * math.sqrt(len(self.q)) + 16.0 * tail * spread / self.size
-        return Measured(abs(after - before) / abs(before), noise / abs(before), "relative", f"{steps} steps, 128 points")
+        return Measured(
+            abs(after - before) / abs(before), noise / abs(before), "relative", f"{steps} steps, 128 points"
+        )
 
     def reversibility(self, steps: int = 7) -> Measured:
         """Steps forth and the same number back: what is missing of the identity, in units of 2^-53 of the state."""

@@ -116,7 +116,7 @@ def _solved(time: float, way: float, gap: float) -> _Arc:
             at = _hyperbola(eta, way, gap)
             return at.time, at.time_u / at.eta_u
 
-        return _hyperbola(_root(by_eta, time, 0.0, gap, gap * time / parabola.time), way, gap)
+        return _hyperbola(_root(by_eta, time, 0.0, gap, gap * time / parabola.time, gap), way, gap)
 
     def by_u(u: float) -> tuple[float, float]:
         at = _arc(u, way, gap)
@@ -129,11 +129,16 @@ def _solved(time: float, way: float, gap: float) -> _Arc:
             low, high = 2.0 * low, low
             if low < -1e5:
                 raise OverflowError
-    return _arc(_root(by_u, time, low, high, 0.5 * (low + high)), way, gap)
+    return _arc(_root(by_u, time, low, high, 0.5 * (low + high), gap * gap), way, gap)
 
 
-def _root(function: Callable[[float], tuple[float, float]], time: float, low: float, high: float, x: float) -> float:
-    """Return x with T(x) = time, T growing: Newton's method on ln T, held in a bracket, run to the round-off floor."""
+def _root(
+    function: Callable[[float], tuple[float, float]], time: float, low: float, high: float, x: float, size: float
+) -> float:
+    """Return x with T(x) = time, T growing: Newton's method on ln T, held in a bracket, run to the round-off floor.
+
+    size : that of a change of x that matters, where x itself may be 0
+    """
     last = math.inf
     for _ in range(200):
         value, slope = function(x)
@@ -143,11 +148,13 @@ def _root(function: Callable[[float], tuple[float, float]], time: float, low: fl
             low = x
         change = -value * math.log(value / time) / slope if value > 0.0 and slope > 0.0 else math.inf
         # At the floor changes are rounding noise: they have stopped shrinking, and may point out of the bracket.
-        if abs(change) <= 1e-16 * abs(x) or (abs(change) >= 0.5 * last and abs(change) <= 1e-11 * max(abs(x), 1e-3)):
+        if abs(change) <= 1e-16 * abs(x) or (
+            abs(change) >= 0.5 * last and abs(change) <= 1e-11 * max(abs(x), 1e-4 * size)
+        ):
             return x
         last = abs(change)
         moved = x + change
-        if not low < moved < high:
+        if not low <= moved <= high:
             moved = 0.5 * (low + high)
             if moved in (low, high):
                 return x

@@ -66,6 +66,8 @@ def dimension(lagrangian, parameters):
 @overload(dimension)
 def _dimension(lagrangian, parameters):
     compiled = kernel_of(lagrangian, "dimension")
+    if isinstance(compiled, int):
+        return lambda lagrangian, parameters: compiled
     return compiled and (lambda lagrangian, parameters: compiled(parameters))
 
 

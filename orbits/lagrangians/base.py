@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -80,6 +80,75 @@ class Lagrangian:
     symmetries: tuple[Symmetry, ...] = ()
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)
+
+    @staticmethod
+    def from_sympy(
+        L: Any,
+        *,
+        q: Sequence[Any],
+        v: Sequence[Any],
+        t: Any = None,
+        parameters: Mapping[Any, float] | None = None,
+        name: str = "lagrangian",
+        example: Motion | None = None,
+        symmetries: Sequence[Symmetry] = (),
+        source: str = "",
+    ) -> Lagrangian:
+        """Return a Lagrangian from an expression in SymPy; its kernels are kept on disk for other processes.
+
+        L : SymPy expression of q, v, t and the parameters, twice differentiable
+        q, v : d coordinates and their velocities: symbols, or functions of t and their derivatives
+        t : the time, if L depends on it; parameters : values by symbol
+
+        Raises InputError, with the reason, for what cannot be used: symbols without a value, functions that cannot be
+        compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse.
+
+            q, v, g = sympy.symbols("q v g")
+            pendulum = orbits.Lagrangian.from_sympy(v**2 / 2 + g * sympy.cos(q), q=[q], v=[v], parameters={g: 9.81})
+        """
+        from orbits.lagrangians.symbolic import from_sympy
+
+        return from_sympy(
+            L, q=q, v=v, t=t, parameters=parameters, name=name, example=example, symmetries=symmetries, source_=source
+        )
+
+    @staticmethod
+    def from_kernels(
+        kernels: Mapping[str, Any],
+        *,
+        coordinates: Sequence[str],
+        name: str,
+        parameters: Mapping[str, float] | None = None,
+        example: Motion | None = None,
+        symmetries: Sequence[Symmetry] = (),
+        formula: str = "",
+        source: str = "",
+    ) -> Lagrangian:
+        """Return a Lagrangian from kernels written by hand, functions compiled with `orbits.kernel`.
+
+        kernels : some of
+            accelerate(parameters, q, out)           d2q/dt2 = g(q), for a separable Lagrangian with unit masses, or
+                                                     with masses that `gradients` tells
+            value(parameters, t, q, v)               L
+            gradients(parameters, t, q, v, f, p)     dL/dq into f, dL/dv into p
+            hessians(parameters, t, q, v, out)       d2L/dq dq, d2L/dq dv, d2L/dv dv, each d x d row by row
+        Read with get(q, k) and write with put(out, k, value) from `orbits.kernels.lanes`: a kernel serves vectors (d,)
+        and rows (d, 8), the stages of an implicit method in lanes.
+        `accelerate` makes it separable; the other three together serve the implicit methods in canonical form.
+        Raises InputError for other names, and if neither set is complete.
+        """
+        from orbits.lagrangians.handwritten import from_kernels
+
+        return from_kernels(
+            kernels,
+            coordinates=coordinates,
+            name=name,
+            parameters=parameters or {},
+            example=example,
+            symmetries=symmetries,
+            formula=formula,
+            source=source,
+        )
 
     @cached_property
     def compiled(self) -> Compiled:

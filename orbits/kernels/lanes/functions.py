@@ -1,0 +1,155 @@
+"""Elementary functions of float64 and, lane by lane, of `Lanes`: both give the same bits, those of the C library."""
+
+from __future__ import annotations
+
+import math
+
+from numba import types
+from numba.extending import intrinsic, overload
+
+from orbits.kernels.lanes.memory import full, lane
+from orbits.kernels.lanes.type import VECTOR, LanesType, lanes
+
+
+@intrinsic
+def _packed(typingctx, a, b, c, d, e, f, g, h):
+    """Return eight float64 as `Lanes`."""
+
+    def codegen(context, builder, sig, args):
+        value = VECTOR(None)
+        for k, x in enumerate(args):
+            value = builder.insert_element(value, x, context.get_constant(types.int32, k))
+        return value
+
+    return lanes(*[types.float64] * 8), codegen
+
+
+def _unary(stub, function):
+    """Give `stub` the scalar `function` for float64 and eight calls of it for `Lanes`."""
+
+    def of_number(x):
+        return function(x)
+
+    def of_lanes(x):
+        return _packed(
+            function(lane(x, 0)),
+            function(lane(x, 1)),
+            function(lane(x, 2)),
+            function(lane(x, 3)),
+            function(lane(x, 4)),
+            function(lane(x, 5)),
+            function(lane(x, 6)),
+            function(lane(x, 7)),
+        )
+
+    @overload(stub)
+    def choose(x):
+        if isinstance(x, LanesType):
+            return of_lanes
+        return of_number if isinstance(x, types.Float | types.Integer) else None
+
+
+def _binary(stub, function):
+    def of_numbers(x, y):
+        return function(x, y)
+
+    def of_lanes(x, y):
+        return _packed(
+            function(lane(x, 0), lane(y, 0)),
+            function(lane(x, 1), lane(y, 1)),
+            function(lane(x, 2), lane(y, 2)),
+            function(lane(x, 3), lane(y, 3)),
+            function(lane(x, 4), lane(y, 4)),
+            function(lane(x, 5), lane(y, 5)),
+            function(lane(x, 6), lane(y, 6)),
+            function(lane(x, 7), lane(y, 7)),
+        )
+
+    def of_lanes_and_number(x, y):
+        return of_lanes_both(x, full(y))
+
+    def of_number_and_lanes(x, y):
+        return of_lanes_both(full(x), y)
+
+    @overload(stub)
+    def choose(x, y):
+        wide = isinstance(x, LanesType), isinstance(y, LanesType)
+        return {
+            (True, True): of_lanes,
+            (True, False): of_lanes_and_number,
+            (False, True): of_number_and_lanes,
+            (False, False): of_numbers,
+        }[wide]
+
+    of_lanes_both = stub
+
+
+def sin(x):
+    """Return the sine; float64 or `Lanes`."""
+    raise NotImplementedError("sin() is for compiled code only")
+
+
+def cos(x):
+    """Return the cosine; float64 or `Lanes`."""
+    raise NotImplementedError("cos() is for compiled code only")
+
+
+def tan(x):
+    """Return the tangent; float64 or `Lanes`."""
+    raise NotImplementedError("tan() is for compiled code only")
+
+
+def asin(x):
+    """Return the inverse sine; float64 or `Lanes`."""
+    raise NotImplementedError("asin() is for compiled code only")
+
+
+def acos(x):
+    """Return the inverse cosine; float64 or `Lanes`."""
+    raise NotImplementedError("acos() is for compiled code only")
+
+
+def atan(x):
+    """Return the inverse tangent; float64 or `Lanes`."""
+    raise NotImplementedError("atan() is for compiled code only")
+
+
+def sinh(x):
+    """Return the hyperbolic sine; float64 or `Lanes`."""
+    raise NotImplementedError("sinh() is for compiled code only")
+
+
+def cosh(x):
+    """Return the hyperbolic cosine; float64 or `Lanes`."""
+    raise NotImplementedError("cosh() is for compiled code only")
+
+
+def tanh(x):
+    """Return the hyperbolic tangent; float64 or `Lanes`."""
+    raise NotImplementedError("tanh() is for compiled code only")
+
+
+def exp(x):
+    """Return the exponential; float64 or `Lanes`."""
+    raise NotImplementedError("exp() is for compiled code only")
+
+
+def log(x):
+    """Return the natural logarithm; float64 or `Lanes`."""
+    raise NotImplementedError("log() is for compiled code only")
+
+
+def atan2(y, x):
+    """Return the angle of the point (x, y); float64 or `Lanes`."""
+    raise NotImplementedError("atan2() is for compiled code only")
+
+
+def power(x, y):
+    """Return x to the power y; float64 or `Lanes`."""
+    raise NotImplementedError("power() is for compiled code only")
+
+
+for _stub in (sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, exp, log):
+    _unary(_stub, getattr(math, _stub.__name__))
+_binary(power, math.pow)
+_binary(atan2, math.atan2)

@@ -1,0 +1,169 @@
+"""From L(q, v, t; parameters) in SymPy to the source of a module of kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from orbits.errors import InputError
+from orbits.lagrangians.base import GRADIENTS, SEPARABLE, TIME_DEPENDENT
+from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
+
+HEADER = '''"""Made by orbits from a Lagrangian in SymPy: {name}. Made anew when it is missing; not to be edited."""
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import get, put, rsqrt_cubed, sqrt
+from orbits.kernels.lanes.functions import (
+    acos, asin, atan, atan2, cos, cosh, exp, log, power, sin, sinh, tan, tanh,
+)
+
+TRAITS = {traits!r}
+DIMENSION = {d}
+'''
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A Lagrangian in SymPy, checked.
+
+    L : the expression; q, v : (d,) symbols or functions of t and their derivatives; t : symbol or None
+    parameters : symbols, in the order of the parameter vector
+    """
+
+    name: str
+    L: Any
+    q: tuple[Any, ...]
+    v: tuple[Any, ...]
+    t: Any
+    parameters: tuple[Any, ...]
+
+
+def source(formula: Formula) -> str:
+    """Return the module's source. Raises InputError for a Lagrangian that cannot be used, with the reason."""
+    import sympy
+
+    L, q, v, t = _in_plain_symbols(formula)
+    _check_functions(formula.name, [L])
+    f, p = [L.diff(x) for x in q], [L.diff(x) for x in v]
+    d = len(q)
+    qq = [[L.diff(a, b) for b in q] for a in q]
+    qv = [[L.diff(a, b) for b in v] for a in q]
+    vv = [[L.diff(a, b) for b in v] for a in v]
+    _check_functions(formula.name, [*f, *p, *sum(qq, []), *sum(qv, []), *sum(vv, [])])
+    mass = sympy.Matrix(vv)
+    _check_regular(formula, mass)
+    moving = {*q, *v, t}
+    separable = (
+        not mass.free_symbols & moving
+        and all(sympy.simplify(x) == 0 for x in sum(qv, []))
+        and all(not sympy.simplify(x).free_symbols & {*v, t} for x in f)
+        and t not in L.free_symbols
+    )
+    traits = [GRADIENTS, *([SEPARABLE] if separable else []), *([TIME_DEPENDENT] if t in L.free_symbols else [])]
+    text = [HEADER.format(name=formula.name, traits=tuple(traits), d=d)]
+    kernels = _Kernels(formula, q, v, t)
+    text.append(kernels.value(L))
+    text.append(kernels.filling("gradients", "parameters, t, q, v, f, p", {"f": f, "p": p}))
+    text.append(
+        kernels.filling("hessians", "parameters, t, q, v, out", {"out": [*sum(qq, []), *sum(qv, []), *sum(vv, [])]})
+    )
+    if separable:
+        force = sympy.Matrix([sympy.simplify(x) if x.free_symbols & {*v, t} else x for x in f])
+        g = list(mass.inv() * force)
+        text.append(kernels.filling("accelerate", "parameters, q, out", {"out": g}))
+    return "\n\n".join(text)
+
+
+class _Kernels:
+    """Prints kernels of one Lagrangian."""
+
+    def __init__(self, formula: Formula, q: list[Any], v: list[Any], t: Any) -> None:
+        self.formula, self.q, self.v, self.t = formula, q, v, t
+        self.names: dict[Any, str] = {x: f"q{k}" for k, x in enumerate(q)}
+        self.names |= {x: f"v{k}" for k, x in enumerate(v)}
+        self.names |= {x: f"a{k}" for k, x in enumerate(formula.parameters)}
+        self.names[t] = "t"
+
+    def value(self, L: Any) -> str:
+        """The kernel that returns L."""
+        printer = Printer(self.names)
+        (result,) = printer.define([L])
+        return self._kernel("value", "parameters, t, q, v", printer, [L], [f"return {result} + zero"])
+
+    def filling(self, name: str, arguments: str, outputs: Mapping[str, Sequence[Any]]) -> str:
+        """A kernel that writes expressions into its output arrays."""
+        printer = Printer(self.names)
+        flat = [x for values in outputs.values() for x in values]
+        texts = iter(printer.define(flat))
+        lines = []
+        for out, values in outputs.items():
+            for k, value in enumerate(values):
+                wide = "" if value.free_symbols & {*self.q, *self.v, self.t} else " + zero"
+                lines.append(f"put({out}, {k}, {next(texts)}{wide})")
+        return self._kernel(name, arguments, printer, flat, lines)
+
+    def _kernel(self, name: str, arguments: str, printer: Printer, used: Sequence[Any], lines: list[str]) -> str:
+        needed = set().union(*(x.free_symbols for x in used))
+        body = ["zero = get(q, 0) * 0.0"]
+        body += [f"{self.names[x]} = get(q, {k})" for k, x in enumerate(self.q) if x in needed]
+        body += [f"{self.names[x]} = get(v, {k})" for k, x in enumerate(self.v) if x in needed]
+        body += [f"{self.names[x]} = parameters[{k}]" for k, x in enumerate(self.formula.parameters) if x in needed]
+        body += [*printer.lines, *lines]
+        return f"@kernel\ndef {name}({arguments}):\n" + "\n".join(f"    {line}" for line in body) + "\n"
+
+
+def _in_plain_symbols(formula: Formula) -> tuple[Any, list[Any], list[Any], Any]:
+    """L with coordinates, velocities and time as fresh symbols, so that q may have been given as functions of t."""
+    import sympy
+
+    q = [sympy.Dummy(f"q{k}") for k in range(len(formula.q))]
+    v = [sympy.Dummy(f"v{k}") for k in range(len(formula.q))]
+    t = sympy.Dummy("t")
+    L = formula.L.xreplace(dict(zip(formula.v, v, strict=True))).xreplace(dict(zip(formula.q, q, strict=True)))
+    if formula.t is not None:
+        L = L.xreplace({formula.t: t})
+    known = {*q, *v, t, *formula.parameters}
+    unknown = sorted(str(x) for x in L.free_symbols - known)
+    if unknown:
+        raise InputError(
+            f"'{formula.name}': L mentions {', '.join(unknown)}, which {'is' if len(unknown) == 1 else 'are'} neither "
+            "coordinate, velocity, time nor parameter. Name it in q=, v= or t=, or give it a value in "
+            f"parameters={{{unknown[0]}: 1.0}}."
+        )
+    if L.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+        raise InputError(f"'{formula.name}': L contains complex or infinite values: {formula.L}; a Lagrangian is real")
+    return L, q, v, t
+
+
+def _check_functions(name: str, expressions: Sequence[Any]) -> None:
+    import sympy
+
+    allowed = {"Symbol", "Dummy", "Add", "Mul", "Pow", "Abs", *FUNCTIONS}
+    for expression in expressions:
+        for part in sympy.preorder_traversal(expression):
+            kind = type(part).__name__
+            if part.is_number or kind in allowed:
+                continue
+            if kind in ("sign", "DiracDelta", "Heaviside", "Piecewise", "Min", "Max"):
+                raise InputError(
+                    f"'{name}': {part} in L or its derivatives is not smooth; a Lagrangian must be twice differentiable. "
+                    "Replace it by a smooth function."
+                )
+            raise InputError(
+                f"'{name}': {part} cannot be compiled ({kind}). L may contain + - * / **, sqrt and "
+                f"{', '.join(FUNCTIONS)}; write it out with these, or supply kernels by hand with Lagrangian.from_kernels."
+            )
+
+
+def _check_regular(formula: Formula, mass: Any) -> None:
+    import sympy
+
+    if sympy.simplify(mass.det(method="berkowitz")) != 0:
+        return
+    silent = [str(formula.v[k]) for k in range(mass.rows) if all(x == 0 for x in mass.row(k))]
+    which = f"it has no kinetic energy in {', '.join(silent)}" if silent else "its kinetic energy is degenerate"
+    raise InputError(
+        f"'{formula.name}' is not regular: det(d2L/dv dv) = 0, {which}, so momenta do not determine velocities. Expected "
+        "a Lagrangian whose kinetic energy depends on every velocity; leave such coordinates out, or choose others."
+    )

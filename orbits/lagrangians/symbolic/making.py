@@ -1,0 +1,142 @@
+"""Lagrangians from SymPy: a user's own, and those that are shipped."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from orbits.errors import InputError
+from orbits.kernels.binding import Tag
+from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion
+from orbits.lagrangians.symbolic.generation import Formula, source
+from orbits.lagrangians.symbolic.modules import digest, module
+from orbits.lagrangians.symmetry import Symmetry
+
+
+def from_sympy(
+    L: Any,
+    *,
+    q: Sequence[Any],
+    v: Sequence[Any],
+    t: Any = None,
+    parameters: Mapping[Any, float] | None = None,
+    name: str = "lagrangian",
+    example: Motion | None = None,
+    symmetries: Sequence[Symmetry] = (),
+    source_: str = "",
+) -> Lagrangian:
+    """Return a Lagrangian from an expression L(q, v, t; parameters) in SymPy; see `Lagrangian.from_sympy`."""
+    formula = _checked(L, q, v, t, parameters or {}, name)
+    import sympy
+
+    key = digest(name, *(sympy.srepr(x) for x in (formula.L, *formula.q, *formula.v, *formula.parameters)), str(t))
+    compiled = _compiled(name, key, lambda: source(formula))
+    names = [str(x) for x in formula.q]
+    if example is None:
+        example = Motion(q=(0.0,) * len(names), v=(0.0,) * len(names), dt=1.0)
+    return Lagrangian(
+        name=name,
+        formula=str(L),
+        coordinates=tuple(names),
+        parameters={str(key): float(value) for key, value in (parameters or {}).items()},
+        compile=lambda: compiled,
+        example=example,
+        symmetries=tuple(symmetries),
+        source=source_,
+    )
+
+
+def shipped(
+    *,
+    name: str,
+    formula: str,
+    coordinates: Sequence[str],
+    parameters: Mapping[str, float],
+    expression: Callable[[Sequence[Any], Sequence[Any], Any, Any], Any],
+    example: Motion,
+    symmetries: Sequence[Symmetry] = (),
+    source_: str,
+) -> Lagrangian:
+    """Return a Lagrangian of this package; SymPy is loaded only if its kernels have never been made on this machine.
+
+    expression : function (q, v, t, p) that returns L in SymPy; p has the parameters as attributes
+    """
+
+    def compile_() -> Compiled:
+        text = Path(inspect.getfile(expression)).read_text()
+        return _compiled(name, digest(name, text), write)
+
+    def write() -> str:
+        import types
+
+        import sympy
+
+        q = sympy.symbols([f"q_{k}" for k in range(len(coordinates))])
+        v = sympy.symbols([f"v_{k}" for k in range(len(coordinates))])
+        t = sympy.Symbol("t")
+        p = {key: sympy.Symbol(f"p_{key}", positive=True) for key in parameters}
+        L = sympy.sympify(expression(q, v, t, types.SimpleNamespace(**p)))
+        return source(Formula(name, L, tuple(q), tuple(v), t, tuple(p.values())))
+
+    return Lagrangian(
+        name=name,
+        formula=formula,
+        coordinates=tuple(coordinates),
+        parameters=dict(parameters),
+        compile=compile_,
+        example=example,
+        symmetries=tuple(symmetries),
+        source=source_,
+    )
+
+
+def _compiled(name: str, key: str, write: Callable[[], str]) -> Compiled:
+    made = module(key, write)
+    kernels = {"dimension": made.DIMENSION}
+    kernels |= {what: getattr(made, what) for what in ("value", "gradients", "hessians")}
+    if SEPARABLE in made.TRAITS:
+        kernels["accelerate"] = kernels["accelerate_stages"] = made.accelerate
+    return Compiled(Tag(f"{name}-{key}", kernels), frozenset(made.TRAITS))
+
+
+def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], name: str) -> Formula:
+    import sympy
+
+    if isinstance(L, str):
+        raise InputError(
+            f"'{name}': L is the text {L!r}; expected a SymPy expression, because reading a text as a formula would "
+            "execute it. Write it with sympy.symbols."
+        )
+    if not isinstance(name, str) or not name.strip():
+        raise InputError(f"a Lagrangian's name must be a word, got {name!r}")
+    try:
+        expression = sympy.sympify(L, strict=True)
+    except sympy.SympifyError:
+        expression = None
+    if not isinstance(expression, sympy.Expr):
+        raise InputError(f"'{name}': L must be a SymPy expression, got {type(L).__name__}")
+    if isinstance(q, sympy.Basic | str) or isinstance(v, sympy.Basic | str) or len(q) != len(v) or not len(q):
+        raise InputError(
+            f"'{name}': q and v must be lists of as many coordinates as velocities, such as q=[x, y], v=[vx, vy]; got "
+            f"{q!r} and {v!r}"
+        )
+    for x in (*q, *v, *([] if t is None else [t]), *parameters):
+        if not isinstance(x, sympy.Symbol | sympy.Derivative | sympy.core.function.AppliedUndef):
+            raise InputError(f"'{name}': q, v, t and the keys of parameters must be SymPy symbols; got {x!r}")
+    everything = [*q, *v, *([] if t is None else [t]), *parameters]
+    if len(set(everything)) < len(everything):
+        twice = sorted({str(x) for x in everything if everything.count(x) > 1})
+        raise InputError(f"'{name}': {', '.join(twice)} is given twice among q, v, t and parameters")
+    names = [str(x) for x in parameters]
+    if len(set(names)) < len(names):
+        raise InputError(f"'{name}': two parameters have the same name: {', '.join(sorted(names))}")
+    for key, value in parameters.items():
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            raise InputError(f"'{name}': parameter {key} must be a real number, got {value!r}") from None
+        if number != number or number in (float("inf"), float("-inf")):
+            raise InputError(f"'{name}': parameter {key} must be finite, got {value!r}")
+    return Formula(name, expression, tuple(q), tuple(v), t, tuple(parameters))
