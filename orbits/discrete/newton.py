@@ -84,7 +84,9 @@ def _evaluated(
         return equations(x)
     except IntegrationError as error:
         raise ConvergenceError(
-            f"{failure}: the first guess {show(x)} is of no use ({error})", step=step, time=time
+            f"{failure}: the first guess {show(x)} is of no use ({error}). Use a smaller h or a better guess.",
+            step=step,
+            time=time,
         ) from error
 
 

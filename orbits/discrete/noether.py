@@ -122,7 +122,7 @@ def drift(
     floor = np.einsum("ki,ki->k", felt + np.abs(p[:-1]), np.abs(before))
     floor += np.einsum("ki,ki->k", felt + np.abs(p[1:]), np.abs(after))
     floor *= 4.0 * EPS
-    momentum = np.einsum("ki,ki->k", p, xi)
+    momentum = np.asarray(momentum_map(symmetry, q, p))
     total = momentum - momentum[0]
     parts = [
         np.concatenate([[0.0], np.cumsum(x)])

@@ -85,8 +85,8 @@ def spacing(h: float | ArrayLike, count: int, t0: float) -> tuple[float, float]:
         usual = float(np.median(gaps))
         k = int(np.argmax(np.abs(gaps - usual)))
         raise InputError(
-            f"the discrete Euler–Lagrange equations need one step h for the whole path; the usual spacing is "
-            f"{usual!r}, but between the times {times[k]!r} and {times[k + 1]!r} (points {k} and {k + 1}) it is "
-            f"{gaps[k]!r}. Sample the path uniformly, or give a stretch of it that is."
+            f"the discrete Euler–Lagrange equations need one step h for a whole path; the usual spacing is {usual!r}, "
+            f"but between the times {float(times[k])!r} and {float(times[k + 1])!r} (points {k} and {k + 1}) it is "
+            f"{float(gaps[k])!r}. Sample the path uniformly, or give a stretch of it that is."
         )
     return step, float(times[0])

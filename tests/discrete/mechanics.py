@@ -155,3 +155,41 @@ def difference(function, x, delta=0.02):
         unit[k] = delta
         columns.append(sum(w * (function(x + m * unit) - function(x - m * unit)) for m, w in weights.items()) / delta)
     return np.moveaxis(np.array(columns), 0, -1)
+
+
+def rules():
+    """Every way to make a discrete Lagrangian from a Lagrangian, by the name of its maker."""
+    from orbits import discrete
+    from orbits.tableaux.elementary import drift_kick, kick_drift
+    from orbits.tableaux.gauss import gauss
+    from orbits.tableaux.lobatto import lobatto_iiia_iiib, lobatto_iiib_iiia
+
+    tableaux = (
+        *map(gauss, (1, 2, 3)),
+        *map(lobatto_iiia_iiib, (2, 3)),
+        lobatto_iiib_iiia(3),
+        kick_drift(),
+        drift_kick(),
+    )
+    plain = ("symplectic_euler_a", "symplectic_euler_b", "trapezoidal", "midpoint", "exact", "exact_by_collocation")
+    return {
+        **{name: getattr(discrete, name) for name in plain},
+        **{f"vprk {t.name}": (lambda L, t=t: discrete.vprk(L, t)) for t in tableaux},
+    }
+
+
+def systems():
+    """Hand-written Lagrangians, with the names under which closed forms are chosen where there is one."""
+    return {
+        "pendulum": Pendulum(),
+        "driven": Driven(),
+        "magnetic": Magnetic(),
+        "kepler": Central(gm=1.3, mass=2.0, name="kepler"),
+        "kepler in space": Central(dimension=3, name="kepler"),
+        "oscillators": Oscillator(),
+    }
+
+
+def pair(L):
+    """Two points that the Lagrangian's motion nearly joins in the time h, but not quite."""
+    return L.q, L.q + L.h * L.v + 0.02
