@@ -20,6 +20,7 @@ from orbits._version import __version__
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
+    from orbits.certificate import Certificate, certify
     from orbits.ephemeris import asteroids
     from orbits.errors import (
         ArchiveError,
@@ -34,9 +35,16 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from orbits.integrators.explicit_euler import ExplicitEuler
+    from orbits.integrators.flow import DiscretePath, march
     from orbits.integrators.gauss import Gauss
+    from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
     from orbits.integrators.runge_kutta_4 import RungeKutta4
     from orbits.integrators.stormer_verlet import StormerVerlet
+    from orbits.integrators.symplectic_euler import SymplecticEuler
+    from orbits.integrators.vprk import VPRK
+    from orbits.kernels.compile import kernel
+    from orbits.lagrangians.base import Lagrangian, Motion
+    from orbits.lagrangians.symmetry import Symmetry
     from orbits.propagation import propagate, resume
     from orbits.regression import compare, from_rebound, to_rebound
     from orbits.scenario import Check, Scenario
@@ -47,30 +55,42 @@ if TYPE_CHECKING:
 __all__ = [
     "DIMENSIONLESS",
     "SOLAR",
+    "VPRK",
     "Archive",
     "ArchiveError",
+    "Certificate",
     "Check",
     "ConvergenceError",
+    "DiscretePath",
     "EpochError",
     "ExplicitEuler",
     "Gauss",
     "InputError",
     "IntegrationError",
     "Interrupted",
+    "Lagrangian",
+    "LobattoIIIAB",
+    "LobattoIIIBA",
+    "Motion",
     "OrbitsError",
     "RungeKutta4",
     "Scenario",
     "SingularityError",
     "StorageError",
     "StormerVerlet",
+    "Symmetry",
+    "SymplecticEuler",
     "System",
     "Trajectory",
     "UnitSystem",
     "UnknownNameError",
     "__version__",
     "asteroids",
+    "certify",
     "compare",
     "from_rebound",
+    "kernel",
+    "march",
     "propagate",
     "resume",
     "to_rebound",
@@ -78,6 +98,7 @@ __all__ = [
 
 _HOME = {
     "archive": ["Archive"],
+    "certificate": ["Certificate", "certify"],
     "ephemeris": ["asteroids"],
     "errors": [
         "ArchiveError",
@@ -92,9 +113,16 @@ _HOME = {
         "UnknownNameError",
     ],
     "integrators.explicit_euler": ["ExplicitEuler"],
+    "integrators.flow": ["DiscretePath", "march"],
     "integrators.gauss": ["Gauss"],
+    "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
     "integrators.runge_kutta_4": ["RungeKutta4"],
     "integrators.stormer_verlet": ["StormerVerlet"],
+    "integrators.symplectic_euler": ["SymplecticEuler"],
+    "integrators.vprk": ["VPRK"],
+    "kernels.compile": ["kernel"],
+    "lagrangians.base": ["Lagrangian", "Motion"],
+    "lagrangians.symmetry": ["Symmetry"],
     "propagation": ["propagate", "resume"],
     "regression": ["compare", "from_rebound", "to_rebound"],
     "scenario": ["Check", "Scenario"],

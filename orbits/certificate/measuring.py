@@ -95,7 +95,7 @@ class Problem:
             float(np.max(np.abs(q - plain.q) * self.weights)) / self.size,
             float(np.max(np.abs(p - plain.p) / self.weights)) / self.momentum_size,
         )
-        # The plain solution rounds a few dozen times; forces that nearly cancel lose more, by the condition of the step.
+        # The plain solution rounds a few dozen times; what cancels loses more, by the condition of the step.
         grown = max(1.0, float(np.max(np.abs(plain.derivative * self._scaling))))
         return Measured(off / EPS, 64.0 * grown, "x 2^-53")
 
@@ -156,7 +156,7 @@ class Problem:
         before = loops.area(*start)
         moved = loops.marched(lambda x, y: self.flow.step(x, y, steps), *start)
         after = loops.area(*moved)
-        # What the series of the moved loop leaves out: its highest quarter of frequencies, if they are not noise.
+        # What the series of the moved loop leaves out: its highest quarter of frequencies.
         tail = _tail(moved[0] * self.weights) * self.momentum_size + _tail(moved[1] / self.weights) * self.size
         spread = float(
             np.max(np.abs(moved[0] - moved[0].mean(axis=0)) * self.weights) * self.momentum_size
@@ -212,11 +212,11 @@ class Problem:
 
     def order(self) -> Slope:
         """The slope of the error of (q, p) over 40 steps' time, for steps of all lengths, against Gauss-16."""
-        span, q, p = self._truth_end
+        span, q, _ = self._truth_end
         h, errors = [], []
         for count in _counts(self.integrator.order):
             try:
-                x, y = Flow(self.lagrangian, self.integrator, span / count, t=self.t).step(self.q, self.p, count)
+                x, _ = Flow(self.lagrangian, self.integrator, span / count, t=self.t).step(self.q, self.p, count)
             except IntegrationError:
                 continue  # a step that is far too long is refused
             h.append(span / count)

@@ -133,16 +133,7 @@ class Certificate:
         try:
             if record["format"] != FORMAT or record["version"] != VERSION:
                 raise InputError(f"expected a certificate of version {VERSION}, got {record['format']!r}")
-            findings = tuple(
-                Finding(
-                    **{
-                        key: math.nan if value is None and key in ("measured", "bound") else value
-                        for key, value in finding.items()
-                        if key != "verdict"
-                    }
-                )
-                for finding in record["findings"]
-            )
+            findings = tuple(_finding(finding) for finding in record["findings"])
             return cls(
                 str(record["problem"]), str(record["method"]), float(record["dt"]), str(record["time_unit"]), findings
             )
@@ -150,6 +141,13 @@ class Certificate:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"this is no certificate: {error}") from None
+
+
+def _finding(record: Mapping[str, Any]) -> Finding:
+    values = {key: value for key, value in record.items() if key != "verdict"}
+    for key in ("measured", "bound"):
+        values[key] = math.nan if values[key] is None else values[key]
+    return Finding(**values)
 
 
 def _number(x: float) -> str:

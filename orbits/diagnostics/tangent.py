@@ -64,8 +64,8 @@ def plain_step(
         previous = size
     else:
         raise ConvergenceError(
-            f"'{lagrangian.name}': Newton's method fails for one step of {h:.6g} from q = {show(x)}, p = {show(y)}; use a "
-            "smaller dt.",
+            f"'{lagrangian.name}': Newton's method fails for one step of {h:.6g} from q = {show(x)}, p = {show(y)}; "
+            "use a smaller dt.",
             time=t,
         )
     moved = h * np.einsum("ij,jb->ib", a, V) + x
@@ -84,7 +84,7 @@ def plain_step(
 
 
 def symplecticity_defect(derivative: Array, weights: Array) -> float:
-    """Return the largest |M^T J M - J| in coordinates (w q, p / w), relative to the size of M squared where it exceeds 1.
+    """Return the largest |M^T J M - J| in coordinates (w q, p / w), divided by |M|^2 where that exceeds 1.
 
     derivative : (2d, 2d); weights : (d,), such as the square roots of the masses, that bring all to one size
     """
@@ -103,4 +103,5 @@ def _matrix(a: Array, a_bar: Array, h: float, qq: Array, qv: Array, vv: Array) -
     matrix -= h * h * np.einsum("ik,kj,kab->iajb", a_bar, a, qq)
     for i in range(s):
         matrix[i, :, i, :] += vv[i]
-    return matrix.reshape(s * d, s * d)
+    stacked: Array = matrix.reshape(s * d, s * d)
+    return stacked

@@ -1,4 +1,4 @@
-"""The flow of a method on a Lagrangian: its one-step map on positions and momenta, and marches recorded in compiled code.
+"""The flow of a method on a Lagrangian: its one-step map on positions and momenta, and marches recorded on the way.
 
 `Flow` is the plain view of an integrator, for any Lagrangian on R^d: states are vectors, momenta are dL/dv. (Systems of
 bodies with massless particles, units and archives are marched by `orbits.propagate`.)
@@ -132,13 +132,17 @@ class Flow:
         self._memory[:] = 0.0
         bound = (self._tag, self.lagrangian.tag, self.lagrangian.parameter_vector, self._coefficients)
         if self.canonical:
-            outcome = record_canonical(*bound, self.t, self.dt, *state, self._memory, self._work, every, out_q, out_p)
+            status, done, evaluations = record_canonical(
+                *bound, self.t, self.dt, *state, self._memory, self._work, every, out_q, out_p
+            )
         else:
-            outcome = record(*bound, self.dt, *state, self._memory, self._work, self._field, every, out_q, out_p)
+            status, done, evaluations = record(
+                *bound, self.dt, *state, self._memory, self._work, self._field, every, out_q, out_p
+            )
         out_q[:], out_p[:] = self.lagrangian.caller_order(out_q), self.lagrangian.caller_order(out_p)
         if not self.canonical and self._mass is not None:
             out_p[:] = out_p @ self._mass.T
-        return outcome
+        return int(status), int(done), int(evaluations)
 
     def _velocity(self, p: Array) -> Array:
         if self._mass is None:
@@ -146,7 +150,7 @@ class Flow:
         return self.lagrangian.solve_mass(self._mass, p, p)
 
     def _path(self, q: Array, p: Array, every: int, evaluations: int = 0) -> DiscretePath:
-        t = self.t + self.dt * every * np.arange(len(q))
+        t: Array = self.t + self.dt * every * np.arange(len(q), dtype=np.float64)
         return DiscretePath(self.lagrangian, self.integrator, self.dt, t, q, p, evaluations)
 
     def _fail(self, status: int, done: int, q: Array, p: Array, path: DiscretePath, every: int) -> NoReturn:
@@ -173,8 +177,8 @@ class Flow:
             )
         elif status == NOT_REGULAR:
             error = SingularityError(
-                f"{where}: the matrix d2L/dv dv has no inverse, so momenta do not determine velocities. Use coordinates "
-                "that are regular there, or start elsewhere.",
+                f"{where}: the matrix d2L/dv dv has no inverse, so momenta do not determine velocities. Use "
+                "coordinates that are regular there, or start elsewhere.",
                 step=done,
                 time=time,
             )
@@ -189,7 +193,7 @@ class Flow:
         raise error
 
     def _steps_before_failure(self, q: Array, p: Array, known_bad: int) -> int:
-        """Return how many steps stay finite, by bisection; every march starts afresh, so bits are those of one march."""
+        """Return how many steps stay finite, by bisection; every march starts afresh, with the same bits."""
         good, bad = 0, max(known_bad, 1)
         last_q, last_p = np.empty((1, len(q))), np.empty((1, len(q)))
         while bad - good > 1:
@@ -255,8 +259,7 @@ def velocities(lagrangian: Lagrangian, t: Array, q: Array, p: Array) -> Array:
         return p.copy()
     if SEPARABLE in lagrangian.traits:
         mass = lagrangian.hessians(q[0], np.zeros(lagrangian.dimension))[2]
-        solved: Array = np.linalg.solve(mass, p.T).T
-        return solved
+        return np.asarray(np.linalg.solve(mass, p.T).T, dtype=np.float64)
     return np.array([lagrangian.velocity(x, y, float(s)) for x, y, s in zip(q, p, t, strict=True)])
 
 

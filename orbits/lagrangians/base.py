@@ -242,7 +242,7 @@ class Lagrangian:
         for _ in range(60):
             mass = self.hessians(x, v, t)[2]
             change = self.solve_mass(mass, target - self.momentum(x, v, t), x)
-            v = v + change
+            v += change
             size = float(np.max(np.abs(change)))
             if size == 0.0 or (size >= previous and size <= 1e-8 * float(np.max(np.abs(v)))):
                 return v
@@ -270,8 +270,7 @@ class Lagrangian:
                 "so momenta do not determine velocities. Expected a Lagrangian whose kinetic energy depends on every "
                 "velocity; remove the coordinates that have none, or choose others."
             )
-        solved: Array = np.linalg.solve(mass, right)
-        return solved
+        return np.asarray(np.linalg.solve(mass, right), dtype=np.float64)
 
     def vector(self, x: ArrayLike, what: str) -> Array:
         """Return x as a vector of d finite floats; InputError says what is wrong with it."""

@@ -2,7 +2,8 @@
 
     L = m l^2 (theta'^2 + sin(theta)^2 phi'^2) / 2 + m g l cos theta
 
-theta : angle from the lowest point, phi : azimuth, radians; singular at theta = 0 and pi. Invariant under phi -> phi + s.
+theta : angle from the lowest point, phi : azimuth, radians; singular at theta = 0 and pi. Invariant under
+phi -> phi + s.
 Source: Landau & Lifshitz, Mechanics, sec. 14, problem 1.
 """
 

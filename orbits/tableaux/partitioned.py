@@ -1,6 +1,7 @@
-"""Partitioned Runge–Kutta tableaux: one method (a, b) for q' = v and another (a_bar, b) for p' = f, with the same weights.
+"""Partitioned Runge–Kutta tableaux: a method (a, b) for q' = v and another one (a_bar, b) for p' = f, of equal weights.
 
-    Q_i = q + h sum_j a_ij V_j,     P_i = p + h sum_j a_bar_ij F_j,     q+ = q + h sum_j b_j V_j,   p+ = p + h sum_j b_j F_j
+    Q_i = q + h sum_j a_ij V_j,         q+ = q + h sum_j b_j V_j
+    P_i = p + h sum_j a_bar_ij F_j,     p+ = p + h sum_j b_j F_j
 
 The method is symplectic, and variational, if and only if b_i a_bar_ij + b_j a_ji = b_i b_j.
 
@@ -87,7 +88,7 @@ class PartitionedTableau:
 
 
 def exact(values: Any) -> Exact:
-    """Return numbers, `Fraction`s or mpmath numbers, or nested sequences of them, as nested tuples of mpmath numbers."""
+    """Return numbers, `Fraction`s or mpmath numbers, or nested sequences of them, as nested tuples of mpmath's."""
     from fractions import Fraction
 
     if isinstance(values, Fraction):

@@ -63,14 +63,15 @@ class SymplecticTableau(PartitionedTableau):
         return worst
 
     def binary_asymmetry(self) -> Fraction:
-        """Return the largest defect of c_{s+1-i} = 1 - c_i, eta_{s+1-i,s+1-j} = eta_ji and mu_ij + mu_{s+1-i,s+1-j} = 1,
-        in exact arithmetic.
+        """Return the largest defect, in exact arithmetic, of c_{s+1-i} = 1 - c_i, eta_{s+1-i,s+1-j} = eta_ji and
+        mu_ij + mu_{s+1-i,s+1-j} = 1.
         """
         s = range(self.stages)
         eta, mu, c = _fractions(self.eta), _fractions(self.mu), _fractions(self.nodes)
         worst: Fraction = max(abs(c[i] + c[-1 - i] - 1) for i in s)
         worst = max(worst, *(abs(eta[-1 - i, -1 - j] - eta[j, i]) for i in s for j in s))
-        return max(worst, *(abs(mu[i, j] + mu[-1 - i, -1 - j] - 1) for i in s for j in s))
+        mirrored: Fraction = max(abs(mu[i, j] + mu[-1 - i, -1 - j] - 1) for i in s for j in s)
+        return max(worst, mirrored)
 
     def rounding_residual(self) -> float:
         """Return how far the floats lie from the true coefficients, in units of 2^-53."""
@@ -136,8 +137,8 @@ def _require_pair(tableau: PartitionedTableau, tolerance: float) -> None:
     zero = [i + 1 for i, x in enumerate(tableau.exact_b) if x == 0]
     if zero:
         raise InputError(
-            f"{tableau.name}: the weight b_{zero[0]} is zero, so its stage has no momentum of its own; expected weights "
-            "that are not zero. Leave that stage out."
+            f"{tableau.name}: the weight b_{zero[0]} is zero, so its stage has no momentum of its own; expected "
+            "weights that are not zero. Leave that stage out."
         )
     with mpmath.workdps(DIGITS):
         total = float(abs(mpmath.fsum(tableau.exact_b) - 1))
@@ -146,8 +147,8 @@ def _require_pair(tableau: PartitionedTableau, tolerance: float) -> None:
     defect = tableau.symplecticity_residual()
     if not defect <= tolerance:
         raise InputError(
-            f"{tableau.name} is not symplectic: b_i a_bar_ij + b_j a_ji = b_i b_j is missed by {defect:.3g}, expected at "
-            f"most {tolerance:.0e}. A pair is completed by a_bar_ij = b_j (1 - a_ji / b_i)."
+            f"{tableau.name} is not symplectic: b_i a_bar_ij + b_j a_ji = b_i b_j is missed by {defect:.3g}, expected "
+            f"at most {tolerance:.0e}. A pair is completed by a_bar_ij = b_j (1 - a_ji / b_i)."
         )
 
 

@@ -50,13 +50,13 @@ def source(formula: Formula) -> str:
     qq = [[L.diff(a, b) for b in q] for a in q]
     qv = [[L.diff(a, b) for b in v] for a in q]
     vv = [[L.diff(a, b) for b in v] for a in v]
-    _check_functions(formula.name, [*f, *p, *sum(qq, []), *sum(qv, []), *sum(vv, [])])
+    _check_functions(formula.name, [*f, *p, *_flat(qq), *_flat(qv), *_flat(vv)])
     mass = sympy.Matrix(vv)
     _check_regular(formula, mass)
     moving = {*q, *v, t}
     separable = (
         not mass.free_symbols & moving
-        and all(sympy.simplify(x) == 0 for x in sum(qv, []))
+        and all(sympy.simplify(x) == 0 for x in _flat(qv))
         and all(not sympy.simplify(x).free_symbols & {*v, t} for x in f)
         and t not in L.free_symbols
     )
@@ -65,9 +65,7 @@ def source(formula: Formula) -> str:
     kernels = _Kernels(formula, q, v, t)
     text.append(kernels.value(L))
     text.append(kernels.filling("gradients", "parameters, t, q, v, f, p", {"f": f, "p": p}))
-    text.append(
-        kernels.filling("hessians", "parameters, t, q, v, out", {"out": [*sum(qq, []), *sum(qv, []), *sum(vv, [])]})
-    )
+    text.append(kernels.filling("hessians", "parameters, t, q, v, out", {"out": [*_flat(qq), *_flat(qv), *_flat(vv)]}))
     if separable:
         force = sympy.Matrix([sympy.simplify(x) if x.free_symbols & {*v, t} else x for x in f])
         g = list(mass.inv() * force)
@@ -113,6 +111,10 @@ class _Kernels:
         return f"@kernel\ndef {name}({arguments}):\n" + "\n".join(f"    {line}" for line in body) + "\n"
 
 
+def _flat(table: list[list[Any]]) -> list[Any]:
+    return [x for row in table for x in row]
+
+
 def _in_plain_symbols(formula: Formula) -> tuple[Any, list[Any], list[Any], Any]:
     """L with coordinates, velocities and time as fresh symbols, so that q may have been given as functions of t."""
     import sympy
@@ -147,12 +149,13 @@ def _check_functions(name: str, expressions: Sequence[Any]) -> None:
                 continue
             if kind in ("sign", "DiracDelta", "Heaviside", "Piecewise", "Min", "Max"):
                 raise InputError(
-                    f"'{name}': {part} in L or its derivatives is not smooth; a Lagrangian must be twice differentiable. "
-                    "Replace it by a smooth function."
+                    f"'{name}': {part} in L or its derivatives is not smooth; a Lagrangian must be twice "
+                    "differentiable. Replace it by a smooth function."
                 )
             raise InputError(
                 f"'{name}': {part} cannot be compiled ({kind}). L may contain + - * / **, sqrt and "
-                f"{', '.join(FUNCTIONS)}; write it out with these, or supply kernels by hand with Lagrangian.from_kernels."
+                f"{', '.join(FUNCTIONS)}; write it out with these, or supply kernels by hand: "
+                "Lagrangian.from_kernels."
             )
 
 
@@ -164,6 +167,7 @@ def _check_regular(formula: Formula, mass: Any) -> None:
     silent = [str(formula.v[k]) for k in range(mass.rows) if all(x == 0 for x in mass.row(k))]
     which = f"it has no kinetic energy in {', '.join(silent)}" if silent else "its kinetic energy is degenerate"
     raise InputError(
-        f"'{formula.name}' is not regular: det(d2L/dv dv) = 0, {which}, so momenta do not determine velocities. Expected "
-        "a Lagrangian whose kinetic energy depends on every velocity; leave such coordinates out, or choose others."
+        f"'{formula.name}' is not regular: det(d2L/dv dv) = 0, {which}, so momenta do not determine velocities. "
+        "Expected a Lagrangian whose kinetic energy depends on every velocity; leave such coordinates out, or choose "
+        "others."
     )

@@ -53,7 +53,7 @@ class Printer:
     def text(self, e: Any) -> str:
         """Return the expression as Python, fit to stand as an operand of + and -."""
         if e.is_Symbol:
-            return self.names[e]
+            return str(self.names[e])
         if e.is_number:
             return _number(e)
         if e.is_Add:
