@@ -106,11 +106,16 @@ def _next(
 
 def invert(discrete: DiscreteLagrangian, matrix: Array, right: Array, q0: Array, q1: Array) -> Array:
     """Return matrix^-1 right for D1D2 L_d, or its transpose; InputError where it has no inverse."""
-    singular = np.linalg.svd(matrix, compute_uv=False)
-    if not singular[-1] > SINGULAR * singular[0]:
+    # Rows and columns are brought to one size: bodies may have masses 1 and 1e-16.
+    rows = np.max(np.abs(matrix), axis=1)
+    columns = np.max(np.abs(matrix / np.where(rows > 0.0, rows, 1.0)[:, None]), axis=0)
+    even = matrix / np.where(rows > 0.0, rows, 1.0)[:, None] / np.where(columns > 0.0, columns, 1.0)
+    if not np.linalg.svd(even, compute_uv=False)[-1] > SINGULAR:
         raise InputError(
             f"{discrete.name} L_d is degenerate between q0 = {show(q0)} and q1 = {show(q1)}: D1D2 L_d = {show(matrix)} "
             "has no inverse, so that momenta do not determine the next point. Expected a regular Lagrangian, whose "
             "kinetic energy depends on every velocity, and an h away from conjugate points."
         )
-    return np.asarray(np.linalg.solve(matrix, right))
+    by_row = right / rows if right.ndim == 1 else right / rows[:, None]
+    solved = np.linalg.solve(even, by_row)
+    return np.asarray(solved / columns if right.ndim == 1 else solved / columns[:, None])

@@ -113,6 +113,17 @@ def test_a_guess_from_which_newton_fails_is_an_error_with_the_state_and_the_reme
         discrete.exact_by_collocation(L).value([1.0, 0.0], [-1.0, 1e-9], 2.0)
 
 
+def test_small_masses_are_not_degenerate_but_nearly_dependent_momenta_are():
+    L_d, h = discrete.midpoint(n_body([1.0, 1e-16])), 0.1
+    q, v = np.array([0.0, 0.0, 0.0, 1.0, 0.1, 0.2]), np.array([0.0, 0.0, 0.0, 0.1, 1.0, 0.0])
+    q0, q1 = discrete.start(L_d, q, v, h)
+    assert np.abs((q1 - q0)[3:] - h * v[3:]).max() < 0.01
+    L = Oscillator()
+    L.mass = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-15]])
+    with pytest.raises(InputError, match=r"degenerate.*D1D2"):
+        discrete.require_regular(discrete.trapezoidal(L), L.q, L.q + 0.1, 0.1)
+
+
 def test_a_march_that_fails_says_at_which_step():
     L_d = discrete.exact(Central(name="kepler"))
     q0, q1 = np.array([1.0, 0.0]), np.array([0.9, 1e-4])  # a fall into the centre

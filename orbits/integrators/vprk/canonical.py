@@ -33,8 +33,18 @@ from orbits.kernels.lanes import WIDTH, any_lane, full, load, store
 from orbits.kernels.linear import factorize, solve, solve_rows
 from orbits.kernels.summation import add_compensated, compensated_row_sums
 
-SWEEPS = 40
-"""Sweeps of the fixed point, or of Newton with one Jacobian, after which the next attempt begins."""
+FIXED_POINT_SWEEPS, NEWTON_SWEEPS = 16, 40
+"""Sweeps after which the next attempt begins. A fixed point that needs more gains less than a bit in two sweeps."""
+
+FLOOR = 2.0**-50
+"""A change below this fraction of a component that has stopped falling is at the floor. A magnetic force turns what is
+left of an error from one component into another: a single change that does not fall says nothing.
+"""
+
+TIGHT = 2.0**-46
+"""A fixed point that stops above this fraction has stalled, not converged; Newton's method decides then, and where that
+stalls it is the rounding of the forces.
+"""
 
 ATTEMPTS = 6
 """The fixed point, then Newton with so many Jacobians less one."""
@@ -133,7 +143,7 @@ def advance(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory
                 if not factorize(matrix, stages * d, pivots[d:]):
                     break
             iteration, patience, last, finished = 0, PATIENCE, False, False
-            while iteration < SWEEPS:
+            while iteration < (FIXED_POINT_SWEEPS if attempt == 0 else NEWTON_SWEEPS):
                 for k in range(d):
                     store(K, k, hb * load(V, k))
                     store(Q, k, q[k] + (q_lo[k] + combine(coefficients, MU, K, k)))
@@ -165,14 +175,16 @@ def advance(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory
                     begin(change, history, blocks)
                 elif not falling(change, history, blocks):
                     patience -= 1
-                    last = patience == 0 or settled(history, blocks, NEAR_FLOOR)
+                    last = patience == 0 or settled(history, blocks, FLOOR)
             if finished:
                 finite = True
                 for k in range(d):
                     finite &= not any_lane(1.0 - (load(V, k) * 0.0 == full(0.0)) * (load(F, k) * 0.0 == full(0.0)))
                 count = bodies(tag, parameters)
                 where = -1
-                if not settled(history, blocks, CONVERGED):
+                if attempt == 0:
+                    where = unsettled_coordinate(history, blocks, d, TIGHT, FLOOR)
+                elif not settled(history, blocks, CONVERGED):
                     if count > 0:
                         where = unsettled_body(history, blocks, count, CONVERGED)
                     else:
