@@ -38,8 +38,8 @@ def compare(L_d, q0, q1, h, t, bound, delta):
     for which in (0, 1):
         for got, slope in zip(expected[which], by(which), strict=True):
             assert np.abs(got - slope).max() < bound * scale
-    assert np.abs(jet.d11 - jet.d11.T).max() < 1e-14 * scale  # 1.4e-15
-    assert np.abs(jet.d22 - jet.d22.T).max() < 1e-14 * scale
+    assert np.abs(jet.d11 - jet.d11.T).max() < 1e-15 * scale  # 1.9e-16 was reached
+    assert np.abs(jet.d22 - jet.d22.T).max() < 1e-15 * scale
     assert L_d.first(q0, q1, h, t)[0] == jet.value
     for x, y in zip(L_d.hessian(q0, q1, h, t), jet[3:], strict=True):
         assert np.array_equal(x, y)
@@ -49,8 +49,8 @@ def compare(L_d, q0, q1, h, t, bound, delta):
 @pytest.mark.parametrize("rule", rules())
 def test_the_derivatives_are_those_of_the_value(rule, system):
     L = systems()[system]
-    # The truncation of the differences, delta^8 f^(9), and the rounding 2^-53/delta: reached are 3.7e-14 for all but
-    # Kepler with its pole, 2.7e-11 there, which falls to 2e-13 with delta.
+    # The truncation of the differences, delta^8 f^(9), which Kepler's pole makes large unless delta is small, and the
+    # rounding, 2^-53/delta: up to 0.4 of these bounds was reached.
     delta, bound = (0.004, 1e-12) if "kepler" in system else (0.02, 1e-13)
     compare(rules()[rule](L), *pair(L), L.h, TIME, bound, delta)
 

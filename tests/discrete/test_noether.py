@@ -32,8 +32,8 @@ def test_the_angular_momentum_of_a_planet_drifts_by_round_off_alone(rule, dimens
     Q, P = marched(L_d, L.q, L.v, h, 40)
     found = discrete.drift(L_d, turn, Q, P, h)
     assert np.array_equal(found.momentum, discrete.momentum_map(turn, Q, P))
-    assert np.abs(found.total).max() < 4e-14  # 40 steps that each lose 2^-53 |q|/h: 5e-15 was reached
-    assert np.abs(found.broken).max() < 1e-14  # 2e-15 was reached
+    assert np.abs(found.total).max() < 2e-14  # 40 steps that each lose 2^-53 |q|/h: 2.3e-15 was reached
+    assert np.abs(found.broken).max() < 1e-14  # 1.3e-15 was reached
     assert not found.solver.any()
     assert np.abs(found.round_off).max() < found.floor[-1]
 
@@ -45,7 +45,7 @@ def test_a_broken_symmetry_is_told_apart():
     Q, P = marched(L_d, L.q, L.v, h, 40)
     found = discrete.drift(L_d, rotation(), Q, P, h)
     assert np.abs(found.total).max() > 1e-4
-    assert np.abs(found.total - found.broken).max() < 1e-13
+    assert np.abs(found.total - found.broken).max() < 1e-14  # 2e-15 was reached
     assert not found.solver.any()
 
 
@@ -76,7 +76,7 @@ def test_positions_alone_give_the_same_answer_with_fewer_digits():
     own, recomputed = (discrete.drift(L_d, rotation(), Q, x, h) for x in (P, None))
     assert not own.solver.any()
     assert not recomputed.solver.any()
-    assert np.abs(recomputed.total).max() < recomputed.floor.max()
+    assert np.abs(recomputed.total).max() < 0.02 * recomputed.floor.max()  # 0.0012
 
 
 def test_translations_of_a_free_particle_and_of_bodies():
@@ -84,7 +84,7 @@ def test_translations_of_a_free_particle_and_of_bodies():
     along = translation([1.0, -2.0, 0.5])
     Q, P = marched(free, [0.1, 0.2, 0.3], [1.0, 0.4, -0.2], 0.3, 50)
     found = discrete.drift(free, along, Q, P, 0.3)
-    assert np.abs(found.total).max() < 1e-13
+    assert np.abs(found.total).max() < 5e-14  # 7e-15 was reached
     assert not found.solver.any()
     assert not found.broken.any()
     L = n_body([1.0, 0.1, 0.02])
@@ -95,8 +95,8 @@ def test_translations_of_a_free_particle_and_of_bodies():
         Q, P = marched(L_d, q.ravel(), L.momentum(q, v), h, 30)
         for symmetry in L.symmetries:
             found = discrete.drift(L_d, symmetry, Q.reshape(-1, 3, 3), P.reshape(-1, 3, 3), h)
-            assert np.abs(found.total).max() < 2e-14, found  # 3e-15 was reached
-            assert np.abs(found.broken).max() < 2e-15, found
+            assert np.abs(found.total).max() < 4e-15, found  # 5.3e-16 was reached
+            assert np.abs(found.broken).max() < 1e-15, found
             assert not found.solver.any(), found
 
 
@@ -105,10 +105,10 @@ def test_the_users_own_symmetry_and_one_that_is_none():
     L_d = discrete.midpoint(L)
     Q, P = marched(L_d, L.q, L.v, h, 20)
     turn = Symmetry("mine", lambda s, q: rotation().flow(2 * s, q), lambda q: 2 * rotation().generator(q))
-    assert np.abs(discrete.drift(L_d, turn, Q, P, h).total).max() < 2e-14
+    assert np.abs(discrete.drift(L_d, turn, Q, P, h).total).max() < 1e-14
     shift = discrete.drift(L_d, translation([1.0, 0.0]), Q, P, h)
     assert np.abs(shift.broken).max() > 0.1
-    assert np.abs(shift.total - shift.broken).max() < 1e-13
+    assert np.abs(shift.total - shift.broken).max() < 4e-15  # 5.6e-16 was reached
     assert "translation" in str(shift)
 
 
