@@ -21,8 +21,13 @@ from orbits.lagrangians.base import Lagrangian
 if TYPE_CHECKING:
     from orbits.system import System
 
-ORDER_SLACK = 0.12
+ORDER_SLACK = 0.15
 """How far, relatively, a fitted slope may lie below the order; above it is no fault."""
+
+HIGH_ORDER = 8
+"""Above this order, errors pass from the regime of long steps to round-off before the slope is the order: half of it is
+asked for.
+"""
 
 
 def certify(
@@ -94,7 +99,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
     if method.variational:
         yield _finding("discrete Euler-Lagrange residual", problem.euler_lagrange(), True, needed=True)
     else:
-        yield Finding("discrete Euler-Lagrange residual", math.nan, math.nan, "", False, False, True, "it has no L_d")
+        yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, False, True, "it has none")
     for name, measured in problem.momentum_maps():
         yield _finding(f"momentum map: {name}", measured, MOMENTUM_MAPS in declares, needed=True)
     yield _finding("symplecticity", problem.symplecticity(), SYMPLECTIC in declares, needed=True)
@@ -109,8 +114,9 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
         try:
             energy = problem.energy()
         except IntegrationError as error:
-            energy = Measured(math.inf, 0.5, "of its oscillation", f"the march fails: {error}")
-        yield _finding("drift of the energy", energy, None, needed=True)
+            energy = Measured(math.nan, 0.5, "of its oscillation", f"the long march fails: {error}")
+        # Bounded while steps resolve the motion: close encounters and chaos at long steps end it for any method.
+        yield _finding("drift of the energy", energy, None, needed=False)
 
 
 def _finding(name: str, measured: Measured, declared: bool | None, *, needed: bool) -> Finding:
@@ -120,9 +126,10 @@ def _finding(name: str, measured: Measured, declared: bool | None, *, needed: bo
 def _order(name: str, fitted: Slope, order: int) -> Finding:
     if math.isnan(fitted.order):
         note = "too few errors between round-off and the regime of long steps"
-        return Finding(name, math.nan, float(order), "", True, None, False, note)
-    holds = fitted.order > (1.0 - ORDER_SLACK) * order
-    return Finding(name, fitted.order, float(order), "", holds, True, True, f"from {len(fitted.h)} steps")
+        return Finding(name, math.nan, float(order), "", False, None, False, note)
+    asked = (1.0 - ORDER_SLACK) * order if order <= HIGH_ORDER else 0.5 * order
+    note = f"from {len(fitted.h)} steps" + ("" if order <= HIGH_ORDER else ", half the order is asked for")
+    return Finding(name, fitted.order, float(order), "", fitted.order > asked, True, True, note)
 
 
 def _fibres(problem: Problem, particles: list[Any]) -> Measured:

@@ -39,6 +39,8 @@ class Finding:
     @property
     def verdict(self) -> str:
         """One word or two for the table."""
+        if math.isnan(self.measured) and not self.needed:
+            return "not measured"
         if self.holds:
             return "holds" if self.declared in (True, None) else "holds, undeclared"
         if self.declared:
@@ -69,13 +71,7 @@ class Certificate:
     @property
     def failures(self) -> tuple[str, ...]:
         """What a variational integrator must have, or the method declares, and was not found; in words."""
-        return tuple(
-            f"{f.name}{', declared' if f.declared else ''}: {f.measured:.2g} {f.unit}, at most {f.bound:.2g} allowed"
-            if not f.name.startswith("order")
-            else f"{f.name}: {f.measured:.2f}, expected {f.bound:g}"
-            for f in self.findings
-            if not f.holds and (f.needed or f.declared)
-        )
+        return tuple(_failure(f) for f in self.findings if not f.holds and (f.needed or f.declared))
 
     def __getitem__(self, name: str) -> Finding:
         for finding in self.findings:
@@ -141,6 +137,15 @@ class Certificate:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"this is no certificate: {error}") from None
+
+
+def _failure(f: Finding) -> str:
+    declared = ", which the method declares" if f.declared else ""
+    if math.isnan(f.measured):
+        return f"{f.name}: {f.note}{declared}"
+    if f.name.startswith("order"):
+        return f"{f.name}: {f.measured:.2f}, declared {f.bound:g}"
+    return f"{f.name}: {_number(f.measured)} {f.unit}".rstrip() + f", at most {_number(f.bound)} allowed{declared}"
 
 
 def _finding(record: Mapping[str, Any]) -> Finding:

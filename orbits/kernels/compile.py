@@ -19,7 +19,7 @@ from numba.core import config as numba_config
 
 config: Any = numba_config  # its attributes are set at run time
 
-KERNEL_FOLDERS = ("kernels", "lagrangians", "discrete", "integrators")
+KERNEL_FOLDERS = ("kernels", "lagrangians", "integrators")
 
 
 @lru_cache(maxsize=1)

@@ -263,7 +263,10 @@ class Lagrangian:
 
     def solve_mass(self, mass: Array, right: Array, q: Array) -> Array:
         """Return mass^-1 right; InputError, with the reason, if the mass matrix d2L/dv dv has no inverse."""
-        singular = np.linalg.svd(mass, compute_uv=False)
+        # Heavy and light bodies differ by their masses: all are brought to one size first.
+        size = np.sqrt(np.max(np.abs(mass), axis=1))
+        even = mass / np.where(size > 0.0, size, 1.0)[:, None] / np.where(size > 0.0, size, 1.0)[None, :]
+        singular = np.linalg.svd(even, compute_uv=False)
         if not singular[-1] > 1e-14 * singular[0]:
             raise InputError(
                 f"'{self.name}' is not regular at q = {show(q)}: the matrix d2L/dv dv = {show(mass)} has no inverse, "
