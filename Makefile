@@ -1,6 +1,6 @@
 # orbits: everything from a fresh clone needs only make, python3 >= 3.11 with venv, and the Python package index.
 #
-#     make run     make test     make bench     make slow     make clean     make help
+#     make run     make test     make contracts     make bench     make slow     make clean     make help
 #
 # PYTHON=python3.12 chooses another interpreter for .venv.
 
@@ -17,7 +17,7 @@ DEV := $(VENV)/.installed-dev
 BENCH := $(VENV)/.installed-bench
 
 .DEFAULT_GOAL := help
-.PHONY: run test bench slow clean help
+.PHONY: run test contracts bench slow clean help
 
 run: $(BASE)  ## set up .venv and run the asteroid belt with its comparison against REBOUND
 	$(BIN)/orbits run asteroid_belt
@@ -31,6 +31,9 @@ test: $(DEV)  ## set up .venv and run every check: ruff, mypy, import-linter, py
 slow: $(DEV)  ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow
 
+contracts: $(DEV)  ## every method on every Lagrangian: what is declared holds, what is not fails
+	$(BIN)/python -m pytest tests/contracts -m "not slow"
+
 bench: $(BENCH)  ## measure speed and accuracy against the peers
 	$(BIN)/python scripts/benchmark.py
 
@@ -39,7 +42,7 @@ clean:  ## remove .venv, caches and builds; results/ stays
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' Makefile
 
 $(BASE): pyproject.toml | $(MADE)
 	$(PIP) install --editable .

@@ -96,10 +96,12 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
     method = problem.integrator
     declares = method.declares
     yield _finding("step solves its equations", problem.step_solves_its_equations(), None, needed=True)
-    if method.variational:
-        yield _finding("discrete Euler-Lagrange residual", problem.euler_lagrange(), True, needed=True)
+    has = problem.has_discrete_lagrangian()
+    if has:
+        yield _finding("discrete Euler-Lagrange residual", problem.euler_lagrange(), method.variational, needed=True)
     else:
-        yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, False, True, "it has none")
+        reason = "its tableau is not symplectic" if method.variational else "it has none"
+        yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, method.variational, True, reason)
     for name, measured in problem.momentum_maps():
         yield _finding(f"momentum map: {name}", measured, MOMENTUM_MAPS in declares, needed=True)
     yield _finding("symplecticity", problem.symplecticity(), SYMPLECTIC in declares, needed=True)
@@ -108,7 +110,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
     yield _finding("area of a loop", problem.areas(), SYMPLECTIC in declares, needed=True)
     yield _finding("reversibility", problem.reversibility(), SYMMETRIC in declares, needed=False)
     yield _order("order of the map", problem.order(), method.order)
-    if method.variational:
+    if has:
         yield _order("order of L_d", problem.order_of_discrete_lagrangian(), method.order)
     if problem.lagrangian.autonomous:
         try:

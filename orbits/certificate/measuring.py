@@ -109,6 +109,12 @@ class Problem:
         scaled: Array = scale[:, None] / scale[None, :]
         return scaled
 
+    def has_discrete_lagrangian(self) -> bool:
+        """Whether the method's tableau is a symplectic pair, so that an L_d belongs to it."""
+        tableau = self.integrator.tableau
+        defect = tableau.b[:, None] * tableau.a_bar + (tableau.b[:, None] * tableau.a).T
+        return bool(np.max(np.abs(defect - np.outer(tableau.b, tableau.b))) < 1e-14)
+
     def euler_lagrange(self, points: int = 12) -> Measured:
         """The DEL residual along the path with the method's own L_d, in ulps of D2 L_d."""
         L_d = discrete.vprk(self.lagrangian, self.integrator.tableau)

@@ -1,0 +1,144 @@
+"""Every registered method on every registered Lagrangian that it can serve: what it declares holds, what it does not
+declare visibly fails. The small matrix has one method of each compiled family; `make contracts` runs the whole of it.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits.integrators import registry as methods
+from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC
+from orbits.integrators.flow import Flow, starting_state
+from orbits.lagrangians import registry as lagrangians
+from orbits.lagrangians.base import GRADIENTS, SEPARABLE
+from orbits.tableaux import gauss
+
+LINEAR = {"free-particle", "harmonic-oscillator"}
+"""On these a linear method may have properties that it does not have in general: nothing is shown to fail."""
+
+SMALL = ("Gauss(stages=3)", "LobattoIIIAB(stages=3)", "SymplecticEuler(variant='kick-drift')")
+EXPLICIT = ("StormerVerlet()", "RungeKutta4()", "ExplicitEuler()")
+EXPLICIT_ON = ("kepler", "henon-heiles")
+
+ALL = [m for cls in methods().values() for m in cls.examples()]
+MATRIX = [(name, m) for name, L in sorted(lagrangians().items()) for m in ALL if m.serves(L)]
+
+
+def in_the_small_matrix(name, method):
+    return method.label in SMALL or (method.label in EXPLICIT and name in EXPLICIT_ON)
+
+
+CASES = [
+    pytest.param(name, m, id=f"{name} {m.label}", marks=[] if in_the_small_matrix(name, m) else [pytest.mark.contracts])
+    for name, m in MATRIX
+]
+
+
+@pytest.mark.parametrize(("name", "method"), CASES)
+def test_a_certificate_confirms_what_is_declared_and_refutes_what_is_not(name, method):
+    """Bounds stand beside each measurement in `orbits.certificate.measuring`."""
+    L = lagrangians()[name]
+    certificate = orbits.certify(L, method, L.example.dt)
+    assert certificate.ok == method.variational, certificate.table()
+    assert certificate["step solves its equations"].holds
+    for finding in certificate.findings:
+        if finding.declared:
+            assert finding.holds, certificate.table()
+    if name in LINEAR:
+        return
+    failing = {
+        SYMPLECTIC: ["symplecticity", "area of a loop"],
+        SYMMETRIC: ["reversibility"],
+        MOMENTUM_MAPS: [f.name for f in certificate.findings if f.name.startswith("momentum map: rotation")],
+    }
+    for declared, findings in failing.items():
+        if declared not in method.declares:
+            # Thousands of times beyond the bound: nobody could call it round-off.
+            assert all(certificate[f].measured > 1e3 * certificate[f].bound for f in findings), certificate.table()
+
+
+@pytest.mark.parametrize("name", sorted(n for n, L in lagrangians().items() if {SEPARABLE, GRADIENTS} <= L.traits))
+def test_the_second_order_and_the_canonical_form_agree_to_round_off(name):
+    """Over 40 steps, for every method of the family; by itself the second-order form is taken."""
+    L = lagrangians()[name]
+    q, p = starting_state(L, None, None)
+    scale = max(np.abs(q).max(), 1.0)
+    for method in ALL:
+        if method.advance_canonical is None:
+            continue
+        fast, general = Flow(L, method, L.example.dt), Flow(L, method, L.example.dt, canonical=True)
+        assert not fast.canonical
+        a, b = fast.march(q, p, 40), general.march(q, p, 40)
+        # 40 steps of roundings, which the motion amplifies; 1.6e-15 was reached for bodies that meet, 6e-16 otherwise.
+        assert np.abs(a.q - b.q).max() < 8e-15 * scale
+        assert np.abs(a.p - b.p).max() < 8e-15 * max(np.abs(p).max(), 1.0)
+
+
+def test_every_method_serves_some_lagrangian_and_every_lagrangian_has_a_method():
+    assert {type(m) for _, m in MATRIX} == set(methods().values())
+    assert {name for name, _ in MATRIX} == set(lagrangians())
+
+
+@pytest.mark.parametrize("name", sorted(n for n, L in lagrangians().items() if SEPARABLE not in L.traits))
+def test_explicit_methods_refuse_what_they_cannot_serve_and_say_which_can(name):
+    for method in (orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()):
+        with pytest.raises(orbits.InputError, match=r"needs a Lagrangian that is separable.*Use .*Gauss"):
+            orbits.march(lagrangians()[name], method, dt=0.1, steps=1)
+
+
+def wrong_gauss(entry):
+    """Gauss with two stages and one wrong entry, in the exact table and in all floats that are made of it."""
+    right = gauss(2)
+    a = [list(row) for row in right.exact_a]
+    a[0][1] += entry
+    a = tuple(tuple(row) for row in a)
+    mu, eta = right.mu.copy(), right.eta.copy()
+    mu[0, 1] += entry / right.b[1]
+    mu_bar = right.mu_bar.copy()
+    mu_bar[0, 1] = mu[0, 1]
+    A = np.array([[float(x) for x in row] for row in a])
+    eta = A @ A / right.b
+    return dataclasses.replace(right, exact_a=a, exact_a_bar=a, mu=mu, mu_bar=mu_bar, eta=eta)
+
+
+@dataclasses.dataclass(frozen=True)
+class WrongGauss(orbits.Gauss):
+    """Declares what Gauss declares, with a tableau that is not Gauss's."""
+
+    stages: int = 2
+
+    @property
+    def tableau(self):
+        return wrong_gauss(1e-6)
+
+
+@dataclasses.dataclass(frozen=True)
+class BoastingEuler(orbits.ExplicitEuler):
+    """Explicit Euler, declared to be what it is not."""
+
+    declares = frozenset({SYMPLECTIC, SYMMETRIC, MOMENTUM_MAPS})
+
+
+@pytest.mark.parametrize("method", [WrongGauss(), BoastingEuler()], ids=["wrong tableau", "boasting Euler"])
+def test_a_method_that_is_not_what_it_declares_is_found_out(method):
+    certificate = orbits.certify(orbits.lagrangians.kepler, method, 0.1)
+    assert not certificate.ok
+    for name in ("momentum map: rotation", "symplecticity", "area of a loop", "reversibility"):
+        assert certificate[name].verdict == "FAILS, DECLARED", certificate.table()
+    assert "NOT CERTIFIED" in certificate.table()
+    # What is wrong by 1e-6 shows at about that size, far above round-off.
+    assert certificate["symplecticity"].measured > 1e-9
+
+
+def test_explicit_euler_and_runge_kutta_are_not_certified():
+    for method in (orbits.ExplicitEuler(), orbits.RungeKutta4()):
+        certificate = orbits.certify(orbits.lagrangians.kepler, method, 0.1)
+        assert not certificate.ok
+        assert any("it has none" in failure for failure in certificate.failures)
+
+
+def test_a_vprk_without_a_symplectic_pair_is_refused():
+    with pytest.raises(orbits.InputError, match=r"not symplectic.*a_bar_ij = b_j \(1 - a_ji / b_i\)"):
+        orbits.VPRK(a=((0, 0), (1, 0)), b=(0.5, 0.5), a_bar=((0, 0), (1, 0)))
