@@ -1,4 +1,4 @@
-"""The command line: `orbits run`, `resume`, `compare`, `plot`, `info`, `list`.
+"""The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `list`.
 
 Exit codes: 0 when all that was demanded holds, 1 when a check falls short or a run fails, 2 for a wrong use, 130 when
 stopped by Ctrl-C or SIGTERM.
@@ -110,6 +110,29 @@ def compare(
 
 
 @app.command()
+def certify(
+    scenario: ScenarioName,
+    dt: Annotated[
+        str | None, typer.Option(help="Another step: '6 d', or a number in the problem's unit of time.", metavar="TIME")
+    ] = None,
+    integrator: Method = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Measure on the problems of a scenario whether its methods are variational integrators, as they declare.
+
+    The tables go to standard output and into certificate.json. Foils such as RK4, which declare nothing, are shown and
+    not judged, unless --integrator asks for one.
+
+    Example: orbits certify kepler --integrator "gauss(stages=4)" --dt 0.05
+    """
+    with guarded():
+        from orbits.scenario import load
+
+        raise typer.Exit(command.certify(load(scenario), dt, integrator, out=out, as_json=as_json))
+
+
+@app.command()
 def plot(
     file: File,
     out: Annotated[Path | None, typer.Option(help="Where to write the PNG. [default: FILE.png]")] = None,
@@ -186,20 +209,20 @@ def list_(as_json: Json = False) -> None:
 def _compare(
     name: str, against: str | None, typed: tuple[Any, ...], *, out: Path | None, as_json: bool, no_plot: bool
 ) -> int:
-    from rich.console import Console
-
+    from orbits.errors import InputError
     from orbits.regression import compare as compare_methods
     from orbits.scenario import load
     from orbits.scenario.definition import slug
     from orbits.scenario.files import replaceable, results_folder, write_text
     from orbits.scenario.loading import located
+    from orbits.scenario.study import Study
 
     scenario = command.changed(load(name), *typed)
+    if isinstance(scenario, Study):
+        raise InputError(f"{scenario.name!r} is a study, which has no system to compare on; use: orbits run {name}")
     peers = scenario.against if against is None else [p.strip() for p in against.split(",") if p.strip()]
     folder = results_folder(out or Path("results") / scenario.name)
-    console, ok, records = Console(highlight=False), True, {}
-    if not console.is_terminal:
-        console = Console(highlight=False, width=100)
+    console, ok, records = command.stdout(), True, {}
     with located():
         cases = scenario.cases()
     for case, system in cases.items():

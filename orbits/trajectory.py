@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from os import PathLike
@@ -20,6 +21,7 @@ from orbits.system.making import primary_name
 if TYPE_CHECKING:
     from astropy.time import Time
 
+    from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
 
 Array = NDArray[np.float64]
@@ -100,6 +102,7 @@ class Trajectory:
     integrator, statistics : how it was made and what it cost
     complete : whether every sample that was asked for is there
     path : the archive it reads from, if it does
+    certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
 
     run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample.
     """
@@ -116,6 +119,7 @@ class Trajectory:
         statistics: Statistics | None = None,
         complete: bool = True,
         path: str | None = None,
+        certificate: Certificate | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         expected = (len(times), len(system), 3)
@@ -128,6 +132,7 @@ class Trajectory:
         self.step = step
         self.complete = complete
         self.path = path
+        self.certificate = certificate
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -138,8 +143,10 @@ class Trajectory:
         """
         from orbits import integrators
         from orbits.archive import Archive
+        from orbits.certificate import Certificate
 
         archive = Archive.open(path)
+        text = archive.certificate_text
         try:
             integrator = integrators.build(archive.integrator)
         except InputError as error:
@@ -158,6 +165,7 @@ class Trajectory:
             statistics=statistics,
             complete=archive.complete,
             path=str(path),
+            certificate=Certificate.from_record(json.loads(text)) if text else None,
             close=archive.close,
         )
 

@@ -33,6 +33,7 @@ class Header:
     dt : the step, in the system's unit of time
     times : (samples,) times of the samples since the epoch, in the same unit
     provenance : versions and processor, as words
+    certificate : what was measured of the integrator on this system before the run, as JSON; "" if nothing was
     """
 
     system: System
@@ -40,6 +41,7 @@ class Header:
     dt: float
     times: NDArray[np.float64]
     provenance: Mapping[str, str]
+    certificate: str = ""
 
 
 def to_items(header: Header) -> dict[str, Item]:
@@ -84,6 +86,8 @@ def to_items(header: Header) -> dict[str, Item]:
         items["system@epoch"] = system.epoch.copy(format="iso").to_value("iso", subfmt="date_hms") + " TDB"
         items["system@epoch_jd1"] = float(system.epoch.jd1)
         items["system@epoch_jd2"] = float(system.epoch.jd2)
+    if header.certificate:
+        items["@certificate"] = header.certificate
     for name, text in header.provenance.items():
         items[f"provenance@{name}"] = str(text)
     for name, item in items.items():
@@ -114,7 +118,8 @@ def from_items(items: Mapping[str, Any]) -> Header:
         softening=items["system@softening"],
     )
     provenance = {name.partition("@")[2]: text for name, text in items.items() if name.startswith("provenance@")}
-    return Header(system, json.loads(items["@integrator"]), items["@dt"], items["times"], provenance)
+    certificate = str(items.get("@certificate", ""))
+    return Header(system, json.loads(items["@integrator"]), items["@dt"], items["times"], provenance, certificate)
 
 
 def checksum(items: Mapping[str, Item]) -> str:

@@ -127,6 +127,11 @@ class Archive:
         return MappingProxyType(dict(self._header.provenance))
 
     @property
+    def certificate_text(self) -> str:
+        """What was measured of the integrator before the run, as JSON; "" if nothing was."""
+        return self._header.certificate
+
+    @property
     def complete(self) -> bool:
         """Whether all samples of the run are there."""
         return self.committed == len(self.times)

@@ -54,6 +54,7 @@ class ArchiveWriter:
         times: ArrayLike,
         checkpoint: Mapping[str, NDArray[Any]],
         provenance: Mapping[str, str],
+        certificate: str = "",
         overwrite: bool = False,
     ) -> Self:
         """Create the file, with all of its room on the device, ready for the first commit.
@@ -62,6 +63,7 @@ class ArchiveWriter:
         times : (samples,) times of all samples to come, in the same unit; fixes the room
         checkpoint : arrays of the names, shapes and types that commits will have; their values are not stored yet
         provenance : versions and processor, as words
+        certificate : what was measured of the integrator before the run, as JSON
         overwrite : whether a file at `path` may be replaced; it stays until the new one is whole
 
         Raises ArchiveError for a path that exists, or that cannot be written, or that another run is writing;
@@ -70,7 +72,7 @@ class ArchiveWriter:
         times = np.array(times, dtype=np.float64)
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
             raise ArchiveError(f"times have shape {times.shape}; expected at least one time, all finite.")
-        header = Header(system, dict(integrator), float(dt), times, dict(provenance))
+        header = Header(system, dict(integrator), float(dt), times, dict(provenance), certificate)
         place = schema.resolved(path)
         check_target(place, overwrite)
         storage, layout = built(place, header, checkpoint)
@@ -183,7 +185,9 @@ def extended(path: str | os.PathLike[str], times: ArrayLike) -> ArchiveWriter:
                 f"the times of {place} cannot change: its {done} committed samples have to come first, as they are."
             )
         archive.verify()
-        header = Header(archive.system, archive.integrator, archive.dt, times, archive.provenance)
+        header = Header(
+            archive.system, archive.integrator, archive.dt, times, archive.provenance, archive.certificate_text
+        )
         checkpoint = archive.checkpoint()
         storage, layout = built(place, header, checkpoint)
         with discarded_on_failure(storage, partial_path(place)):

@@ -47,7 +47,7 @@ class Measured:
     @property
     def holds(self) -> bool:
         """Whether the figure is within its bound."""
-        return self.value <= self.bound
+        return bool(self.value <= self.bound)
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,16 +103,21 @@ class Vprk(DiscreteLagrangian):
         mean = (q1 - q0) / h
         f, p = self.lagrangian.gradients(0.5 * (q0 + q1), mean, t + 0.5 * h)
 
-        def equations(x: Array) -> tuple[Array, Callable[[Array], Array]]:
-            at = self._stages(q0, mean, h, t, x[: s * d].reshape(s, d), x[s * d :], second=True)
-            # Momenta and velocities have different sizes: rows and columns are brought to one.
-            rows = 1.0 / np.max(np.abs(at.matrix), axis=1)
-            return rows * at.residual, lambda right: np.linalg.solve(at.matrix, right / rows)
+        # Momenta of light bodies are far smaller than their velocities: all is counted in velocities, p = mass * u.
+        mass = np.max(np.abs(self.lagrangian.hessians(0.5 * (q0 + q1), mean, t + 0.5 * h)[2]), axis=1)
+        mass = np.where(mass > 0.0, mass, 1.0)
+        unit = np.concatenate([np.tile(mass, s), np.ones(d)])
+        column = np.concatenate([np.ones(s * d), mass])
 
-        start = np.concatenate([np.tile(mean, s), p - 0.5 * h * f])
+        def equations(x: Array) -> tuple[Array, Callable[[Array], Array]]:
+            at = self._stages(q0, mean, h, t, x[: s * d].reshape(s, d), mass * x[s * d :], second=True)
+            matrix = at.matrix / unit[:, None] * column[None, :]
+            return at.residual / unit, lambda right: np.linalg.solve(matrix, right)
+
+        start = np.concatenate([np.tile(mean, s), (p - 0.5 * h * f) / mass])
         failure = f"{self.name}: no stationary velocities between q0 = {show(q0)} and q1 = {show(q1)}, h = {h:.6g}"
         x = solve(equations, start, scale=float(np.max(np.abs(start))), failure=failure, time=t)
-        return x[: s * d].reshape(s, d), x[s * d :]
+        return x[: s * d].reshape(s, d), mass * x[s * d :]
 
     def _stages(self, q0: Array, mean: Array, h: float, t: float, V: Array, p: Array, *, second: bool) -> _Stages:
         s, d = V.shape

@@ -92,14 +92,6 @@ class Flow:
         self._work = np.zeros(shape)
         self._field = np.zeros((1, *(integrator.field_shape(size) if not self.canonical else (1, 1))))
 
-    @cached_property
-    def _mass(self) -> Array | None:
-        """The constant mass matrix of a separable Lagrangian; None for the unit matrix."""
-        if GRADIENTS not in self.lagrangian.traits:
-            return None
-        start = self.lagrangian.example
-        return self.lagrangian.hessians(start.q, start.v)[2]
-
     def step(self, q: ArrayLike, p: ArrayLike, steps: int = 1) -> tuple[Array, Array]:
         """Return (q, p), each (d,), after `steps` steps from (q, p). Raises ConvergenceError or SingularityError."""
         path = self.march(q, p, steps, every=steps)
@@ -127,7 +119,10 @@ class Flow:
 
     def _record(self, q: Array, p: Array, every: int, out_q: Array, out_p: Array) -> tuple[int, int, int]:
         order = self.lagrangian.kernel_order
-        second = p if self.canonical else self._velocity(p)
+        mass = None  # the constant matrix of a separable Lagrangian; None where p is v
+        if not self.canonical and GRADIENTS in self.lagrangian.traits:
+            mass = self.lagrangian.hessians(q, np.zeros_like(q))[2]
+        second = p if mass is None else self.lagrangian.solve_mass(mass, p, q)
         state = [_padded(order(q)), _padded(np.zeros_like(q)), _padded(order(second)), _padded(np.zeros_like(p))]
         self._memory[:] = 0.0
         bound = (self._tag, self.lagrangian.tag, self.lagrangian.parameter_vector, self._coefficients)
@@ -140,14 +135,9 @@ class Flow:
                 *bound, self.dt, *state, self._memory, self._work, self._field, every, out_q, out_p
             )
         out_q[:], out_p[:] = self.lagrangian.caller_order(out_q), self.lagrangian.caller_order(out_p)
-        if not self.canonical and self._mass is not None:
-            out_p[:] = out_p @ self._mass.T
+        if mass is not None:
+            out_p[:] = out_p @ mass
         return int(status), int(done), int(evaluations)
-
-    def _velocity(self, p: Array) -> Array:
-        if self._mass is None:
-            return p
-        return self.lagrangian.solve_mass(self._mass, p, p)
 
     def _path(self, q: Array, p: Array, every: int, evaluations: int = 0) -> DiscretePath:
         t: Array = self.t + self.dt * every * np.arange(len(q), dtype=np.float64)
@@ -238,6 +228,8 @@ def starting_state(
     if q is None:
         if v is not None or p is not None:
             raise InputError(f"'{lagrangian.name}': a start needs q together with v or p; got no q")
+        if lagrangian.example is None:
+            raise InputError(f"'{lagrangian.name}' has no example of a motion: give its start, q and v")
         q, v = lagrangian.example.q, lagrangian.example.v
     elif (v is None) == (p is None):
         raise InputError(

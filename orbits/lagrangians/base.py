@@ -63,7 +63,8 @@ class Lagrangian:
     coordinates : (d,) names
     parameters : the parameters' values by name, in the order of the kernels' parameter vector
     compile : makes the kernels, on first use; called once
-    example : a nonlinear motion that shows the system at work; what tables and tests use when nothing else is given
+    example : a nonlinear motion that shows the system at work; what tables and tests use when nothing else is given.
+        None for a Lagrangian without one
     symmetries : one-parameter groups that leave L invariant
     source : where it comes from
     order : (d,) which coordinate stands at each place of the kernels' vectors; None where it is the same
@@ -76,7 +77,7 @@ class Lagrangian:
     coordinates: tuple[str, ...]
     parameters: Mapping[str, float]
     compile: Callable[[], Compiled] = field(repr=False)
-    example: Motion
+    example: Motion | None
     symmetries: tuple[Symmetry, ...] = ()
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)

@@ -56,7 +56,7 @@ def from_kernels(
         coordinates=tuple(coordinates),
         parameters=dict(parameters),
         compile=lambda: made,
-        example=example or Motion(q=(0.0,) * d, v=(0.0,) * d, dt=1.0),
+        example=example,
         symmetries=tuple(symmetries),
         source=source,
     )

@@ -164,6 +164,7 @@ def n_body(gm: ArrayLike, softening: float = 0.0) -> Lagrangian:
         coordinates=_coordinates(n),
         parameters={"eps2": softening * softening, **{f"GM{i + 1}": float(g) for i, g in enumerate(values)}},
         compile=lambda: made,
+        example=None,
         symmetries=symmetries(n),
         order=_order(n),
     )

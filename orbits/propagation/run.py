@@ -23,6 +23,7 @@ from orbits.trajectory import Statistics, Trajectory
 
 if TYPE_CHECKING:
     from orbits.archive import Archive, ArchiveWriter
+    from orbits.certificate import Certificate
 
 Array = NDArray[np.float64]
 Path = str | PathLike[str]
@@ -46,6 +47,7 @@ def propagate(
     samples: Any = 101,
     archive: Path | None = None,
     overwrite: bool = False,
+    certificate: bool | Certificate = False,
     progress: bool | None = None,
     threads: int | None = None,
 ) -> Trajectory:
@@ -60,6 +62,8 @@ def propagate(
         a partial step on a copy, so that sampling never changes the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
     overwrite : whether an existing archive may be replaced
+    certificate : True measures what the integrator declares on this system with this step before the run, as
+        `orbits.certify` does, and stores it in the archive; or a certificate that is there already
     progress : None or True draws a bar on a terminal, False never
     threads : for massless particles; None takes all processors. The result does not depend on it, to the last bit.
 
@@ -73,8 +77,13 @@ def propagate(
     times = sample_times(system.units, samples, length)
     marcher = bound(system, integrator, h, threads)
     if archive is None:
+        if certificate:
+            raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
         return _march(system, integrator, marcher, times, 0, None, progress)
     from orbits.archive import ArchiveWriter
+    from orbits.certificate import certify
+
+    measured = certify(system, integrator, h) if certificate is True else certificate
 
     writer = ArchiveWriter.create(
         archive,
@@ -84,6 +93,7 @@ def propagate(
         times=times,
         checkpoint=marcher.checkpoint(),
         provenance=provenance(),
+        certificate=measured.to_json() if measured else "",
         overwrite=overwrite,
     )
     return _march(system, integrator, marcher, times, 0, writer, progress)

@@ -1,8 +1,10 @@
 """Scenarios: a system, one or more runs, what must hold, what to draw. One file each, runnable three ways.
 
 definition   the values: `Scenario`, `Check`, and what a run of one gives, `Outcome`
+study        the same for an experiment that is not a system and its runs: `Study`, `StudyResult`, `Table`
 loading      find a scenario by path or by the name of a bundled one
 performing   integrate, compare, check, draw, and write the results folder
+certifying   the methods of a scenario, measured on its own problems
 values       quantities and methods as they are typed on a command line
 files        which files of a results folder may be replaced
 command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
@@ -11,6 +13,7 @@ command      the options of `orbits run`, which are those of `python scenarios/N
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, angular_momentum_checks
 from orbits.scenario.loading import Listed, bundled, load
 from orbits.scenario.performing import perform
+from orbits.scenario.study import Study, StudyOutcome, StudyResult, Table
 
 __all__ = [
     "CaseOutcome",
@@ -18,6 +21,10 @@ __all__ = [
     "Listed",
     "Outcome",
     "Scenario",
+    "Study",
+    "StudyOutcome",
+    "StudyResult",
+    "Table",
     "angular_momentum_checks",
     "bundled",
     "load",

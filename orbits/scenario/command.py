@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orbits.errors import OrbitsError
+from orbits.errors import InputError, OrbitsError
 from orbits.scenario.definition import Outcome, Scenario
+from orbits.scenario.study import Study, StudyOutcome, Table
 from orbits.scenario.values import quantity
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from orbits.scenario.certifying import CertifyOutcome
 
 INTERRUPTED = 130
 
@@ -35,6 +38,14 @@ def stderr() -> Console:
     from rich.console import Console
 
     return Console(stderr=True, highlight=False)
+
+
+def stdout() -> Console:
+    """Return the console for results: as wide as the terminal, or 100 columns in a file."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=100)
 
 
 @contextmanager
@@ -68,9 +79,18 @@ def guarded() -> Iterator[None]:
 
 
 def changed(
-    scenario: Scenario, dt: str | None, duration: str | None, integrator: str | None, samples: int | None
-) -> Scenario:
-    """Return the scenario with what was typed on the command line."""
+    scenario: Scenario | Study, dt: str | None, duration: str | None, integrator: str | None, samples: int | None
+) -> Scenario | Study:
+    """Return the scenario with what was typed on the command line; a study takes nothing of it."""
+    if isinstance(scenario, Study):
+        typed = {"--dt": dt, "--duration": duration, "--integrator": integrator, "--samples": samples}
+        refused = [option for option, value in typed.items() if value is not None]
+        if refused:
+            raise InputError(
+                f"{scenario.name!r} is a study with steps, methods and lengths of its own: it takes no "
+                f"{' or '.join(refused)}; it takes --out, --json and --no-plot."
+            )
+        return scenario
     from orbits import integrators
 
     return scenario.with_changes(
@@ -81,15 +101,13 @@ def changed(
     )
 
 
-def execute(scenario: Scenario, *, out: Path | None, as_json: bool, no_plot: bool) -> int:
+def execute(scenario: Scenario | Study, *, out: Path | None, as_json: bool, no_plot: bool) -> int:
     """Perform a scenario, print what it gave, and return the exit code."""
     from orbits.scenario.performing import perform, to_record
 
     console = stderr()
     console.print(f"[bold]{_escaped(scenario.title)}[/]")
-    outcome = perform(
-        scenario, out=out, plot=not no_plot, say=lambda text: console.print(f"[dim]{_escaped(text)} ...[/]")
-    )
+    outcome = perform(scenario, out=out, plot=not no_plot, say=_saying(console))
     if as_json:
         print(json.dumps(to_record(outcome), indent=1))
     else:
@@ -97,20 +115,65 @@ def execute(scenario: Scenario, *, out: Path | None, as_json: bool, no_plot: boo
     return 0 if outcome.ok else 1
 
 
-def show(outcome: Outcome) -> None:
-    """Print tables, checks, files and the verdict on standard output."""
-    from rich.console import Console
+def certify(
+    scenario: Scenario | Study, dt: str | None, integrator: str | None, *, out: Path | None, as_json: bool
+) -> int:
+    """Certify the methods of a scenario, print the tables, and return the exit code."""
+    from orbits import integrators
+    from orbits.scenario.certifying import certify_scenario, to_record
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=100)
-    for name, case in outcome.cases.items():
-        if case.report is not None:
-            console.print(case.report)
-        else:
-            for label, run in case.runs.items():
-                console.print(f"{_escaped(name)} {_escaped(label)}".strip())
-                console.print(str(run.drift()))
+    console = stderr()
+    console.print(f"[bold]{_escaped(scenario.title)}[/]")
+    outcome = certify_scenario(
+        scenario,
+        dt=None if dt is None else quantity(dt, "--dt"),
+        integrator=None if integrator is None else integrators.parse(integrator),
+        out=out,
+        say=_saying(console),
+    )
+    if as_json:
+        print(json.dumps(to_record(outcome), indent=1))
+    else:
+        show_certificates(outcome)
+    return 0 if outcome.ok else 1
+
+
+def show_certificates(outcome: CertifyOutcome) -> None:
+    """Print the tables and the verdict on standard output."""
+    console = stdout()
+    for each in outcome.certified:
+        if each.case:
+            console.print(f"[bold]{_escaped(each.case)}[/]")
+        console.print(_escaped(each.certificate.table()), soft_wrap=True)
+        if each.foil:
+            console.print("  a foil, shown for comparison: it does not declare to be variational, and is not judged")
+        console.print()
+    console.print(f"wrote {_escaped(str(outcome.file))}", soft_wrap=True)
+    judged = [each for each in outcome.certified if not each.foil]
+    if outcome.ok:
+        foils = len(outcome.certified) - len(judged)
+        console.print(f"[bold green]ok:[/] {len(judged)} certified" + (f", {foils} foils not judged" if foils else ""))
+    for each in judged:
+        if not each.ok:
+            where = f"{each.case}: " if each.case else ""
+            console.print(f"[bold red]FAILED:[/] {_escaped(where + each.certificate.method)} is not certified")
+
+
+def show(outcome: Outcome | StudyOutcome) -> None:
+    """Print tables, checks, files and the verdict on standard output."""
+    console = stdout()
+    if isinstance(outcome, StudyOutcome):
+        for table in outcome.result.tables:
+            console.print(_table(table))
+            console.print()
+    else:
+        for name, case in outcome.cases.items():
+            if case.report is not None:
+                console.print(case.report)
+            else:
+                for label, run in case.runs.items():
+                    console.print(f"{_escaped(name)} {_escaped(label)}".strip())
+                    console.print(str(run.drift()))
     for check in outcome.checks:
         mark = "[green]holds[/]" if check.ok else "[bold red]FAILS[/]"
         console.print(f"{mark}  {_escaped(check.claim)}" + (f": {_escaped(check.measured)}" if check.measured else ""))
@@ -123,7 +186,31 @@ def show(outcome: Outcome) -> None:
         console.print(f"[bold red]FAILED:[/] {_escaped(failure)}")
 
 
-def main(scenario: Scenario) -> None:
+def _table(table: Table) -> Any:
+    from rich.table import Table as RichTable
+
+    made = RichTable(
+        title=_escaped(table.title), title_justify="left", title_style="bold", box=None, header_style="bold"
+    )
+    for k, head in enumerate(table.columns):
+        numbers = all(not isinstance(row[k], str) for row in table.rows)
+        made.add_column(_escaped(head), justify="right" if numbers else "left")
+    for row in table.rows:
+        made.add_row(*(_escaped(_cell(value)) for value in row))
+    return made
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool | str) or value is None:
+        return "" if value is None else str(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return str(value)
+    return f"{number:,.0f}" if number == int(number) and abs(number) < 1e9 else f"{number:.3g}"
+
+
+def main(scenario: Scenario | Study) -> None:
     """Run a scenario as a program of its own; ends the process."""
 
     def run(
@@ -141,10 +228,15 @@ def main(scenario: Scenario) -> None:
             )
             raise typer.Exit(code)
 
-    run.__doc__ = f"{scenario.title}\n\nExample: python {Path(sys.argv[0]).name} --duration '10 yr' --no-plot"
+    options = "" if isinstance(scenario, Study) else "--duration '10 yr' "
+    run.__doc__ = f"{scenario.title}\n\nExample: python {Path(sys.argv[0]).name} {options}--no-plot"
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(run)
     app()
+
+
+def _saying(console: Console) -> Any:
+    return lambda text: console.print(f"[dim]{_escaped(text)} ...[/]")
 
 
 def _escaped(text: Any) -> str:

@@ -30,6 +30,19 @@ class Check:
     ok: bool
     measured: str = ""
 
+    @property
+    def failure(self) -> str:
+        """The claim and what was measured, as a list of failures tells it."""
+        return f"{self.claim}: {self.measured}" if self.measured else self.claim
+
+
+def check_label(name: Any, title: Any) -> None:
+    """Raise InputError unless `name` can be a folder's name and `title` is one line of text."""
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise InputError(f"a scenario's name becomes a folder: letters, digits, '_', '-' and '.' only; got {name!r}.")
+    if not isinstance(title, str) or not title.strip() or "\n" in title:
+        raise InputError(f"scenario {name!r}: title must be one line of text; got {title!r}.")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
@@ -82,12 +95,7 @@ class Scenario:
     draw: Callable[[Outcome], Figure | Mapping[str, Figure]] | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
-            raise InputError(
-                f"a scenario's name becomes a folder: letters, digits, '_', '-' and '.' only; got {self.name!r}."
-            )
-        if not isinstance(self.title, str) or not self.title.strip() or "\n" in self.title:
-            raise InputError(f"scenario {self.name!r}: title must be one line of text; got {self.title!r}.")
+        check_label(self.name, self.title)
         if isinstance(self.against, str) or not all(isinstance(peer, str) for peer in self.against):
             raise InputError(
                 f"scenario {self.name!r}: against must be a list of peers' names, such as ['whfast']; "
@@ -222,8 +230,7 @@ class Outcome:
             for case in self.cases.values()
             for failure in (case.report.failures if case.report is not None else ())
         ]
-        broken = [f"{c.claim}: {c.measured}" if c.measured else c.claim for c in self.checks if not c.ok]
-        return (*exceeded, *broken, *self.complaints)
+        return (*exceeded, *(check.failure for check in self.checks if not check.ok), *self.complaints)
 
     @property
     def ok(self) -> bool:

@@ -15,6 +15,7 @@ from pathlib import Path
 from orbits import resources
 from orbits.errors import InputError, OrbitsError, UnknownNameError
 from orbits.scenario.definition import Scenario
+from orbits.scenario.study import Study
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ def bundled() -> tuple[Listed, ...]:
     )
 
 
-def load(what: str) -> Scenario:
+def load(what: str) -> Scenario | Study:
     """The scenario that a path or the name of a bundled one stands for.
 
     A path ends in `.py` or has a folder in it. The file is run once, with its own folder importable, and must define
@@ -52,7 +53,7 @@ def load(what: str) -> Scenario:
     return load_file(path)
 
 
-def load_file(path: Path) -> Scenario:
+def load_file(path: Path) -> Scenario | Study:
     """The `scenario` that the Python file at `path` defines; raises InputError with file and line otherwise."""
     name = f"_orbits_scenario_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
@@ -63,10 +64,11 @@ def load_file(path: Path) -> Scenario:
     with located(path), _importable(path.resolve().parent):
         spec.loader.exec_module(module)
     scenario = getattr(module, "scenario", None)
-    if not isinstance(scenario, Scenario):
+    if not isinstance(scenario, Scenario | Study):
         got = "defines none" if scenario is None else f"has one of type {type(scenario).__name__}"
         raise InputError(
-            f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...)."
+            f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...), or one "
+            "with orbits.Study."
         )
     return scenario
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
+from orbits.scenario.study import Study, StudyOutcome, StudyResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,14 +21,25 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 
+Say = Callable[[str], None]
+
+
+@overload
 def perform(
-    scenario: Scenario,
+    scenario: Scenario, *, out: Path | None = ..., plot: bool = ..., progress: bool | None = ..., say: Say = ...
+) -> Outcome: ...
+@overload
+def perform(
+    scenario: Study, *, out: Path | None = ..., plot: bool = ..., progress: bool | None = ..., say: Say = ...
+) -> StudyOutcome: ...
+def perform(
+    scenario: Scenario | Study,
     *,
     out: Path | None = None,
     plot: bool = True,
     progress: bool | None = None,
-    say: Callable[[str], None] = lambda text: None,
-) -> Outcome:
+    say: Say = lambda text: None,
+) -> Outcome | StudyOutcome:
     """Run all that a scenario asks for and write what it gives.
 
     out : results folder, ./results/NAME by default. Files of an earlier run are replaced, files of others never; the
@@ -38,6 +51,8 @@ def perform(
     exceeded tolerance is no error: `outcome.ok` says so.
     """
     folder = results_folder(out or Path("results") / scenario.name)
+    if isinstance(scenario, Study):
+        return _perform_study(scenario, folder, plot, say)
     with located():
         systems = scenario.cases()
     cases: dict[str, CaseOutcome] = {}
@@ -52,9 +67,7 @@ def perform(
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
         checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
-    for check in checks:
-        if not isinstance(check, Check):
-            raise InputError(f"scenario {scenario.name!r}: checks must yield orbits.Check values, got {check!r}.")
+    _require_checks(scenario.name, checks)
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases, checks=checks)
     if plot:
         say("drawing")
@@ -70,10 +83,10 @@ def perform(
     return outcome
 
 
-def to_record(outcome: Outcome) -> dict[str, Any]:
+def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
     """Return an outcome as values that JSON can hold."""
     scenario = outcome.scenario
-    return {
+    record: dict[str, Any] = {
         "format": "orbits-scenario",
         "version": 1,
         "scenario": scenario.name,
@@ -82,14 +95,67 @@ def to_record(outcome: Outcome) -> dict[str, Any]:
         "failures": list(outcome.failures),
         "checks": [{"claim": c.claim, "ok": bool(c.ok), "measured": c.measured} for c in outcome.checks],
         "files": [str(path) for path in outcome.files],
-        "cases": {
-            name: {
-                "runs": {label: _run_record(run) for label, run in case.runs.items()},
-                "report": json.loads(case.report.to_json()) if case.report is not None else None,
-            }
-            for name, case in outcome.cases.items()
-        },
     }
+    if isinstance(outcome, StudyOutcome):
+        result = outcome.result
+        tables = [{"title": t.title, "columns": t.columns, "rows": t.rows} for t in result.tables]
+        return {**record, "tables": _plain(tables), "record": _plain(result.record)}
+    cases = {
+        name: {
+            "runs": {label: _run_record(run) for label, run in case.runs.items()},
+            "report": json.loads(case.report.to_json()) if case.report is not None else None,
+        }
+        for name, case in outcome.cases.items()
+    }
+    return {**record, "cases": cases}
+
+
+def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOutcome:
+    report = replaceable(folder / "report.json")
+    with located():
+        result = study.experiment(say)
+    if not isinstance(result, StudyResult):
+        raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {result!r}.")
+    _require_checks(study.name, result.checks)
+    files: list[Path] = []
+    complaints: list[str] = []
+    if plot and result.figures:
+        from orbits.plotting import look
+
+        say("drawing")
+        try:
+            with located(), look():
+                figures = {name: draw() for name, draw in result.figures.items()}
+            files += _saved(figures, folder)
+        except OrbitsError as error:
+            complaints.append(str(error))
+    outcome = StudyOutcome(study, folder, result, (*files, report), tuple(complaints))
+    write_text(report, json.dumps(to_record(outcome), indent=1, allow_nan=False) + "\n")
+    return outcome
+
+
+def _plain(value: Any) -> Any:
+    """Return a study's values as JSON can hold them: NumPy's as Python's, null for what is not finite.
+
+    Raises InputError for anything that JSON has no word for.
+    """
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    raise InputError(f"a study's tables and record hold text, numbers, lists and mappings; got {value!r}.")
+
+
+def _require_checks(name: str, checks: Sequence[Any]) -> None:
+    for check in checks:
+        if not isinstance(check, Check):
+            raise InputError(f"scenario {name!r}: checks must yield orbits.Check values, got {check!r}.")
 
 
 def _runs(
@@ -98,7 +164,7 @@ def _runs(
     system: System,
     archive: Path,
     progress: bool | None,
-    say: Callable[[str], None],
+    say: Say,
     failures: list[str],
 ) -> Mapping[str, Trajectory]:
     """Run every method; one whose step fails is told in `failures` and keeps the samples before."""
@@ -162,7 +228,7 @@ def _report(
     system: System,
     runs: Mapping[str, Trajectory],
     progress: bool | None,
-    say: Callable[[str], None],
+    say: Say,
 ) -> Any:
     if not scenario.against and not scenario.demands():
         return None
@@ -185,29 +251,35 @@ def _report(
 
 
 def _draw(outcome: Outcome) -> list[Path]:
-    from orbits.plotting import look, plot_trajectory, save
+    from orbits.plotting import look, plot_trajectory
 
     figures: dict[str, Figure] = {}
     if outcome.scenario.draw is not None:
         with located(), look():
             drawn = outcome.scenario.draw(outcome)
         figures.update(drawn if isinstance(drawn, Mapping) else {outcome.scenario.name: drawn})
-        for name, figure in figures.items():
-            if not hasattr(figure, "savefig"):
-                raise InputError(f"draw gave {figure!r} as {name!r}; expected a matplotlib Figure, or several by name.")
     else:
         for name, case in outcome.cases.items():
             figures[slug(name) or "run"] = plot_trajectory(case.run, title=outcome.scenario.title)
-    paths = []
-    for name, figure in figures.items():
-        path = replaceable(outcome.folder / f"{name}.png")
-        save(figure, path)
-        paths.append(path)
+    paths = _saved(figures, outcome.folder)
     for name, case in outcome.cases.items():
         if case.report is not None:
             path = replaceable(outcome.folder / f"comparison{'-' + slug(name) if name else ''}.png")
             case.report.plot(path)
             paths.append(path)
+    return paths
+
+
+def _saved(figures: Mapping[str, Any], folder: Path) -> list[Path]:
+    from orbits.plotting import save
+
+    for name, figure in figures.items():
+        if not hasattr(figure, "savefig"):
+            raise InputError(f"draw gave {figure!r} as {name!r}; expected a matplotlib Figure, or several by name.")
+    paths = []
+    for name, figure in figures.items():
+        paths.append(replaceable(folder / f"{name}.png"))
+        save(figure, paths[-1])
     return paths
 
 

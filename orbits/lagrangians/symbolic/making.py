@@ -34,8 +34,6 @@ def from_sympy(
     key = digest(name, *(sympy.srepr(x) for x in (formula.L, *formula.q, *formula.v, *formula.parameters)), str(t))
     compiled = _compiled(name, key, lambda: source(formula))
     names = [str(x) for x in formula.q]
-    if example is None:
-        example = Motion(q=(0.0,) * len(names), v=(0.0,) * len(names), dt=1.0)
     return Lagrangian(
         name=name,
         formula=str(L),

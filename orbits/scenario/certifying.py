@@ -1,0 +1,111 @@
+"""The methods of a scenario, measured on its own problems."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from orbits.certificate import Certificate, certify
+from orbits.errors import InputError
+from orbits.scenario.definition import Scenario
+from orbits.scenario.files import replaceable, results_folder, write_text
+from orbits.scenario.loading import located
+from orbits.scenario.study import Study
+
+
+@dataclass(frozen=True)
+class Certified:
+    """One method on one problem of a scenario.
+
+    case : which of the scenario's systems; "" where it has one, and for a study
+    foil : whether the method claims nothing (`Integrator.variational` is False) and is not judged
+    """
+
+    case: str
+    certificate: Certificate
+    foil: bool
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is missing that was to be found."""
+        return self.foil or self.certificate.ok
+
+
+@dataclass(frozen=True)
+class CertifyOutcome:
+    """The certificates of a scenario, and the file that they were written to."""
+
+    scenario: Scenario | Study
+    certified: tuple[Certified, ...]
+    file: Path
+
+    @property
+    def ok(self) -> bool:
+        """Whether every method that claims to be variational was found to be."""
+        return all(each.ok for each in self.certified)
+
+
+def certify_scenario(
+    scenario: Scenario | Study,
+    *,
+    dt: Any = None,
+    integrator: Any = None,
+    out: Path | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> CertifyOutcome:
+    """Certify every method of a scenario on every one of its systems, or what a study `certifies`.
+
+    dt : another step than the scenario's; integrator : another method than the scenario's. Foils are not judged, unless
+    asked for by `integrator`.
+    out : results folder, ./results/NAME by default; certificate.json is written there
+
+    Raises InputError for a study that names nothing to certify, and as `orbits.certify`.
+    """
+    file = replaceable(results_folder(out or Path("results") / scenario.name) / "certificate.json")
+    certified = []
+    for case, problem, method, step, start in _problems(scenario, integrator):
+        say(f"{case + ', ' if case else ''}{method.label}: certifying")
+        foil = integrator is None and not method.variational
+        certificate = certify(problem, method, step if dt is None else dt, **start)
+        certified.append(Certified(case, certificate, foil))
+    outcome = CertifyOutcome(scenario, tuple(certified), file)
+    write_text(file, json.dumps(to_record(outcome), indent=1, allow_nan=False) + "\n")
+    return outcome
+
+
+def to_record(outcome: CertifyOutcome) -> dict[str, Any]:
+    """Return the certificates as values that JSON can hold."""
+    return {
+        "format": "orbits-certificates",
+        "version": 1,
+        "scenario": outcome.scenario.name,
+        "ok": outcome.ok,
+        "certificates": [
+            {"case": each.case, "foil": each.foil, "certificate": each.certificate.to_record()}
+            for each in outcome.certified
+        ],
+    }
+
+
+def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str, Any, Any, Any, dict[str, Any]]]:
+    if isinstance(scenario, Scenario):
+        with located():
+            cases = scenario.cases()
+        for case, system in cases.items():
+            for method in scenario.integrators if integrator is None else (integrator,):
+                yield case, system, method, scenario.dt, {}
+        return
+    if not scenario.certifies:
+        raise InputError(
+            f"study {scenario.name!r} names nothing to certify; give it certifies=[(lagrangian, integrator, dt)]."
+        )
+    seen: list[Any] = []
+    for problem, method, step, *start in scenario.certifies:
+        if integrator is not None:
+            if any(problem is other for other in seen):
+                continue
+            seen.append(problem)
+        yield "", problem, integrator or method, step, dict(zip(("q", "v"), start, strict=False))

@@ -1,0 +1,123 @@
+"""Studies: scenarios that are a numerical experiment of their own rather than a system and its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from orbits.errors import InputError
+from orbits.scenario.definition import Check, check_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a study: a title, the columns' heads, and rows of text, whole numbers and floats.
+
+    Raises InputError for a row of another length than the heads.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise InputError(
+                    f"table {self.title!r} has {len(self.columns)} columns, but a row of {len(row)}: {list(row)!r}"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyResult:
+    """What the experiment of a study gave.
+
+    tables : to be printed, and kept in report.json
+    checks : what had to hold, each with what was measured
+    figures : by file name; each a function that makes a matplotlib Figure, called only where pictures are wanted
+    record : more for report.json, as values that JSON can hold
+    """
+
+    tables: Sequence[Table] = ()
+    checks: Sequence[Check] = ()
+    figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
+    record: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A numerical experiment that is run, judged and drawn as scenarios are.
+
+    name, title : as those of a `Scenario`
+    experiment : a function of `say`, which tells the reader what is going on, to a `StudyResult`
+    certifies : what `orbits certify` measures: tuples (Lagrangian or System, integrator, dt) or, for a Lagrangian,
+        (Lagrangian, integrator, dt, q, v) with a start q, v of shape (d,)
+
+    Raises InputError for what can be seen to be wrong here; the experiment is done when the study runs.
+
+        def experiment(say):
+            path = orbits.march(orbits.lagrangians.pendulum, orbits.StormerVerlet(), dt=0.1, steps=10_000)
+            spread = float(np.ptp(path.energy()))
+            return StudyResult(checks=[orbits.Check("the energy stays bounded", spread < 0.01, f"{spread:.1e}")])
+
+        scenario = orbits.Study(name="bounded", title="The energy of a pendulum", experiment=experiment)
+
+        if __name__ == "__main__":
+            scenario.main()
+    """
+
+    name: str
+    title: str
+    experiment: Callable[[Say], StudyResult]
+    certifies: Sequence[tuple[Any, ...]] = ()
+
+    def __post_init__(self) -> None:
+        check_label(self.name, self.title)
+        if not callable(self.experiment):
+            raise InputError(f"study {self.name!r}: experiment must be a function of `say`; got {self.experiment!r}.")
+        for entry in self.certifies:
+            if not isinstance(entry, tuple) or len(entry) not in (3, 5) or not hasattr(entry[1], "declares"):
+                raise InputError(
+                    f"study {self.name!r}: certifies holds {entry!r}; expected (Lagrangian, integrator, dt), or "
+                    "(Lagrangian, integrator, dt, q, v)."
+                )
+        object.__setattr__(self, "certifies", tuple(self.certifies))
+
+    def main(self) -> None:
+        """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
+        from orbits.scenario.command import main
+
+        main(self)
+
+
+@dataclass(frozen=True)
+class StudyOutcome:
+    """What performing a study gave: its result, the files written, and what went wrong after the experiment."""
+
+    scenario: Study
+    folder: Path
+    result: StudyResult
+    files: tuple[Path, ...] = ()
+    complaints: tuple[str, ...] = ()
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """What had to hold."""
+        return tuple(self.result.checks)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """All that the study demands and did not get, in words; empty when all holds."""
+        return (*(check.failure for check in self.checks if not check.ok), *self.complaints)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all that the study demands holds."""
+        return not self.failures

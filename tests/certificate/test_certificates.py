@@ -1,0 +1,117 @@
+"""Certificates of systems, their tables and files. (What they find is held to every method in tests/contracts.)"""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.certificate import Certificate
+
+
+@pytest.fixture(scope="module")
+def system():
+    bodies = ["Sun", "Earth-Moon barycenter", "Jupiter", "Saturn"]
+    system = orbits.System.solar_system(bodies=bodies)
+    return system.add("asteroid", primary="Sun", a=2.6 * u.au, e=0.2, inc=8 * u.deg, Omega=1.0, omega=2.0, M=0.5)
+
+
+@pytest.fixture(scope="module")
+def certificate(system):
+    return orbits.certify(system, orbits.Gauss(stages=4), 10 * u.day)
+
+
+def test_a_system_with_particles_is_certified_with_their_fibres(certificate):
+    assert certificate.ok, certificate.table()
+    assert certificate["symplecticity of particles"].holds
+    # Six rounding errors of numbers of order one: 6.7e-16 at most was reached.
+    assert certificate["symplecticity of particles"].measured < 4e-15
+    assert certificate["symplecticity"].measured < 4e-15
+    assert [f.name for f in certificate.findings if f.name.startswith("momentum map")] == [
+        *(f"momentum map: translation along {x}" for x in "xyz"),
+        *(f"momentum map: rotation about {x}" for x in "xyz"),
+    ]
+    assert certificate["order of the map"].measured == pytest.approx(8, abs=0.5)
+
+
+@pytest.mark.parametrize("method", [orbits.StormerVerlet(), orbits.LobattoIIIAB(stages=3)], ids=lambda m: m.label)
+def test_other_variational_methods_are_certified_on_a_system(system, method):
+    assert orbits.certify(system, method, 5 * u.day).ok
+
+
+def test_runge_kutta_is_not_certified_on_a_system_and_neither_are_its_particles(system):
+    certificate = orbits.certify(system, orbits.RungeKutta4(), 20 * u.day)
+    assert not certificate.ok
+    for name in ("symplecticity", "symplecticity of particles"):
+        assert not certificate[name].holds
+        assert certificate[name].verdict == "fails"
+
+
+def test_the_table_names_the_step_the_unit_and_the_verdict(certificate):
+    text = certificate.table()
+    assert text.startswith("Gauss(stages=4) on 4 bodies, 1 massless particles, dt = 10 d")
+    assert text.endswith("a variational integrator, as declared")
+    assert str(certificate) == text
+
+
+def test_a_certificate_survives_json_and_says_null_for_what_was_not_measured(certificate, tmp_path):
+    text = certificate.to_json(tmp_path / "certificate.json")
+    assert (tmp_path / "certificate.json").read_text() == text + "\n"
+    again = Certificate.from_record(json.loads(text))
+    assert again.to_record() == certificate.to_record()
+    nothing = orbits.certify(orbits.lagrangians.kepler, orbits.ExplicitEuler(), 0.1)
+    record = nothing.to_record()
+    assert record["ok"] is False
+    assert next(f for f in record["findings"] if f["name"] == "discrete Lagrangian")["measured"] is None
+    assert math.isnan(Certificate.from_record(record)["discrete Lagrangian"].measured)
+
+
+@pytest.mark.parametrize("record", [{}, {"format": "x", "version": 1}, {"format": "orbits-certificate", "version": 1}])
+def test_what_is_no_certificate_is_refused(record):
+    with pytest.raises(orbits.InputError, match="certificate"):
+        Certificate.from_record(record)
+
+
+def test_a_run_stores_its_certificate_in_the_archive_and_keeps_it_when_extended(system, tmp_path):
+    path = tmp_path / "run.h5"
+    run = orbits.propagate(
+        system, orbits.StormerVerlet(), dt=5 * u.day, duration=100 * u.day, samples=3, archive=path, certificate=True
+    )
+    assert run.certificate.ok
+    assert run.certificate.dt == run.dt.to_value(u.day)
+    assert run.certificate["symplecticity"].holds
+    record = run.certificate.to_record()
+    run.close()
+    extended = orbits.resume(path, until=200 * u.day)
+    assert extended.certificate.to_record() == record
+    extended.close()
+    plain = orbits.propagate(
+        system, orbits.StormerVerlet(), dt=5, duration=100, samples=3, archive=path, overwrite=True
+    )
+    assert plain.certificate is None
+
+
+def test_wrong_uses_are_refused_with_the_remedy(system, tmp_path):
+    pendulum = orbits.lagrangians.pendulum
+    for arguments, message in (
+        ((pendulum, "gauss", 0.1), "such as orbits.Gauss"),
+        ((3, orbits.Gauss(), 0.1), "a System or a Lagrangian, got int"),
+        ((pendulum, orbits.Gauss(), 0.0), "dt must be finite and not zero"),
+        ((pendulum, orbits.Gauss(), "x"), "dt must be a number"),
+        ((orbits.lagrangians.double_pendulum, orbits.StormerVerlet(), 0.1), "needs a Lagrangian that is separable"),
+    ):
+        with pytest.raises(orbits.InputError, match=message):
+            orbits.certify(*arguments)
+    with pytest.raises(orbits.InputError, match="leave q and v out"):
+        orbits.certify(system, orbits.Gauss(), 5 * u.day, q=np.zeros(12))
+    with pytest.raises(orbits.InputError, match="needs q together with v"):
+        orbits.certify(pendulum, orbits.Gauss(), 0.1, v=[1.0])
+    with pytest.raises(orbits.InputError, match="give archive= too"):
+        orbits.propagate(system, orbits.Gauss(), dt=5 * u.day, duration=50 * u.day, certificate=True)
+
+
+def test_a_certificate_asked_for_something_else_says_what_it_has(certificate):
+    with pytest.raises(orbits.InputError, match="it has: step solves its equations"):
+        certificate["beauty"]
