@@ -201,13 +201,11 @@ def _table(table: Table) -> Any:
 
 
 def _cell(value: Any) -> str:
-    if isinstance(value, bool | str) or value is None:
-        return "" if value is None else str(value)
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return str(value)
-    return f"{number:,.0f}" if number == int(number) and abs(number) < 1e9 else f"{number:.3g}"
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
 
 
 def main(scenario: Scenario | Study) -> None:
