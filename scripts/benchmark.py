@@ -1,7 +1,7 @@
 """Measure speed, accuracy, start-up and memory; write JSON and the Markdown tables of docs/benchmarks.md.
 
-    make bench                                     all of it, about two minutes
-    python scripts/benchmark.py ten_bodies         one part; parts: ten_bodies particles explicit threads start memory
+    make bench                                     all of it, about four minutes
+    python scripts/benchmark.py ten_bodies         one part; --help lists them
 
 Peers run in the same process, alternating with ours, one core unless said; compile time is measured apart. The figure
 is the median over the repetitions, the accuracy the root mean square over rotated starts against a quadruple-precision
@@ -312,6 +312,106 @@ def part_memory(repetitions: int) -> dict[str, Any]:
     return {"rows": [{"peak_memory_MB": peak / 1e6, "archive_GB": size / 1e9, "seconds": seconds}]}
 
 
+def part_lagrangians(repetitions: int) -> dict[str, Any]:
+    """Kepler's problem with Gauss(stages=8), 0.2 a step: a Lagrangian from SymPy beside the hand-written N-body path
+    for two bodies; nanoseconds a step, and force evaluations of all stages.
+    """
+    from orbits.integrators.flow import Flow
+    from orbits.lagrangians.newtonian import n_body
+
+    kepler, two = orbits.lagrangians.kepler, n_body([0.999, 0.001])
+    x, v = np.array([1.3, 0.0]), np.array([0.0, 0.8])
+    space, speed = np.array([1.3, 0.0, 0.0]), np.array([0.0, 0.8, 0.0])
+    bodies = np.concatenate([-0.001 * space, 0.999 * space])
+    momenta = two.momentum(bodies, np.concatenate([-0.001 * speed, 0.999 * speed]))
+    method, steps = orbits.Gauss(stages=8), 20_000
+    runs = {
+        "two bodies, by hand": (Flow(two, method, 0.2), bodies, momenta),
+        "Kepler, from SymPy": (Flow(kepler, method, 0.2), x, v),
+        "Kepler, from SymPy, canonical form": (Flow(kepler, method, 0.2, canonical=True), x, v),
+    }
+    spent: dict[str, list[float]] = {what: [] for what in runs}
+    evaluations = {}
+    for flow, q, p in runs.values():
+        flow.march(q, p, 100, every=100)
+    for _ in range(repetitions):
+        for what, (flow, q, p) in runs.items():
+            begun = time.perf_counter()
+            path = flow.march(q, p, steps, every=steps)
+            spent[what].append((time.perf_counter() - begun) / steps * 1e9)
+            evaluations[what] = path.evaluations / steps
+    hand = statistics.median(spent["two bodies, by hand"])
+    return {
+        "rows": [
+            {
+                "problem": what,
+                "ns per step": statistics.median(times),
+                "evaluations": evaluations[what],
+                "times the hand-written one": statistics.median(times) / hand,
+            }
+            for what, times in spent.items()
+        ]
+    }
+
+
+SYMBOLIC = """
+import sys, time
+import numpy as np, orbits
+from orbits.integrators.flow import Flow
+import sympy
+L = orbits.lagrangians.registry()[sys.argv[1]]
+begun = time.perf_counter()
+L.traits
+made = time.perf_counter()
+e = L.example
+L.value(e.q, e.v), L.gradients(e.q, e.v), L.hessians(e.q, e.v)
+compiled = time.perf_counter()
+orbits.march(L, orbits.Gauss(stages=8), dt=e.dt, steps=1)
+print(made - begun, compiled - made, time.perf_counter() - compiled)
+"""
+
+
+def part_symbolic(repetitions: int) -> dict[str, Any]:
+    """Each Lagrangian from nothing, in a process with an empty cache: derivatives and source by SymPy, kernels
+    compiled, the step of Gauss compiled for it; then all three again in a second process.
+    """
+    rows = []
+    for name in sorted(orbits.lagrangians.registry()):
+        with tempfile.TemporaryDirectory() as folder:
+            command = [sys.executable, "-c", SYMBOLIC, name]
+            environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+            cold, warm = (
+                [
+                    float(x)
+                    for x in subprocess.run(command, check=True, env=environment, capture_output=True).stdout.split()
+                ]
+                for _ in range(2)
+            )
+        rows.append(
+            {
+                "lagrangian": name,
+                "SymPy s": cold[0],
+                "kernels s": cold[1],
+                "step s": cold[2],
+                "again, all s": sum(warm),
+            }
+        )
+    return {"rows": rows}
+
+
+def part_pendulum(repetitions: int) -> dict[str, Any]:
+    """The pendulum scenario as a whole process, drawing included: 200 orbits of 2,000 steps in each panel, and more."""
+    with tempfile.TemporaryDirectory() as folder:
+        program = "from orbits.cli import main; main()"
+        command = [sys.executable, "-c", program, "run", "pendulum", "--out", folder]
+        seconds = []
+        for _ in range(3):
+            begun = time.perf_counter()
+            subprocess.run(command, check=True, capture_output=True)
+            seconds.append(time.perf_counter() - begun)
+    return {"rows": [{"what": "orbits run pendulum", "seconds": statistics.median(seconds)}]}
+
+
 PARTS = {
     "ten_bodies": part_ten_bodies,
     "particles": part_particles,
@@ -319,6 +419,9 @@ PARTS = {
     "threads": part_threads,
     "start": part_start,
     "memory": part_memory,
+    "lagrangians": part_lagrangians,
+    "symbolic": part_symbolic,
+    "pendulum": part_pendulum,
 }
 
 
