@@ -76,8 +76,8 @@ def draw(lagrangian, starts):
     """Both orbits in the rotating frame, Earth and Moon at rest."""
     from orbits import plotting
 
-    figure = plotting.figure(16, 8.6)
-    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure = plotting.figure(16, 9)
+    axes = figure.subplots(1, 2)
     mu = lagrangian.parameters["mu"]
     method = METHODS[0]
     for axis, (loops, q, v, period) in zip(axes, starts, strict=True):
@@ -91,7 +91,8 @@ def draw(lagrangian, starts):
             plotting.halo(axis.annotate(name, (x, 0), (0, -22), textcoords="offset points", ha="center", fontsize=15))
         end = np.hypot(*(path.q[-1] - q))
         axis.set_title(f"{loops} loops, T = {period:.4f}: ends {end:.0e} from its start")
-        axis.set(aspect="equal", xlabel="x")
+        axis.set(xlim=(-1.35, 1.15), ylim=(-1.25, 1.25), xlabel="x")
+        axis.set_aspect("equal", adjustable="datalim")
         axis.grid(color=plotting.style.FAINT, lw=0.6)
         axis.set_axisbelow(True)
     axes[0].set_ylabel("y, in distances of Earth and Moon")
@@ -104,9 +105,16 @@ def draw(lagrangian, starts):
 
 
 def certified():
-    """The step with which the four-looped orbit closes, at its start."""
-    lagrangian, ((_, q, v, period), *_) = closed_orbits()
-    return [(lagrangian, method, period / 32000, tuple(q), tuple(v)) for method in METHODS]
+    """Each orbit from its far side, half a period on, with a step that suits the motion there.
+
+    At the start itself, beside the Moon, steps as long as an order is measured with leave the motion unresolved.
+    """
+    lagrangian, starts = closed_orbits()
+    far = []
+    for _, q, v, period in starts:
+        path = orbits.march(lagrangian, METHODS[0], q=q, v=v, dt=period / 16000, steps=8000, every=8000)
+        far.append((tuple(path.q[-1]), tuple(path.v[-1])))
+    return [(lagrangian, method, 0.01, *there) for there in far for method in METHODS]
 
 
 scenario = Study(

@@ -80,11 +80,11 @@ def draw(curves):
         h = np.array([min(fitted.h), STEPS[0]])
         axis.loglog(h, fitted.errors[0] * (h / h[0]) ** (order + 1), ls=(0, (2, 3)), lw=1, color=style.PALETTE[k])
     axis.axhspan(1e-19, 2.0**-53, color=style.FAINT, alpha=0.7, lw=0)
-    axis.text(STEPS[0], 2.0**-54, "round-off", ha="right", va="top", fontsize=13, color=style.GREY)
-    axis.set(ylim=(1e-18, 1), xlabel="step h", ylabel="|L_d(q₀, q₁; h) − exact|")
+    axis.text(STEPS[0], 2.0**-53.5, "round-off", ha="right", va="top", fontsize=13, color=style.GREY)
+    axis.set(ylim=(3e-18, 30), xlabel="step h", ylabel="|L_d(q₀, q₁; h) − exact|")
     axis.set_title("Discrete Lagrangians against the action of the true motion", fontweight="bold", fontsize=19)
     axis.grid(color=style.FAINT, lw=0.6)
-    axis.legend(loc="lower right", fontsize=14)
+    axis.legend(loc="upper left", fontsize=15)
     return figure
 
 

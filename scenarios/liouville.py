@@ -19,17 +19,17 @@ POINTS = 400
 CENTRE, RADIUS = (0.0, 1.2), 0.5
 LENGTH = 12.0  # in time; the small swings take 2 pi
 SHOWN = (0.0, 2.0, 4.0, 8.0, 12.0)
-ROUND_OFF = 5e-14
-"""Of the sum over 400 points after 120 steps; a loop that is wound up needs its 400 points to be told that well."""
+ROUND_OFF = 5e-15
+"""Of a sum over 400 points; the largest change reached is 7e-16. Points are enough for a loop wound up this far."""
 
-METHODS = [
-    (orbits.ExplicitEuler(), 0.1),
-    (orbits.RungeKutta4(), 0.5),
-    (orbits.SymplecticEuler(), 0.1),
-    (orbits.StormerVerlet(), 0.5),
-    (orbits.LobattoIIIAB(stages=3), 0.5),
-    (orbits.Gauss(stages=2), 0.5),
-]
+METHODS = {
+    "explicit Euler": (orbits.ExplicitEuler(), 0.1),
+    "RK4": (orbits.RungeKutta4(), 1.0),
+    "symplectic Euler": (orbits.SymplecticEuler(), 0.1),
+    "Störmer–Verlet": (orbits.StormerVerlet(), 0.5),
+    "Lobatto IIIA–IIIB, 3 stages": (orbits.LobattoIIIAB(stages=3), 1.0),
+    "Gauss, 2 stages": (orbits.Gauss(stages=2), 1.0),
+}
 
 
 def march_loop(method, h):
@@ -43,18 +43,20 @@ def march_loop(method, h):
 def experiment(say):
     """March the loop by each method; its area at every step."""
     rows, checks, marched = [], [], []
-    for method, h in METHODS:
-        say(f"{method.label}, h = {h:g}: {POINTS} pendulums")
+    for name, (method, h) in METHODS.items():
+        say(f"{name}, h = {h:g}: {POINTS} pendulums")
         q, p = march_loop(method, h)
         areas = np.array([area(x, y) for x, y in zip(q, p, strict=True)])
         change = float(np.abs(areas / areas[0] - 1.0).max())
-        rows.append([method.label, h, len(areas) - 1, f"{-areas[0]:.9f}", f"{-areas[-1]:.9f}", f"{change:.1e}"])
+        rows.append([name, h, len(areas) - 1, f"{-areas[0]:.9f}", f"{-areas[-1]:.9f}", f"{change:.1e}"])
         if "symplectic" in method.declares:
-            checks.append(Check(f"{method.label} keeps the area of the loop", change < ROUND_OFF, f"{change:.1e}"))
+            checks.append(Check(f"{name} keeps the area of the loop", change < ROUND_OFF, f"{change:.1e}"))
         else:
-            claim = f"{method.label} does not keep the area of the loop"
+            claim = f"{name} does not keep the area of the loop"
             checks.append(Check(claim, change > 1e-3, f"{change:.1e}"))
-        marched.append((method, h, q, p, areas))
+        marched.append(
+            (name, "symplectic" in method.declares, h, q, p, change if change < 0.001 else areas[-1] / areas[0] - 1)
+        )
     columns = ["method", "h", "steps", "area at first", "area at last", "largest relative change"]
     return StudyResult(
         tables=[Table(f"The area inside a loop of {POINTS} pendulums, t = 0 to {LENGTH:g}", columns, rows)],
@@ -68,20 +70,26 @@ def draw(marched):
     from orbits import plotting
 
     style = plotting.style
-    figure = plotting.figure(18, 11)
+    figure = plotting.figure(16, 10.5)
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
-    grid = np.meshgrid(np.linspace(-4, 9, 261), np.linspace(-3, 3, 121))
-    for axis, (method, h, q, p, areas) in zip(axes.flat, marched, strict=True):
-        axis.contour(*grid, grid[1] ** 2 / 2 - np.cos(grid[0]), levels=8, colors=style.FAINT, linewidths=0.8)
+    grid = np.meshgrid(np.linspace(-np.pi, 3.7, 201), np.linspace(-2.3, 2.3, 121))
+    for axis, (name, kept, h, q, p, change) in zip(axes.flat, marched, strict=True):
+        axis.contour(
+            *grid,
+            grid[1] ** 2 / 2 - np.cos(grid[0]),
+            levels=[-0.9, -0.6, -0.2, 0.3, 1, 1.8],
+            colors=style.FAINT,
+            linewidths=0.8,
+            linestyles="-",
+        )
         for k, t in enumerate(SHOWN):
             step = round(t / h)
             axis.fill(q[step, :, 0], p[step, :, 0], color=style.PALETTE[k], alpha=0.3, lw=0)
             outline = np.append(np.arange(POINTS), 0)
             axis.plot(q[step, outline, 0], p[step, outline, 0], color=style.PALETTE[k], lw=1.6, label=f"t = {t:g}")
-        kept = "symplectic" in method.declares
-        change = areas[-1] / areas[0] - 1
-        told = f"kept to {abs(change):.0e}" if kept else f"changed by {change:+.1%}"
-        axis.set_title(f"{method.label}, h = {h:g}: area {told}", fontsize=15)
+        told = f"kept to {change:.0e}" if kept else f"changed by {change:+.0%}"
+        axis.set_title(f"{name}, h = {h:g}\narea {told}", fontsize=16)
+        axis.set(xlim=(-np.pi, 3.7), ylim=(-2.3, 2.3))
     for axis in axes[:, 0]:
         axis.set_ylabel("p")
     for axis in axes[1]:
@@ -96,7 +104,7 @@ scenario = Study(
     name="liouville",
     title="The area of a loop of initial conditions, kept by variational methods and lost by others",
     experiment=experiment,
-    certifies=[(pendulum, method, 0.1) for method, _ in METHODS],
+    certifies=[(pendulum, method, 0.1) for method, _ in METHODS.values()],
 )
 
 if __name__ == "__main__":
