@@ -19,7 +19,8 @@ Q, V = np.array([0.7, 0.2]), np.array([-0.3, 1.2])  # an ellipse of e = 0.35, GM
 STEPS = 0.64 * 2.0 ** (-0.5 * np.arange(19))
 FLOOR, CEILING = 2e-14, 3e-4
 """Errors between round-off, the action being h, and steps so long that the next power of h shows."""
-SLACK = 0.12
+SLACK = 0.03
+"""Relative, of a slope: the next power of h bends the curve of Gauss(4) by 0.02."""
 
 
 def methods():

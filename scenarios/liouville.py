@@ -87,7 +87,7 @@ def draw(marched):
             axis.fill(q[step, :, 0], p[step, :, 0], color=style.PALETTE[k], alpha=0.3, lw=0)
             outline = np.append(np.arange(POINTS), 0)
             axis.plot(q[step, outline, 0], p[step, outline, 0], color=style.PALETTE[k], lw=1.6, label=f"t = {t:g}")
-        told = f"kept to {change:.0e}" if kept else f"changed by {change:+.0%}"
+        told = f"kept to {change:.0e}" if kept else f"{'lost' if change < 0 else 'gained'}: {abs(change):.0%}"
         axis.set_title(f"{name}, h = {h:g}\narea {told}", fontsize=16)
         axis.set(xlim=(-np.pi, 3.7), ylim=(-2.3, 2.3))
     for axis in axes[:, 0]:

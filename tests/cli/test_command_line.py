@@ -17,7 +17,7 @@ from orbits.errors import Interrupted
 from orbits.propagation import run as run_module
 from orbits.scenario import bundled
 
-COMMANDS = ["run", "resume", "compare", "plot", "info", "list"]
+COMMANDS = ["run", "resume", "compare", "certify", "plot", "info", "list"]
 
 
 @pytest.fixture(autouse=True)
@@ -116,6 +116,42 @@ def test_compare_takes_its_peers_from_the_command_line(tmp_path):
     assert json.loads((tmp_path / "comparison.json").read_text()) == record["cases"][""]
 
 
+def test_certify_judges_variational_methods_and_shows_foils(tmp_path):
+    out = call("certify", "pendulum", "--out", tmp_path)
+    assert out.exit_code == 0, out.output
+    text = " ".join(out.stdout.split())
+    assert "StormerVerlet() on pendulum, dt = 0.1" in text
+    assert "a variational integrator, as declared" in text
+    assert text.count("NOT CERTIFIED") == text.count("a foil, shown for comparison") == 2
+    assert "ok: 1 certified, 2 foils not judged" in text
+    record = json.loads((tmp_path / "certificate.json").read_text())
+    assert [(c["foil"], c["certificate"]["ok"]) for c in record["certificates"]] == [
+        (False, True),
+        (True, False),
+        (True, False),
+    ]
+    assert call("certify", "pendulum", "--out", tmp_path).exit_code == 0  # its own file may be replaced
+    (tmp_path / "certificate.json").write_text("my notes")
+    assert call("certify", "pendulum", "--out", tmp_path).exit_code == 2
+
+
+def test_certify_fails_a_foil_that_was_asked_for(tmp_path):
+    out = call("certify", "pendulum", "--integrator", "runge-kutta-4", "--dt", "0.2", "--json", "--out", tmp_path)
+    assert out.exit_code == 1, out.output
+    record = json.loads(out.stdout)
+    (entry,) = record["certificates"]
+    assert (record["ok"], entry["foil"], entry["certificate"]["dt"]) == (False, False, 0.2)
+    assert "symplecticity" in " ".join(entry["certificate"]["failures"])
+
+
+def test_certify_takes_every_system_of_a_scenario(tmp_path):
+    out = call("certify", "kepler", "--integrator", "gauss(stages=2)", "--dt", "0.05", "--json", "--out", tmp_path)
+    record = json.loads(out.stdout)
+    assert [entry["case"] for entry in record["certificates"]] == ["e = 0", "e = 0.3", "e = 0.6", "e = 0.9"]
+    assert all(entry["certificate"]["method"] == "Gauss(stages=2)" for entry in record["certificates"])
+    assert out.exit_code == (0 if record["ok"] else 1)
+
+
 def test_info_says_what_an_archive_holds(archive):
     text, record = call("info", archive), json.loads(call("info", archive, "--json").stdout)
     assert record["names"] == ["Sun", "Jupiter", "Saturn"]
@@ -174,6 +210,14 @@ def bad(tmp_path):
         (["run", "kepler", "--samples", "-3"], "samples"),
         (["run", "kepler", "--out", tmp_path / "way"], "results need a folder"),
         (["compare", "kepler", "--against", "mercury"], "no peer is called"),
+        (["run", "liouville", "--duration", "3"], "takes no --duration"),
+        (["run", "liouville", "--dt", "1", "--samples", "3"], "takes no --dt or --samples"),
+        (["compare", "liouville"], "is a study"),
+        (["certify", "keppler"], "Did you mean"),
+        (["certify", "kepler", "--integrator", "gaus"], "did you mean gauss"),
+        (["certify", "pendulum", "--dt", "0"], "dt must be finite and not zero"),
+        (["certify", "pendulum", "--dt", "1 d"], "dt must be a number"),
+        (["certify", "kepler", "--out", tmp_path / "way"], "results need a folder"),
         (["info", tmp_path / "none.h5"], "none.h5"),
         (["info", tmp_path / "text.h5"], "text.h5"),
         (["plot", tmp_path / "text.h5"], "text.h5"),
@@ -182,7 +226,7 @@ def bad(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("index", range(19))
+@pytest.mark.parametrize("index", range(27))
 def test_a_wrong_use_is_one_line_and_exit_code_2(tmp_path, index):
     arguments, message = bad(tmp_path)[index]
     out = call(*arguments)

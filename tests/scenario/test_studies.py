@@ -1,0 +1,165 @@
+"""Studies: experiments that are run, judged, drawn and refused as scenarios are."""
+
+import json
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits.errors import InputError
+from orbits.lagrangians.pendulum import pendulum
+from orbits.scenario import Study, StudyResult, Table, bundled, load, perform
+from orbits.scenario.certifying import certify_scenario
+
+STUDIES = ["arenstorf", "discrete_kepler", "liouville", "pendulum"]
+
+
+def study(**changes):
+    settings = {
+        "name": "small",
+        "title": "A small study",
+        "experiment": lambda say: StudyResult(checks=[orbits.Check("it holds", True)]),
+    }
+    return Study(**{**settings, **changes})
+
+
+def of(**result):
+    return study(experiment=lambda say: StudyResult(**result))
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_each_bundled_study_gives_all_that_it_demands(name, tmp_path):
+    scenario = load(name)
+    outcome = perform(scenario, out=tmp_path)
+    assert outcome.ok, outcome.failures
+    assert outcome.result.tables
+    assert len(outcome.checks) >= 6
+    record = json.loads((tmp_path / "report.json").read_text())
+    assert record["ok"]
+    assert record["scenario"] == name
+    assert {path.name for path in outcome.files} == {f"{name}.png", "report.json"}
+    width, height = struct.unpack(">II", (tmp_path / f"{name}.png").read_bytes()[16:24])
+    assert width >= 1300
+    assert height >= 800
+
+
+def test_the_foils_of_the_pictures_are_judged_to_fail(tmp_path):
+    """Euler and RK4 stand in the checks as what they are; the variational methods beside them hold."""
+    claims = [
+        c.claim for name in ("pendulum", "liouville") for c in perform(load(name), out=tmp_path, plot=False).checks
+    ]
+    for words in ("spirals outwards", "loses energy", "explicit Euler does not keep", "RK4 does not keep"):
+        assert any(words in claim for claim in claims)
+
+
+def test_arenstorfs_orbits_close_with_8000_steps_of_gauss(tmp_path):
+    outcome = perform(load("arenstorf"), out=tmp_path, plot=False)
+    rows = [row for row in outcome.result.tables[0].rows if row[1:3] == ["Gauss(stages=8)", 8000]]
+    assert [row[0] for row in rows] == [4, 3]
+    assert all(max(row[3:5]) < 2e-10 for row in rows)  # 8e-11 in v, 5e-13 in q
+
+
+def test_a_study_runs_as_a_program_of_its_own_and_refuses_what_it_cannot_take(tmp_path):
+    path = next(each.path for each in bundled() if each.name == "discrete_kepler")
+
+    def program(*options):
+        return subprocess.run(
+            [sys.executable, str(path), *options], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+
+    done = program("--no-plot", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == json.loads((tmp_path / "results" / "discrete_kepler" / "report.json").read_text())
+    assert not list(tmp_path.rglob("*.png"))
+    wrong = program("--dt", "1")
+    assert wrong.returncode == 2
+    assert "takes no --dt" in wrong.stderr
+
+
+def test_figures_are_made_only_where_they_are_wanted(tmp_path):
+    def draw():
+        raise ZeroDivisionError("nothing to draw")
+
+    assert perform(of(figures={"x": draw}), out=tmp_path, plot=False).ok
+    outcome = perform(of(figures={"x": draw}), out=tmp_path)
+    (failure,) = outcome.failures
+    assert "test_studies.py, line" in failure
+    assert "ZeroDivisionError: nothing to draw" in failure
+    assert not json.loads((tmp_path / "report.json").read_text())["ok"]
+
+
+def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
+    outcome = perform(of(checks=[orbits.Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path)
+    assert outcome.failures == ("pigs fly: 0 of 3",)
+
+
+def test_numbers_of_numpy_go_into_the_report_and_what_is_not_finite_is_null(tmp_path):
+    table = Table("numbers", ["n", "x"], [[np.int64(3), np.float64(0.5)], [4, float("nan")]])
+    perform(of(tables=[table], record={"x": np.arange(3.0), "s": {"y": (1, "a")}}), out=tmp_path)
+    record = json.loads((tmp_path / "report.json").read_text())
+    assert record["tables"][0]["rows"] == [[3, 0.5], [4, None]]
+    assert record["record"] == {"x": [0.0, 1.0, 2.0], "s": {"y": [1, "a"]}}
+
+
+WRONG = [
+    ({"name": "../x"}, "name"),
+    ({"title": ""}, "title"),
+    ({"experiment": 3}, "experiment must be a function"),
+    ({"certifies": [pendulum]}, "certifies holds"),
+    ({"certifies": [(pendulum, "gauss", 0.1)]}, "certifies holds"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=[str(w)[:40] for w, _ in WRONG])
+def test_a_study_that_cannot_be_is_refused_where_it_is_made(wrong, message):
+    with pytest.raises(InputError, match=message):
+        study(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (study(experiment=lambda say: 3), "must return a StudyResult"),
+        (of(checks=["fine"]), "must yield orbits.Check"),
+        (of(record={"x": object()}), "hold text, numbers"),
+        (study(experiment=lambda say: 1 / 0), r"test_studies.py, line \d+: ZeroDivisionError"),
+        (study(experiment=lambda say: Table("t", ["a"], [[1, 2]])), "a row of 2"),
+    ],
+)
+def test_an_experiment_that_gives_something_else_is_refused_in_words(tmp_path, made, message):
+    with pytest.raises(InputError, match=message):
+        perform(made, out=tmp_path)
+
+
+def test_a_report_of_somebody_else_is_seen_before_the_experiment(tmp_path):
+    (tmp_path / "report.json").write_text("my notes")
+    with pytest.raises(InputError, match="was not written by orbits"):
+        perform(study(experiment=lambda say: pytest.fail("the experiment was begun")), out=tmp_path)
+
+
+def test_a_picture_of_somebody_else_is_kept(tmp_path):
+    from orbits.plotting import figure
+
+    (tmp_path / "mine.png").write_text("my picture")
+    outcome = perform(of(figures={"mine": lambda: figure(4, 3)}), out=tmp_path)
+    assert "mine.png is there already" in outcome.failures[0]
+    assert (tmp_path / "mine.png").read_text() == "my picture"
+
+
+def test_certifying_a_study_takes_its_own_starts_and_one_method_on_each_problem_once(tmp_path):
+    methods = [orbits.StormerVerlet(), orbits.ExplicitEuler()]
+    made = study(certifies=[(pendulum, method, 0.1, (0.5,), (0.2,)) for method in methods])
+    outcome = certify_scenario(made, out=tmp_path)
+    assert [each.foil for each in outcome.certified] == [False, True]
+    assert outcome.ok
+    (one,) = certify_scenario(made, integrator=orbits.Gauss(stages=2), out=tmp_path).certified
+    assert one.certificate.method == "Gauss(stages=2)"
+    assert one.certificate.ok
+
+
+def test_a_study_without_anything_to_certify_says_so(tmp_path):
+    with pytest.raises(InputError, match="names nothing to certify"):
+        certify_scenario(study(), out=tmp_path)
