@@ -1,9 +1,11 @@
 """Studies: experiments that are run, judged, drawn and refused as scenarios are."""
 
 import json
+import re
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -163,3 +165,12 @@ def test_certifying_a_study_takes_its_own_starts_and_one_method_on_each_problem_
 def test_a_study_without_anything_to_certify_says_so(tmp_path):
     with pytest.raises(InputError, match="names nothing to certify"):
         certify_scenario(study(), out=tmp_path)
+
+
+def test_the_study_of_the_docs_runs(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    (code,) = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "Study(" in block]
+    (tmp_path / "bounded.py").write_text(code, encoding="utf-8")
+    made = load(str(tmp_path / "bounded.py"))
+    assert perform(made, out=tmp_path).ok
+    assert certify_scenario(made, out=tmp_path).ok
