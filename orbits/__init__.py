@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.propagation import propagate, resume
     from orbits.regression import compare, from_rebound, to_rebound
-    from orbits.scenario import Check, Scenario
+    from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
     from orbits.trajectory import Trajectory
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
@@ -78,9 +78,12 @@ __all__ = [
     "SingularityError",
     "StorageError",
     "StormerVerlet",
+    "Study",
+    "StudyResult",
     "Symmetry",
     "SymplecticEuler",
     "System",
+    "Table",
     "Trajectory",
     "UnitSystem",
     "UnknownNameError",
@@ -125,7 +128,7 @@ _HOME = {
     "lagrangians.symmetry": ["Symmetry"],
     "propagation": ["propagate", "resume"],
     "regression": ["compare", "from_rebound", "to_rebound"],
-    "scenario": ["Check", "Scenario"],
+    "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
     "trajectory": ["Trajectory"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],

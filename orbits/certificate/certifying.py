@@ -26,7 +26,7 @@ ORDER_SLACK = 0.15
 
 HIGH_ORDER = 8
 """Above this order, errors pass from the regime of long steps to round-off before the slope is the order: half of it is
-asked for.
+asked for, and between a third and a half nothing can be said.
 """
 
 
@@ -130,6 +130,9 @@ def _order(name: str, fitted: Slope, order: int) -> Finding:
         note = "too few errors between round-off and the regime of long steps"
         return Finding(name, math.nan, float(order), "", False, None, False, note)
     asked = (1.0 - ORDER_SLACK) * order if order <= HIGH_ORDER else 0.5 * order
+    if order > HIGH_ORDER and (order / 3 < fitted.order < asked or fitted.order > 1.5 * order):
+        note = f"a slope of {fitted.order:.1f}, between round-off and the regime of long steps"
+        return Finding(name, math.nan, float(order), "", False, None, False, note)
     note = f"from {len(fitted.h)} steps" + ("" if order <= HIGH_ORDER else ", half the order is asked for")
     return Finding(name, fitted.order, float(order), "", fitted.order > asked, True, True, note)
 

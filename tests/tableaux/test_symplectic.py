@@ -85,7 +85,10 @@ BAD = {
     "not square": ({"a": (("0",), ("1/2", "1/2")), "b": HALF}, "2 x 2 tables for the 2 weights"),
     "too few rows": ({"a": (("0", "0"),), "b": HALF}, "2 x 2 tables for the 2 weights"),
     "a_bar of another size": ({"a": SQUARE, "b": HALF, "a_bar": (("1/2",),)}, "2 x 2 tables for the 2 weights"),
-    "text that is no number": ({"a": (("a half",),), "b": ("1",)}, 'a must consist of finite numbers, or texts such as "1/6"'),
+    "text that is no number": (
+        {"a": (("a half",),), "b": ("1",)},
+        "a must consist of finite numbers, or texts such as",
+    ),
     "division by zero": ({"a": (("1/0",),), "b": ("1",)}, "a must consist of finite numbers"),
     "nan": ({"a": ((float("nan"),),), "b": (1.0,)}, "a must consist of finite numbers"),
     "inf": ({"a": ((0.5,),), "b": (float("inf"),)}, "b must consist of finite numbers"),
