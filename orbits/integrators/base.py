@@ -76,8 +76,10 @@ class Integrator:
 
     @property
     def tableau(self) -> PartitionedTableau:
-        """The step as a partitioned Runge–Kutta method."""
-        raise NotImplementedError
+        """The step as a partitioned Runge–Kutta method; what certificates are measured against."""
+        raise InputError(
+            f"{self.name} says no tableau, so nothing can be certified; give its class the property tableau"
+        )
 
     @property
     def order(self) -> int:

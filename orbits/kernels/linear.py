@@ -10,10 +10,15 @@ from orbits.kernels.lanes import load, store
 def factorize(matrix, n, pivots):
     """Replace the leading n x n block of `matrix` by its LU factors and write the row exchanges into `pivots` (n,).
 
-    Returns False, and leaves the block spoilt, if a pivot is zero or not finite, or below 1e-14 of the largest one.
+    Returns False, and leaves the block spoilt, if a pivot is zero or not finite, or below 1e-14 of the largest element
+    that its column had: columns may differ in size by any factor, as the masses of bodies do.
     """
-    largest = 0.0
     for column in range(n):
+        pivots[column] = 0.0
+        for row in range(n):
+            pivots[column] = max(pivots[column], abs(matrix[row, column]))
+    for column in range(n):
+        scale = pivots[column]
         best = column
         for row in range(column + 1, n):
             if abs(matrix[row, column]) > abs(matrix[best, column]):
@@ -22,8 +27,7 @@ def factorize(matrix, n, pivots):
         for k in range(n):
             matrix[column, k], matrix[best, k] = matrix[best, k], matrix[column, k]
         pivot = abs(matrix[column, column])
-        largest = max(largest, pivot)
-        if not (pivot > 1e-14 * largest and pivot * 0.0 == 0.0):
+        if not (pivot > 1e-14 * scale and pivot * 0.0 == 0.0):
             return False
         inverse = 1.0 / matrix[column, column]
         for row in range(column + 1, n):

@@ -56,22 +56,20 @@ def runge_kutta(gm, q, v, h):
     return q, v
 
 
-def gauss(stages):
-    """First-order Gauss with the tableau from polynomial interpolation, iterated to forty digits."""
-    from orbits.tableaux.gauss import gauss as tableau
-
-    t = tableau(stages)
+def partitioned(tableau):
+    """A partitioned Runge–Kutta method in (q, v) with its exact coefficients, iterated to forty digits."""
 
     def step(gm, q, v, h):
-        s = range(stages)
-        Q, V = [q] * stages, [v] * stages
+        s = range(tableau.stages)
+        Q, V = [q] * tableau.stages, [v] * tableau.stages
         for _ in range(400):
             G = [accelerations(gm, x) for x in Q]
             newQ, newV = [], []
             for i in s:
                 x, w = q, v
                 for j in s:
-                    x, w = moved(x, V[j], h * t.exact_a[i][j]), moved(w, G[j], h * t.exact_a[i][j])
+                    x = moved(x, V[j], h * tableau.exact_a[i][j])
+                    w = moved(w, G[j], h * tableau.exact_a_bar[i][j])
                 newQ.append(x)
                 newV.append(w)
             change = max(
@@ -84,17 +82,22 @@ def gauss(stages):
             if change < mpmath.mpf(10) ** -(DIGITS - 5):
                 break
         for i in s:
-            q, v = moved(q, V[i], h * t.exact_b[i]), moved(v, accelerations(gm, Q[i]), h * t.exact_b[i])
+            b = tableau.exact_b[i]
+            q, v = moved(q, V[i], h * b), moved(v, accelerations(gm, Q[i]), h * b)
         return q, v
 
     return step
 
 
+IMPLICIT = (
+    *(Gauss(stages=s) for s in (1, 2, 3, 8)),
+    *(m for name, cls in registry().items() if name not in ("gauss", "stormer-verlet") for m in cls.examples()),
+)
 PLAIN = {
     "stormer-verlet": (StormerVerlet(), verlet),
     "runge-kutta-4": (RungeKutta4(), runge_kutta),
     "explicit-euler": (registry()["explicit-euler"](), euler),
-    **{f"gauss {s}": (Gauss(stages=s), gauss(s)) for s in (1, 2, 3, 8)},
+    **{m.label: (m, partitioned(m.tableau)) for m in IMPLICIT if m.variational},
 }
 
 
