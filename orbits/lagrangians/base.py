@@ -316,7 +316,7 @@ class Lagrangian:
 
 def _real(value: Any, what: str) -> float:
     try:
-        number = float("nan") if isinstance(value, str) else float(value)
+        number = float(value)
     except (TypeError, ValueError):
         raise InputError(f"parameter {what} must be a real number; got {value!r}") from None
     if not np.isfinite(number):

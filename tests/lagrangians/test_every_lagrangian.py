@@ -1,0 +1,105 @@
+"""What must hold of every Lagrangian of the package, whoever wrote its kernels."""
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits.integrators.flow import Flow
+from orbits.lagrangians import registry
+from orbits.lagrangians.base import SEPARABLE, TIME_DEPENDENT
+
+NAMES = sorted(registry())
+T = 0.3
+WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+
+
+def points(L):
+    """The example and three points near it, from a fixed seed."""
+    rng = np.random.default_rng(5)
+    q, v = np.array(L.example.q), np.array(L.example.v)
+    yield q, v
+    for _ in range(3):
+        yield q + 0.05 * rng.normal(size=len(q)), v + 0.05 * rng.normal(size=len(v))
+
+
+def slope(function, x, k, step=2e-3):
+    """An eighth-order central difference along coordinate k."""
+    unit = np.zeros(len(x))
+    unit[k] = step
+    return sum(w * (function(x + m * unit) - function(x - m * unit)) for m, w in WEIGHTS.items()) / step
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gradients_and_hessians_are_the_derivatives_of_the_value(name):
+    L = registry()[name]
+    for q, v in points(L):
+        f, p = L.gradients(q, v, T)
+        qq, qv, vv = L.hessians(q, v, T)
+        for k in range(L.dimension):
+            # Round-off over the step, 2e-13; the error of the difference is (step / distance to a singularity)^8.
+            assert abs(slope(lambda x, v=v: L.value(x, v, T), q, k) - f[k]) < 1e-10
+            assert abs(slope(lambda w, q=q: L.value(q, w, T), v, k) - p[k]) < 1e-10
+            assert np.abs(slope(lambda x, v=v: L.gradients(x, v, T)[0], q, k) - qq[k]).max() < 1e-9
+            assert np.abs(slope(lambda w, q=q: L.gradients(q, w, T)[0], v, k) - qv[:, k]).max() < 1e-9
+            assert np.abs(slope(lambda w, q=q: L.gradients(q, w, T)[1], v, k) - vv[k]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_velocity_that_stages_in_lanes_find_is_that_of_the_point(name):
+    """Kernels on rows of eight against kernels on vectors, through a step so small that it only moves by h v."""
+    L = registry()[name]
+    for method in (orbits.Gauss(stages=1), orbits.Gauss(stages=8)):
+        flow = Flow(L, method, 1e-9, canonical=True)
+        for q, v in points(L):
+            end, _ = flow.step(q, L.momentum(q, v))
+            assert np.abs((end - q) - 1e-9 * v).max() <= 4 * np.spacing(np.abs(q).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_legendre_transform_and_its_inverse_are_inverse(name):
+    L = registry()[name]
+    for q, v in points(L):
+        # Newton's method at the floor: 4.4e-16 at most was reached.
+        assert np.abs(L.velocity(q, L.momentum(q, v, T), T) - v).max() < 2e-15 * max(1.0, np.abs(v).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_symmetries_leave_the_lagrangian_alone_and_generators_are_their_flows_derivatives(name):
+    L = registry()[name]
+    for symmetry in L.symmetries:
+        for q, v in points(L):
+            assert symmetry.defect(q) < 1e-11
+            moved = symmetry.flow(0.7, q)
+            pushed = slope(lambda s, q=q, v=v, g=symmetry: g.flow(0.7, q + s[0] * v), np.zeros(1), 0)
+            assert abs(L.value(moved, pushed, T) - L.value(q, v, T)) < 1e-11
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_traits_say_what_the_derivatives_show(name):
+    L = registry()[name]
+    (q, v), (x, w) = list(points(L))[:2]
+    constant_mass = np.array_equal(L.hessians(q, v)[2], L.hessians(x, w, 0.9)[2])
+    no_mixed = not np.any(L.hessians(x, w)[1])
+    autonomous = L.value(q, v, 0.1) == L.value(q, v, 0.9)
+    assert (SEPARABLE in L.traits) == (constant_mass and no_mixed and autonomous)
+    assert (TIME_DEPENDENT in L.traits) == (not autonomous)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_motion_solves_the_euler_lagrange_equations(name):
+    """d/dt dL/dv = dL/dq along a march of Gauss with 8 stages, by differences of its momenta in time."""
+    L = registry()[name]
+    dt = L.example.dt / 4
+    path = orbits.march(L, orbits.Gauss(stages=8), dt=dt, steps=8)
+    rate = sum(w * (path.p[4 + m] - path.p[4 - m]) for m, w in WEIGHTS.items()) / dt
+    force = L.gradients(path.q[4], path.v[4], path.t[4])[0]
+    assert np.abs(rate - force).max() < 1e-6 * max(1.0, np.abs(force).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_says_what_it_is_and_where_it_comes_from(name):
+    L = registry()[name]
+    assert L.formula
+    assert L.source
+    assert len(L.coordinates) == len(L.example.q) == len(L.example.v)
+    assert getattr(orbits.lagrangians, name.replace("-", "_")) is L

@@ -1,0 +1,278 @@
+"""Lagrangians of a user's own: from SymPy, from kernels by hand; what is refused, and how."""
+
+import os
+import subprocess
+import sys
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import orbits
+from orbits.integrators.flow import Flow
+from orbits.kernels.lanes import get, put
+from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
+
+q, v, w, k, t = sympy.symbols("q v w k t")
+x, y, vx, vy = sympy.symbols("x y vx vy")
+
+
+def made(L, **changes):
+    arguments = {"q": [q], "v": [v], "parameters": {}, "name": "test", **changes}
+    return orbits.Lagrangian.from_sympy(L, **arguments)
+
+
+def printed(expression, symbols):
+    """The value of an expression by the printed statements, in plain Python floats."""
+    printer = Printer({symbol: str(symbol) for symbol in symbols})
+    (result,) = printer.define([expression])
+    names = {name: getattr(mpmath, name) for name in FUNCTIONS}
+    names |= {"sqrt": mpmath.sqrt, "power": mpmath.power, "rsqrt_cubed": lambda a: a ** mpmath.mpf("-1.5")}
+
+    def value(**values):
+        scope = {**names, **{key: mpmath.mpf(number) for key, number in values.items()}}
+        for line in printer.lines:
+            exec(line, scope)
+        return eval(result, scope)
+
+    return value
+
+
+@pytest.mark.parametrize("exponent", [sympy.Rational(n, 2) for n in range(-9, 10) if n] + [sympy.Rational(1, 3), -4, 7])
+def test_powers_are_printed_right_alone_and_in_a_quotient(exponent):
+    base = x**2 + y**2
+    for expression in (base**exponent, 3 * x / (y * base**exponent), x * base ** (exponent - 1) - base**exponent / x):
+        value = printed(expression, [x, y])(x="1.3", y="0.7")
+        exact = sympy.lambdify([x, y], expression, "mpmath")(mpmath.mpf("1.3"), mpmath.mpf("0.7"))
+        assert abs(value - exact) < 1e-13 * abs(exact)  # rational constants are rounded to float64
+
+
+TERMS = [
+    x,
+    y,
+    x * y,
+    x**2 / 3,
+    sympy.sin(x),
+    sympy.exp(-y),
+    1 / (1 + x**2),
+    sympy.sqrt(2 + y**2),
+    (1 + y**2) ** -1.5,
+    -x,
+]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(TERMS), st.sampled_from("+-*/")), min_size=1, max_size=6))
+def test_whatever_is_combined_is_printed_right(parts):
+    expression = sympy.Integer(1)
+    for term, operation in parts:
+        expression = {
+            "+": expression + term,
+            "-": expression - term,
+            "*": expression * term,
+            "/": expression / (3 + term**2),
+        }[operation]
+    value = printed(expression, [x, y])(x="0.8", y="-0.6")
+    exact = sympy.lambdify([x, y], expression, "mpmath")(mpmath.mpf("0.8"), mpmath.mpf("-0.6"))
+    assert abs(value - exact) < 1e-12 * max(1, abs(exact))
+
+
+def test_coordinates_may_be_functions_of_time_and_velocities_their_derivatives():
+    angle = sympy.Function("angle")(t)
+    rate = angle.diff(t)
+    L = made(rate**2 / 2 + sympy.cos(angle), q=[angle], v=[rate], t=t, name="swing")
+    plain = orbits.lagrangians.pendulum
+    assert L.value([0.7], [0.3]) == plain.value([0.7], [0.3])
+    assert orbits.StormerVerlet().serves(L)
+
+
+def test_names_that_are_no_identifiers_work():
+    odd = sympy.Symbol("2 lambda!")
+    L = made(odd * v**2 / 2 - q**4, parameters={odd: 2.0})
+    assert L.momentum([0.1], [0.5])[0] == 1.0
+    assert L.with_parameters(**{"2 lambda!": 3.0}).momentum([0.1], [0.5])[0] == 1.5
+
+
+def test_two_lagrangians_of_one_name_do_not_share_kernels():
+    one, two = made(v**2 / 2 - q**2, name="same"), made(v**2 / 2 - q**4, name="same")
+    assert one.gradients([2.0], [0.0])[0][0] == -4.0
+    assert two.gradients([2.0], [0.0])[0][0] == -32.0
+
+
+REFUSED = {
+    "not regular": (v + q**2, {}, r"not regular.*no kinetic energy"),
+    "a silent velocity": (vx**2 / 2 - x * y, {"q": [x, y], "v": [vx, vy]}, "no kinetic energy in vy"),
+    "degenerate": ((vx + vy) ** 2 / 2, {"q": [x, y], "v": [vx, vy]}, "kinetic energy is degenerate"),
+    "unknown symbol": (v**2 / 2 - k * q**2, {}, r"mentions k, which is neither.*parameters=\{k: 1.0\}"),
+    "gamma": (v**2 / 2 - sympy.gamma(q), {}, "gamma.* cannot be compiled"),
+    "undefined function": (v**2 / 2 - sympy.Function("f")(q), {}, "cannot be compiled"),
+    "an integral": (v**2 / 2 - sympy.Integral(sympy.exp(q**2), q), {}, "cannot be compiled"),
+    "not smooth": (v**2 / 2 - sympy.Max(q, 0) ** 3, {}, "not smooth"),
+    "complex": (v**2 / 2 - sympy.I * q, {}, "complex"),
+    "text": ("v**2/2", {}, "is the text.*SymPy expression"),
+    "not an expression": (3.5j, {}, "complex|SymPy expression|not regular"),
+    "counts": (v**2 / 2, {"v": [v, w]}, "as many coordinates as velocities"),
+    "no list": (v**2 / 2, {"q": q}, "must be lists"),
+    "given twice": (v**2 / 2, {"v": [q]}, "q is given twice"),
+    "complex parameter": (v**2 / 2 - k * q, {"parameters": {k: 1j}}, "parameter k must be a real number"),
+    "infinite parameter": (v**2 / 2 - k * q, {"parameters": {k: float("inf")}}, "parameter k must be finite"),
+    "text as symbol": (v**2 / 2, {"q": ["q"]}, "must be SymPy symbols"),
+    "no name": (v**2 / 2, {"name": ""}, "name must be a word"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_a_lagrangian_is_refused_with_the_reason(case):
+    L, changes, message = REFUSED[case]
+    with pytest.raises(orbits.InputError, match=message):
+        made(L, **changes)
+
+
+PENDULUM, KEPLER = orbits.lagrangians.pendulum, orbits.lagrangians.kepler
+WRONG_USES = {
+    "shape": (lambda: PENDULUM.value([1.0, 2.0], [0.0]), r"has 1 coordinates \(q\); got q of shape \(2,\)"),
+    "nan": (lambda: PENDULUM.value([float("nan")], [0.0]), "q must be finite"),
+    "complex state": (lambda: PENDULUM.value([1j], [0.0]), "must be 1 real numbers"),
+    "text": (lambda: PENDULUM.value("a", [0.0]), "must be 1 real numbers"),
+    "ragged": (lambda: KEPLER.value([[1.0], [1.0, 2.0]], [0.0, 0.0]), "must be 2 real numbers"),
+    "parameter": (lambda: PENDULUM.with_parameters(length=2.0), "no parameter length; it has: m, l, g"),
+    "parameter value": (lambda: PENDULUM.with_parameters(g="x"), "parameter g must be a real number"),
+    "dt": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.0, steps=3), "dt must not be zero"),
+    "dt nan": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=float("nan"), steps=3), "dt must be finite"),
+    "steps": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=0), "steps must be a whole number >= 1"),
+    "every": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=5, every=2), "multiple of every"),
+    "method": (lambda: orbits.march(PENDULUM, "gauss", dt=0.1, steps=5), "must be a method"),
+    "lagrangian": (lambda: orbits.march("pendulum", orbits.Gauss(), dt=0.1, steps=5), "expected a Lagrangian"),
+    "start": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=5, q=[1.0]), "needs q and either v or p"),
+    "canonical": (lambda: Flow(PENDULUM, orbits.StormerVerlet(), 0.1, canonical=True), "has no canonical form"),
+    "kernel names": (
+        lambda: orbits.Lagrangian.from_kernels({"force": restoring}, coordinates=["q"], name="x"),
+        "no kernel is called force",
+    ),
+    "not compiled": (
+        lambda: orbits.Lagrangian.from_kernels({"accelerate": len}, coordinates=["q"], name="x"),
+        "not compiled; put @orbits.kernel",
+    ),
+    "incomplete": (
+        lambda: orbits.Lagrangian.from_kernels({"value": restoring}, coordinates=["q"], name="x"),
+        "value need gradients, hessians",
+    ),
+    "no kernels": (lambda: orbits.Lagrangian.from_kernels({}, coordinates=["q"], name="x"), "no kernels were given"),
+    "stages": (lambda: orbits.LobattoIIIAB(stages=1), "stages between 2 and 8"),
+    "variant": (lambda: orbits.SymplecticEuler(variant="both"), "kick-drift and drift-kick"),
+}
+
+
+@orbits.kernel
+def restoring(parameters, q, out):
+    put(out, 0, -parameters[0] * get(q, 0) * get(q, 0) * get(q, 0))
+
+
+@pytest.mark.parametrize("case", WRONG_USES)
+def test_a_wrong_use_is_an_input_error_that_says_what_is_right(case):
+    use, message = WRONG_USES[case]
+    with pytest.raises(orbits.InputError, match=message):
+        use()
+
+
+def test_kernels_by_hand_march_like_the_same_formula_in_sympy():
+    by_hand = orbits.Lagrangian.from_kernels(
+        {"accelerate": restoring}, coordinates=["q"], name="quartic", parameters={"k": 2.0}
+    )
+    symbolic = made(v**2 / 2 - 2 * q**4 / 4, name="quartic")
+    for method in (orbits.StormerVerlet(), orbits.Gauss(stages=4), orbits.RungeKutta4()):
+        a = orbits.march(by_hand, method, q=[1.0], v=[0.2], dt=0.1, steps=50)
+        b = orbits.march(symbolic, method, q=[1.0], v=[0.2], dt=0.1, steps=50)
+        assert np.abs(a.q - b.q).max() < 1e-14  # 50 steps of roundings; 1.2e-15 was reached
+
+
+@pytest.mark.parametrize(
+    "method",
+    [orbits.Gauss(stages=8), orbits.LobattoIIIAB(stages=3), orbits.StormerVerlet(), orbits.RungeKutta4()],
+    ids=lambda m: m.label,
+)
+@pytest.mark.parametrize("canonical", [False, True])
+def test_a_singular_configuration_on_the_way_is_an_error_with_step_and_state(method, canonical):
+    """A fall into the centre, step 0.3: whatever the method makes of it, no NaN comes back."""
+    if canonical and method.advance_canonical is None:
+        pytest.skip("it has no canonical form")
+    flow = Flow(KEPLER, method, 0.3, canonical=canonical)
+    failure = None
+    try:
+        path = flow.march([1.0, 0.0], [0.0, 0.0], 400)
+    except orbits.IntegrationError as error:
+        failure, path = error, error.trajectory
+    assert np.isfinite(path.q).all()
+    assert np.isfinite(path.p).all()
+    if method.name == "gauss":
+        assert failure is not None
+    if failure is not None:
+        assert "'kepler', step" in str(failure)
+        assert "Use a smaller dt" in str(failure)
+        assert len(path) == failure.step + 1
+
+
+def test_a_start_at_a_singularity_is_an_error():
+    with pytest.raises(orbits.SingularityError, match=r"'kepler' is singular at q = \[0"):
+        KEPLER.value([0.0, 0.0], [1.0, 0.0])
+    with pytest.raises(orbits.InputError, match=r"not regular at q = \[0"):
+        orbits.march(orbits.lagrangians.spherical_pendulum, orbits.Gauss(), dt=0.1, steps=1, q=[0.0, 0.0], v=[0.1, 1.0])
+
+
+def test_newtons_method_takes_over_where_the_fixed_point_diverges():
+    """A stiff oscillator, h omega = 100: Gauss with two stages against its rational map in closed form."""
+    stiff = orbits.lagrangians.harmonic_oscillator.with_parameters(k=1e4, m=1.0)
+    end = Flow(stiff, orbits.Gauss(stages=2), 1.0, canonical=True).step([1.0], [0.3], 3)
+    z = np.array([[0.0, 1.0], [-1e4, 0.0]])
+    one = np.eye(2)
+    step = np.linalg.solve(one - z / 2 + z @ z / 12, one + z / 2 + z @ z / 12)
+    exact = step @ step @ step @ np.array([1.0, 0.3])
+    # The condition of the step is 100: 1.5e-14 was reached.
+    assert abs(end[0][0] - exact[0]) < 1e-12
+    assert abs(end[1][0] - exact[1]) < 1e-10
+    with pytest.raises(orbits.ConvergenceError, match=r"step 1 .*did not converge.*smaller dt"):
+        Flow(stiff, orbits.Gauss(stages=2), 1.0).step([1.0], [0.3])
+
+
+def test_time_dependence_a_march_in_two_parts_is_the_march_in_one():
+    L, method = orbits.lagrangians.driven_pendulum, orbits.Gauss(stages=4)
+    whole = orbits.march(L, method, dt=0.1, steps=100)
+    half = orbits.march(L, method, dt=0.1, steps=50)
+    rest = orbits.march(L, method, dt=0.1, steps=50, q=half.q[-1], p=half.p[-1], t=half.t[-1])
+    assert np.abs(rest.q[-1] - whole.q[-1]).max() < 1e-13  # the cut drops low parts; 6e-15 was reached
+    fine = orbits.march(L, orbits.Gauss(stages=8), dt=0.05, steps=40)
+    errors = []
+    for steps in (5, 10):
+        end = orbits.march(L, orbits.Gauss(stages=2), dt=2.0 / steps, steps=steps)
+        errors.append(abs(end.q[-1, 0] - fine.q[-1, 0]))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.4)
+
+
+PROGRAM = """
+import sys
+import orbits
+from orbits.integrators.vprk import canonical
+L = orbits.lagrangians.double_pendulum
+path = orbits.march(L, orbits.Gauss(stages=2), dt=0.1, steps=3)
+stats = canonical.advance.stats
+print(path.q[-1, 0].hex(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), "sympy" in sys.modules)
+"""
+
+
+def test_kernels_are_found_again_by_another_process_which_needs_no_sympy(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def run():
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
+        )
+        return done.stdout.split()
+
+    cold, warm = run(), run()
+    assert cold[0] == warm[0]
+    assert cold[3] == "True"
+    assert warm[3] == "False"
+    assert int(warm[2]) == 0
