@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         UnknownNameError,
     )
     from orbits.integrators.explicit_euler import ExplicitEuler
-    from orbits.integrators.flow import DiscretePath, march
+    from orbits.integrators.flow import DiscretePath, Flow, march
     from orbits.integrators.gauss import Gauss
     from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
     from orbits.integrators.runge_kutta_4 import RungeKutta4
@@ -64,6 +64,7 @@ __all__ = [
     "DiscretePath",
     "EpochError",
     "ExplicitEuler",
+    "Flow",
     "Gauss",
     "InputError",
     "IntegrationError",
@@ -116,7 +117,7 @@ _HOME = {
         "UnknownNameError",
     ],
     "integrators.explicit_euler": ["ExplicitEuler"],
-    "integrators.flow": ["DiscretePath", "march"],
+    "integrators.flow": ["DiscretePath", "Flow", "march"],
     "integrators.gauss": ["Gauss"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
     "integrators.runge_kutta_4": ["RungeKutta4"],

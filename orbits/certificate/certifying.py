@@ -80,7 +80,8 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
     q, v = values.q[massive].ravel(), values.v[massive].ravel()
     bound = Problem(lagrangian, integrator, step, q, lagrangian.momentum(q, v), 0.0)
     particles = [(values.q[k], values.v[k]) for k in np.flatnonzero(~massive)[:3]]
-    many = f", {int(np.sum(~massive))} massless particles" if particles else ""
+    count = int(np.sum(~massive))
+    many = f", {count} massless particle{'s' * (count > 1)}" if count else ""
     unit = units.time.to_string() if hasattr(units.time, "to_string") else str(units.time)
     return _certificate(bound, f"{int(np.sum(massive))} bodies{many}", unit, particles)
 

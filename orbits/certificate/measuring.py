@@ -213,7 +213,7 @@ class Problem:
         path = self.flow.march(self.q, self.p, ENERGY_STEPS, every=ENERGY_STEPS // 400)
         E = path.energy()
         quarter = len(E) // 4
-        oscillation = max(float(np.ptp(part)) for part in (E[:quarter], E[-quarter:]))
+        oscillation = max(_oscillation(part) for part in (E[:quarter], E[-quarter:]))
         v = path.v
         kinetic = float(np.max(np.abs(np.sum(path.p * v, axis=1))))
         noise = 16.0 * EPS * (kinetic + float(np.max(np.abs(E)))) * math.sqrt(ENERGY_STEPS)
@@ -296,7 +296,14 @@ def _counts(order: int) -> list[int]:
 
 def _plateau(least: float, errors: list[float]) -> float:
     """Where round-off begins: well above the smallest error of all, for a motion may amplify it."""
-    return max(least, 30.0 * min((e for e in errors if math.isfinite(e)), default=0.0))
+    lowest = min((e for e in errors if math.isfinite(e)), default=0.0)
+    return max(least, 30.0 * lowest) if lowest < 1e-11 else least
+
+
+def _oscillation(values: Array) -> float:
+    """How far values swing about the straight line through them."""
+    x = np.arange(len(values), dtype=np.float64)
+    return float(np.ptp(values - np.polyval(np.polyfit(x, values, 1), x)))
 
 
 def _sizes(path: Array) -> Array:

@@ -8,6 +8,7 @@ therefore stamped with a hash of all kernel sources; any edit makes all entries 
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -55,9 +56,11 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
     """
 
     def compile_function(function: Callable) -> Any:
-        dispatcher: Any = numba.njit(
-            cache=True, nogil=True, error_model="numpy", forceinline=inline, fastmath=set() if exact else {"contract"}
-        )(function)
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": inline}
+        options["fastmath"] = set() if exact else {"contract"}
+        if not Path(inspect.getfile(function)).is_file() and not function.__code__.co_filename.startswith("<ipython"):
+            return numba.njit(**options)(function)  # typed into a session: there is no file to keep a cache for
+        dispatcher: Any = numba.njit(cache=True, **options)(function)
         # Private to Numba; pyproject.toml pins the range in which tests have seen it work.
         cache_file = dispatcher._cache._cache_file
         cache_file._source_stamp = (cache_file._source_stamp, source_stamp())

@@ -195,6 +195,8 @@ class Lagrangian:
         """Return L(q, v, t). Raises SingularityError where it is not finite."""
         from orbits.lagrangians.evaluation import value
 
+        self._require_derivatives()
+
         x, w = self.vector(q, "q"), self.vector(v, "v")
         result = float(value(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w)))
         self._finite(result, x, w, t)
@@ -203,6 +205,8 @@ class Lagrangian:
     def gradients(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> tuple[Array, Array]:
         """Return (dL/dq, dL/dv), each (d,). Raises SingularityError where they are not finite."""
         from orbits.lagrangians.evaluation import gradients
+
+        self._require_derivatives()
 
         x, w = self.vector(q, "q"), self.vector(v, "v")
         f, p = np.empty(self.dimension), np.empty(self.dimension)
@@ -216,6 +220,8 @@ class Lagrangian:
         Raises SingularityError where they are not finite.
         """
         from orbits.lagrangians.evaluation import hessians
+
+        self._require_derivatives()
 
         x, w = self.vector(q, "q"), self.vector(v, "v")
         d = self.dimension
@@ -286,9 +292,8 @@ class Lagrangian:
             raise InputError(f"'{self.name}': {what} must be {self.dimension} real numbers; got {x!r}")
         if given.size != self.dimension or (given.ndim > 1 and given.shape != (self.dimension // 3, 3)):
             names = ", ".join(self.coordinates[:6]) + (", ..." if self.dimension > 6 else "")
-            raise InputError(
-                f"'{self.name}' has {self.dimension} coordinates ({names}); got {what} of shape {given.shape}"
-            )
+            count = f"{self.dimension} coordinate{'s' * (self.dimension > 1)}"
+            raise InputError(f"'{self.name}' has {count} ({names}); got {what} of shape {given.shape}")
         values = np.array(given, dtype=np.float64).reshape(-1)
         if not np.all(np.isfinite(values)):
             raise InputError(f"'{self.name}': {what} must be finite; got {show(values)}")
@@ -304,6 +309,13 @@ class Lagrangian:
 
     _in = kernel_order
     _out = caller_order
+
+    def _require_derivatives(self) -> None:
+        if GRADIENTS not in self.traits:
+            raise InputError(
+                f"'{self.name}' has accelerations only: L and its derivatives are not known. Give value, gradients and "
+                "hessians to Lagrangian.from_kernels as well."
+            )
 
     def _finite(self, probe: float, q: Array, v: Array, t: float) -> None:
         if not np.isfinite(probe):

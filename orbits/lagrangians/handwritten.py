@@ -68,5 +68,8 @@ def _digest(kernels: Mapping[str, Any]) -> str:
     for key, value in sorted(kernels.items()):
         function = value.py_func
         digest.update(f"{key} {function.__module__}.{function.__qualname__}".encode())
-        digest.update(Path(inspect.getfile(function)).read_bytes())
+        path = Path(inspect.getfile(function))
+        # What was typed into a session has no file; its code stands for it.
+        digest.update(path.read_bytes() if path.is_file() else repr(function.__code__.co_consts).encode())
+        digest.update(function.__code__.co_code)
     return digest.hexdigest()[:16]

@@ -51,7 +51,7 @@ def test_runge_kutta_is_not_certified_on_a_system_and_neither_are_its_particles(
 
 def test_the_table_names_the_step_the_unit_and_the_verdict(certificate):
     text = certificate.table()
-    assert text.startswith("Gauss(stages=4) on 4 bodies, 1 massless particles, dt = 10 d")
+    assert text.startswith("Gauss(stages=4) on 4 bodies, 1 massless particle, dt = 10 d")
     assert text.endswith("a variational integrator, as declared")
     assert str(certificate) == text
 

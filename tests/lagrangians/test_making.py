@@ -111,6 +111,7 @@ REFUSED = {
     "undefined function": (v**2 / 2 - sympy.Function("f")(q), {}, "cannot be compiled"),
     "an integral": (v**2 / 2 - sympy.Integral(sympy.exp(q**2), q), {}, "cannot be compiled"),
     "not smooth": (v**2 / 2 - sympy.Max(q, 0) ** 3, {}, "not smooth"),
+    "absolute value": (v**2 / 2 - sympy.Abs(q) ** 3, {}, r"Abs\(q\) in L .*not smooth"),
     "complex": (v**2 / 2 - sympy.I * q, {}, "complex"),
     "text": ("v**2/2", {}, "is the text.*SymPy expression"),
     "not an expression": (3.5j, {}, "complex|SymPy expression|not regular"),
@@ -133,7 +134,7 @@ def test_what_cannot_be_a_lagrangian_is_refused_with_the_reason(case):
 
 PENDULUM, KEPLER = orbits.lagrangians.pendulum, orbits.lagrangians.kepler
 WRONG_USES = {
-    "shape": (lambda: PENDULUM.value([1.0, 2.0], [0.0]), r"has 1 coordinates \(q\); got q of shape \(2,\)"),
+    "shape": (lambda: PENDULUM.value([1.0, 2.0], [0.0]), r"has 1 coordinate \(q\); got q of shape \(2,\)"),
     "nan": (lambda: PENDULUM.value([float("nan")], [0.0]), "q must be finite"),
     "complex state": (lambda: PENDULUM.value([1j], [0.0]), "must be 1 real numbers"),
     "text": (lambda: PENDULUM.value("a", [0.0]), "must be 1 real numbers"),
@@ -159,6 +160,10 @@ WRONG_USES = {
     "incomplete": (
         lambda: orbits.Lagrangian.from_kernels({"value": restoring}, coordinates=["q"], name="x"),
         "value need gradients, hessians",
+    ),
+    "accelerations only": (
+        lambda: orbits.Lagrangian.from_kernels({"accelerate": restoring}, coordinates=["q"], name="x").energy([1], [0]),
+        "has accelerations only.*value, gradients and hessians",
     ),
     "no kernels": (lambda: orbits.Lagrangian.from_kernels({}, coordinates=["q"], name="x"), "no kernels were given"),
     "stages": (lambda: orbits.LobattoIIIAB(stages=1), "stages between 2 and 8"),

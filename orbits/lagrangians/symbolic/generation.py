@@ -115,12 +115,24 @@ def _flat(table: list[list[Any]]) -> list[Any]:
     return [x for row in table for x in row]
 
 
+def name_of(coordinate: Any) -> str:
+    """Return the name of a coordinate: theta also for theta(t)."""
+    return str(coordinate.func) if coordinate.is_Function else str(coordinate)
+
+
+def _shown(part: Any) -> str:
+    """An expression as its author wrote it: SymPy marks our own symbols with an underscore."""
+    import sympy
+
+    return str(part.xreplace({x: sympy.Symbol(x.name) for x in part.atoms(sympy.Dummy)}))
+
+
 def _in_plain_symbols(formula: Formula) -> tuple[Any, list[Any], list[Any], Any]:
     """L with coordinates, velocities and time as fresh symbols, so that q may have been given as functions of t."""
     import sympy
 
-    q = [sympy.Dummy(f"q{k}") for k in range(len(formula.q))]
-    v = [sympy.Dummy(f"v{k}") for k in range(len(formula.q))]
+    q = [sympy.Dummy(name_of(x)) for x in formula.q]
+    v = [sympy.Dummy(str(x)) for x in formula.v]
     t = sympy.Dummy("t")
     L = formula.L.xreplace(dict(zip(formula.v, v, strict=True))).xreplace(dict(zip(formula.q, q, strict=True)))
     if formula.t is not None:
@@ -141,19 +153,19 @@ def _in_plain_symbols(formula: Formula) -> tuple[Any, list[Any], list[Any], Any]
 def _check_functions(name: str, expressions: Sequence[Any]) -> None:
     import sympy
 
-    allowed = {"Symbol", "Dummy", "Add", "Mul", "Pow", "Abs", *FUNCTIONS}
+    allowed = {"Symbol", "Dummy", "Add", "Mul", "Pow", *FUNCTIONS}
     for expression in expressions:
         for part in sympy.preorder_traversal(expression):
             kind = type(part).__name__
             if part.is_number or kind in allowed:
                 continue
-            if kind in ("sign", "DiracDelta", "Heaviside", "Piecewise", "Min", "Max"):
+            if kind in ("Abs", "sign", "DiracDelta", "Heaviside", "Piecewise", "Min", "Max"):
                 raise InputError(
-                    f"'{name}': {part} in L or its derivatives is not smooth; a Lagrangian must be twice "
+                    f"'{name}': {_shown(part)} in L or its derivatives is not smooth; a Lagrangian must be twice "
                     "differentiable. Replace it by a smooth function."
                 )
             raise InputError(
-                f"'{name}': {part} cannot be compiled ({kind}). L may contain + - * / **, sqrt and "
+                f"'{name}': {_shown(part)} cannot be compiled ({kind}). L may contain + - * / **, sqrt and "
                 f"{', '.join(FUNCTIONS)}; write it out with these, or supply kernels by hand: "
                 "Lagrangian.from_kernels."
             )

@@ -10,7 +10,7 @@ from typing import Any
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion
-from orbits.lagrangians.symbolic.generation import Formula, source
+from orbits.lagrangians.symbolic.generation import Formula, name_of, source
 from orbits.lagrangians.symbolic.modules import digest, module
 from orbits.lagrangians.symmetry import Symmetry
 
@@ -33,7 +33,7 @@ def from_sympy(
 
     key = digest(name, *(sympy.srepr(x) for x in (formula.L, *formula.q, *formula.v, *formula.parameters)), str(t))
     compiled = _compiled(name, key, lambda: source(formula))
-    names = [str(x) for x in formula.q]
+    names = [name_of(x) for x in formula.q]
     return Lagrangian(
         name=name,
         formula=str(L),

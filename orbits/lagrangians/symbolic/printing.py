@@ -63,8 +63,6 @@ class Printer:
         if e.is_Pow:
             return self._power(e.base, e.exp)
         name = type(e).__name__
-        if name == "Abs":
-            return f"abs({self.text(e.args[0])})"
         if name in FUNCTIONS:
             return f"{name}({', '.join(self.text(a) for a in e.args)})"
         raise InputError(f"{name} cannot be compiled")
