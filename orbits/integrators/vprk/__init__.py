@@ -7,6 +7,8 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, ClassVar
 
+import numpy as np
+
 from orbits.errors import InputError
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC
 from orbits.integrators.vprk.family import VariationalRungeKutta
@@ -90,6 +92,8 @@ def _number(x: Any) -> Fraction:
 
 def _row(values: Any, what: str) -> tuple[Any, ...]:
     try:
+        if isinstance(values, str) or np.iscomplexobj(values):
+            raise TypeError
         row = tuple(x if isinstance(x, str) else float(x) for x in values)
         for x in row:
             Fraction(x)
