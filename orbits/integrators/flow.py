@@ -82,7 +82,9 @@ class Flow:
         if self.dt == 0.0:
             raise InputError("dt must not be zero")
         self.canonical = canonical or not integrator.requires <= lagrangian.traits
-        if self.canonical and (integrator.advance_canonical is None or GRADIENTS not in lagrangian.traits):
+        self._has_canonical = integrator.advance_canonical is not None and GRADIENTS in lagrangian.traits
+        self._start: Array = np.zeros(lagrangian.dimension)
+        if self.canonical and not self._has_canonical:
             raise InputError(f"{integrator.label} has no canonical form for '{lagrangian.name}'")
         size = lagrangian.dimension
         self._tag = method_tag(integrator.advance, integrator.advance_canonical)
@@ -97,10 +99,15 @@ class Flow:
         path = self.march(q, p, steps, every=steps)
         return path.q[-1], path.p[-1]
 
-    def march(self, q: ArrayLike, p: ArrayLike, steps: int, *, every: int = 1) -> DiscretePath:
+    def march(
+        self, q: ArrayLike, p: ArrayLike, steps: int, *, every: int = 1, v: ArrayLike | None = None
+    ) -> DiscretePath:
         """March from (q, p) and record every `every`-th state, the first included.
 
         q, p : (d,) positions and momenta; steps : a multiple of `every`
+        v : velocities at the start, where they are known; otherwise they are found from p
+        Where the fixed point of the second-order form does not converge, the march is done in canonical form, with
+        Newton's method.
         Raises ConvergenceError or SingularityError, with the step and the state, if a step cannot be taken; the error's
         `trajectory` holds the samples before.
         """
@@ -111,7 +118,13 @@ class Flow:
         samples = steps // every
         out_q, out_p = np.empty((samples + 1, len(x))), np.empty((samples + 1, len(x)))
         out_q[0], out_p[0] = x, y
+        if self.canonical:
+            known = self.lagrangian.velocity(x, y, self.t) if v is None else self.lagrangian.vector(v, "v")
+            self._start = self.lagrangian.kernel_order(known)
         status, done, evaluations = self._record(x, y, every, out_q[1:], out_p[1:])
+        if status == NOT_CONVERGED and not self.canonical and self._has_canonical:
+            general = Flow(self.lagrangian, self.integrator, self.dt, t=self.t, canonical=True)
+            return general.march(x, y, steps, every=every, v=v)
         path = self._path(out_q, out_p, every, evaluations)
         if status != OK:
             self._fail(status, done, x, y, path, every)
@@ -125,6 +138,8 @@ class Flow:
         second = p if mass is None else self.lagrangian.solve_mass(mass, p, q)
         state = [_padded(order(q)), _padded(np.zeros_like(q)), _padded(order(second)), _padded(np.zeros_like(p))]
         self._memory[:] = 0.0
+        if self.canonical:
+            self._memory[: len(q)] = self._start[:, None]
         bound = (self._tag, self.lagrangian.tag, self.lagrangian.parameter_vector, self._coefficients)
         if self.canonical:
             status, done, evaluations = record_canonical(
@@ -217,8 +232,9 @@ def march(
         path.t, path.q, path.p, path.v, path.energy()
     """
     flow = Flow(lagrangian, integrator, dt, t=t)
+    known = lagrangian.example.v if q is None and lagrangian.example is not None else v
     q, p = starting_state(lagrangian, q, v, p, t)
-    return flow.march(q, p, steps, every=every)
+    return flow.march(q, p, steps, every=every, v=known)
 
 
 def starting_state(

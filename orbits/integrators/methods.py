@@ -22,7 +22,8 @@ def method_tag(advance: Any, advance_canonical: Any) -> Tag:
     for kernel in kernels.values():
         digest.update(f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}".encode())
         path = Path(inspect.getfile(kernel.py_func))
-        digest.update(path.read_bytes() if path.is_file() else kernel.py_func.__code__.co_code)
+        digest.update(path.read_bytes() if path.is_file() else repr(kernel.py_func.__code__.co_consts).encode())
+        digest.update(kernel.py_func.__code__.co_code)
     return Tag(f"method-{digest.hexdigest()[:16]}", kernels)
 
 

@@ -19,6 +19,14 @@ PATIENCE = 8
 LOST = 2.0**-53
 """A change below this fraction of the largest stage value vanishes in rounding."""
 
+FLOOR = 2.0**-50
+"""For coordinates of any Lagrangian, a change below this fraction that has stopped falling is at the floor. A single
+change that does not fall says nothing: forces turn what is left of an error from one component into another.
+"""
+
+TIGHT = 2.0**-46
+"""An iteration of any Lagrangian's coordinates that stops above this fraction has stalled, not converged."""
+
 NEAR_FLOOR = 2.0**-40
 """A change below this fraction that has stopped falling is at the floor."""
 

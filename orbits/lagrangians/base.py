@@ -244,13 +244,35 @@ class Lagrangian:
         Raises InputError where L is not regular at q: the matrix d2L/dv dv has no inverse.
         """
         x, target = self.vector(q, "q"), self.vector(p, "p")
-        v: Array = np.zeros(self.dimension)
+        size = float(np.max(np.abs(target)))
+        failure: InputError | None = None
+        # From rest, or, where L is not regular at rest, along the momentum.
+        for start in (np.zeros(self.dimension), target / size if size > 0.0 else target):
+            try:
+                return self._velocity(x, target, t, start)
+            except InputError as error:
+                failure = failure or error
+        raise failure if failure is not None else InputError(f"'{self.name}': no velocity found")
+
+    def _velocity(self, x: Array, target: Array, t: float, start: Array) -> Array:
+        """Newton's method, its steps halved while they leave the domain of L or make the residual larger."""
+        v = start.copy()
+        residual = target - self.momentum(x, v, t)
         previous = np.inf
         for _ in range(60):
             mass = self.hessians(x, v, t)[2]
-            change = self.solve_mass(mass, target - self.momentum(x, v, t), x)
-            v += change
+            change = self.solve_mass(mass, residual, x)
             size = float(np.max(np.abs(change)))
+            near = size <= 1e-8 * float(np.max(np.abs(v)))
+            for _ in range(40):
+                try:
+                    new = target - self.momentum(x, v + change, t)
+                except SingularityError:
+                    new = np.full_like(target, np.inf)
+                if near or np.max(np.abs(new)) <= np.max(np.abs(residual)):
+                    break
+                change = change / 2.0
+            v, residual = v + change, new
             if size == 0.0 or (size >= previous and size <= 1e-8 * float(np.max(np.abs(v)))):
                 return v
             previous = size

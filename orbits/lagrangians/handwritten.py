@@ -35,6 +35,12 @@ def from_kernels(
     bare = [key for key, value in kernels.items() if not hasattr(value, "py_func")]
     if bare:
         raise InputError(f"'{name}': {', '.join(bare)} is not compiled; put @orbits.kernel above its definition")
+    closures = [key for key, value in kernels.items() if value.py_func.__closure__]
+    if closures:
+        raise InputError(
+            f"'{name}': {', '.join(closures)} uses a variable of the function that it is defined in, which compiled "
+            "code would keep for ever; make it one of the parameters"
+        )
     canonical = [key for key in CANONICAL if key in kernels]
     if canonical and len(canonical) < 3:
         missing = [key for key in CANONICAL if key not in kernels]
@@ -62,14 +68,27 @@ def from_kernels(
     )
 
 
+def _sources(function: Any, seen: dict[str, bytes]) -> None:
+    """Collect the sources of a function's file and of those that hold the kernels it calls."""
+    path = Path(inspect.getfile(function))
+    # What was typed into a session has no file; its code stands for it.
+    code = function.__code__
+    seen[f"{function.__module__}.{function.__qualname__}"] = code.co_code + repr(code.co_consts).encode()
+    if path.is_file():
+        seen[str(path)] = path.read_bytes()
+    for name in code.co_names:
+        called = getattr(function.__globals__.get(name), "py_func", None)
+        if called is not None and f"{called.__module__}.{called.__qualname__}" not in seen:
+            _sources(called, seen)
+
+
 def _digest(kernels: Mapping[str, Any]) -> str:
-    """A hash of the files that the kernels stand in: an edit there makes compiled code stale."""
+    """A hash of the files that the kernels and what they call stand in: an edit there makes compiled code stale."""
     digest = hashlib.sha256()
     for key, value in sorted(kernels.items()):
-        function = value.py_func
-        digest.update(f"{key} {function.__module__}.{function.__qualname__}".encode())
-        path = Path(inspect.getfile(function))
-        # What was typed into a session has no file; its code stands for it.
-        digest.update(path.read_bytes() if path.is_file() else repr(function.__code__.co_consts).encode())
-        digest.update(function.__code__.co_code)
+        seen: dict[str, bytes] = {}
+        _sources(value.py_func, seen)
+        digest.update(key.encode())
+        for name, text in sorted(seen.items()):
+            digest.update(name.encode() + text)
     return digest.hexdigest()[:16]

@@ -141,9 +141,11 @@ def _require_pair(tableau: PartitionedTableau, tolerance: float) -> None:
             "weights that are not zero. Leave that stage out."
         )
     with mpmath.workdps(DIGITS):
-        total = float(abs(mpmath.fsum(tableau.exact_b) - 1))
-    if total > tolerance:
-        raise InputError(f"{tableau.name}: the weights b sum to 1 + {total:.3g}; expected 1, or no step has order 1")
+        excess = mpmath.fsum(tableau.exact_b) - 1
+    if abs(excess) > tolerance:
+        raise InputError(
+            f"{tableau.name}: the weights b sum to {float(1 + excess):.17g}; expected 1, or no step has order 1"
+        )
     defect = tableau.symplecticity_residual()
     if not defect <= tolerance:
         raise InputError(

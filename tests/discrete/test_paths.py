@@ -103,3 +103,12 @@ def test_times_must_be_uniform_and_the_offender_is_named():
 def test_what_is_no_path_is_refused(path):
     with pytest.raises(InputError):
         discrete.euler_lagrange_residual(discrete.trapezoidal(Pendulum()), path, 0.1)
+
+
+def test_the_times_of_a_clock_that_adds_dt_again_and_again_are_uniform():
+    import orbits
+
+    path = orbits.march(orbits.lagrangians.pendulum, orbits.Gauss(stages=1), dt=0.1, steps=1000)
+    times = np.cumsum(np.full(1001, 0.1)) - 0.1
+    L_d = discrete.midpoint(orbits.lagrangians.pendulum)
+    assert np.abs(discrete.euler_lagrange_residual(L_d, path.q, times)).max() < 1e-12

@@ -21,8 +21,10 @@ from orbits.kernels.binding import bodies, dimension, gradients, hessians
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
+    FLOOR,
     NEAR_FLOOR,
     PATIENCE,
+    TIGHT,
     begin,
     falling,
     settled,
@@ -35,16 +37,6 @@ from orbits.kernels.summation import add_compensated, compensated_row_sums
 
 FIXED_POINT_SWEEPS, NEWTON_SWEEPS = 16, 40
 """Sweeps after which the next attempt begins. A fixed point that needs more gains less than a bit in two sweeps."""
-
-FLOOR = 2.0**-50
-"""A change below this fraction of a component that has stopped falling is at the floor. A magnetic force turns what is
-left of an error from one component into another: a single change that does not fall says nothing.
-"""
-
-TIGHT = 2.0**-46
-"""A fixed point that stops above this fraction has stalled, not converged; Newton's method decides then, and where that
-stalls it is the rounding of the forces.
-"""
 
 ATTEMPTS = 6
 """The fixed point, then Newton with so many Jacobians less one."""
@@ -181,14 +173,13 @@ def advance(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory
                 for k in range(d):
                     finite &= not any_lane(1.0 - (load(V, k) * 0.0 == full(0.0)) * (load(F, k) * 0.0 == full(0.0)))
                 count = bodies(tag, parameters)
-                where = -1
-                if attempt == 0:
-                    where = unsettled_coordinate(history, blocks, d, TIGHT, FLOOR)
-                elif not settled(history, blocks, CONVERGED):
+                # What has stalled gets a new Jacobian; when even the last one stalls, it is the rounding of the forces.
+                where = unsettled_coordinate(history, blocks, d, TIGHT, FLOOR)
+                if where >= 0 and attempt == ATTEMPTS - 1:
                     if count > 0:
                         where = unsettled_body(history, blocks, count, CONVERGED)
                     else:
-                        where = unsettled_coordinate(history, blocks, d, CONVERGED, NEAR_FLOOR)
+                        where = unsettled_coordinate(history, blocks, d, NEAR_FLOOR, NEAR_FLOOR)
                 if finite and where < 0:
                     converged = True
                     break

@@ -19,10 +19,12 @@ from orbits.kernels.binding import accelerate, bodies, dimension, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
+    FLOOR,
     LIMIT,
     LOST,
     NEAR_FLOOR,
     PATIENCE,
+    TIGHT,
     begin,
     falling,
     settled,
@@ -69,6 +71,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     Returns (status, steps done, body or coordinate, evaluations). A step that fails changes nothing.
     """
     size = dimension(tag, parameters)
+    count = bodies(tag, parameters)
     blocks = (size + WIDTH - 1) // WIDTH
     rows = WIDTH * blocks
     base, change, history, L = work[:rows], work[rows : 2 * rows], work[2 * rows : 2 * rows + 3 * blocks], memory
@@ -96,18 +99,18 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
                 begin(change, history, blocks)
             elif not falling(change, history, blocks):
                 patience -= 1
-                last = patience == 0 or settled(history, blocks, NEAR_FLOOR)
+                last = patience == 0 or settled(history, blocks, NEAR_FLOOR if count > 0 else FLOOR)
             iteration += 1
             if iteration == LIMIT:
                 break
             for k in range(size):
                 store(Q, k, q[k] + (load(base, k) + h * combine(coefficients, ETA, L, k)))
         if not settled(history, blocks, CONVERGED):
-            count = bodies(tag, parameters)
-            if count > 0:
-                where = unsettled_body(history, blocks, count, CONVERGED)
-            else:
-                where = unsettled_coordinate(history, blocks, size, CONVERGED, NEAR_FLOOR)
+            body = unsettled_body(history, blocks, count, CONVERGED)
+            if count > 0 and body >= 0:
+                return NOT_CONVERGED, step, body, evaluations
+        if count == 0:
+            where = unsettled_coordinate(history, blocks, size, TIGHT, FLOOR)
             if where >= 0:
                 return NOT_CONVERGED, step, where, evaluations
 

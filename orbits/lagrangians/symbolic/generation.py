@@ -10,7 +10,7 @@ from orbits.errors import InputError
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, TIME_DEPENDENT
 from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
 
-HEADER = '''"""Made by orbits from a Lagrangian in SymPy: {name}. Made anew when it is missing; not to be edited."""
+HEADER = '''"""Made by orbits from a Lagrangian in SymPy; made anew when it is missing, not to be edited."""
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed, sqrt
@@ -61,7 +61,7 @@ def source(formula: Formula) -> str:
         and t not in L.free_symbols
     )
     traits = [GRADIENTS, *([SEPARABLE] if separable else []), *([TIME_DEPENDENT] if t in L.free_symbols else [])]
-    text = [HEADER.format(name=formula.name, traits=tuple(traits), d=d)]
+    text = [HEADER.format(traits=tuple(traits), d=d)]
     kernels = _Kernels(formula, q, v, t)
     text.append(kernels.value(L))
     text.append(kernels.filling("gradients", "parameters, t, q, v, f, p", {"f": f, "p": p}))

@@ -31,7 +31,8 @@ def from_sympy(
     formula = _checked(L, q, v, t, parameters or {}, name)
     import sympy
 
-    key = digest(name, *(sympy.srepr(x) for x in (formula.L, *formula.q, *formula.v, *formula.parameters)), str(t))
+    parts = ([formula.L], formula.q, formula.v, formula.parameters, [] if t is None else [t])
+    key = digest(name, repr([[sympy.srepr(x) for x in part] for part in parts]))
     compiled = _compiled(name, key, lambda: source(formula))
     names = [name_of(x) for x in formula.q]
     return Lagrangian(
@@ -74,7 +75,7 @@ def shipped(
         q = sympy.symbols([f"q_{k}" for k in range(len(coordinates))])
         v = sympy.symbols([f"v_{k}" for k in range(len(coordinates))])
         t = sympy.Symbol("t")
-        p = {key: sympy.Symbol(f"p_{key}", positive=True) for key in parameters}
+        p = {key: sympy.Symbol(f"p_{key}") for key in parameters}
         L = sympy.sympify(expression(q, v, t, types.SimpleNamespace(**p)))
         return source(Formula(name, L, tuple(q), tuple(v), t, tuple(p.values())))
 
@@ -115,7 +116,9 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
         expression = None
     if not isinstance(expression, sympy.Expr):
         raise InputError(f"'{name}': L must be a SymPy expression, got {type(L).__name__}")
-    if isinstance(q, sympy.Basic | str) or isinstance(v, sympy.Basic | str) or len(q) != len(v) or not len(q):
+    if not isinstance(parameters, Mapping):
+        raise InputError(f"'{name}': parameters must be a mapping from symbols to values, got {parameters!r}")
+    if not all(isinstance(x, list | tuple) for x in (q, v)) or len(q) != len(v) or not len(q):
         raise InputError(
             f"'{name}': q and v must be lists of as many coordinates as velocities, such as q=[x, y], v=[vx, vy]; got "
             f"{q!r} and {v!r}"
@@ -135,6 +138,11 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
             number = float(value)
         except (TypeError, ValueError):
             raise InputError(f"'{name}': parameter {key} must be a real number, got {value!r}") from None
-        if number != number or number in (float("inf"), float("-inf")):
+        signs = ((key.is_positive, number > 0), (key.is_negative, number < 0), (key.is_nonnegative, number >= 0))
+        if any(assumed and not so for assumed, so in signs):
+            raise InputError(
+                f"'{name}': parameter {key} was declared to SymPy with a sign that {value!r} does not have"
+            )
+        if isinstance(value, str) or number != number or number in (float("inf"), float("-inf")):
             raise InputError(f"'{name}': parameter {key} must be finite, got {value!r}")
     return Formula(name, expression, tuple(q), tuple(v), t, tuple(parameters))

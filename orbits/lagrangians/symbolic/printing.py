@@ -140,7 +140,10 @@ class Printer:
 
 def _number(e: Any) -> str:
     if e.is_Rational:
-        return repr(int(e.p) / int(e.q))
+        try:
+            return repr(int(e.p) / int(e.q))
+        except OverflowError:
+            raise InputError("a number in L is larger than float64 can hold, 1.8e308") from None
     value = complex(e.evalf(30))
     if value.imag != 0.0:
         raise InputError(f"the number {e} is complex; a Lagrangian is real")
