@@ -116,7 +116,7 @@ def _hessians(lagrangian, parameters, t, q, v, out):
 
 
 def accelerate(lagrangian, parameters, q, out):
-    """Write the accelerations g(q) of all coordinates into `out`; vectors, or rows of eight stages."""
+    """Write the accelerations g(q) of all coordinates into `out`; padded vectors (d + 8,), or rows of eight stages."""
     raise NotImplementedError("accelerate() is for compiled code only")
 
 

@@ -82,6 +82,22 @@ class Lagrangian:
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)
 
+    def __post_init__(self) -> None:
+        """Raise InputError for names, parameters, an example or symmetries that cannot be those of a Lagrangian."""
+        require_name(self.name)
+        names = self.coordinates
+        if not names or not all(isinstance(x, str) and x for x in names) or len(set(names)) < len(names):
+            raise InputError(f"'{self.name}': coordinates must be different names, one for each, got {list(names)}")
+        if not isinstance(self.parameters, Mapping):
+            raise InputError(f"'{self.name}': parameters must be values by name, got {self.parameters!r}")
+        object.__setattr__(self, "parameters", {key: real(value, key) for key, value in self.parameters.items()})
+        if self.example is not None:
+            self.vector(self.example.q, "the example's q")
+            self.vector(self.example.v, "the example's v")
+        strangers = [x for x in self.symmetries if not isinstance(x, Symmetry)]
+        if strangers:
+            raise InputError(f"'{self.name}': symmetries must be `orbits.Symmetry` objects, got {strangers[0]!r}")
+
     @staticmethod
     def from_sympy(
         L: Any,
@@ -187,9 +203,8 @@ class Lagrangian:
         if unknown:
             known = ", ".join(self.parameters) or "none"
             raise InputError(f"'{self.name}' has no parameter {', '.join(unknown)}; it has: {known}")
-        changed = {key: float(_real(value, key)) for key, value in {**self.parameters, **values}.items()}
         made = self.compiled
-        return replace(self, parameters=changed, compile=lambda: made)
+        return replace(self, parameters={**self.parameters, **values}, compile=lambda: made)
 
     def value(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> float:
         """Return L(q, v, t). Raises SingularityError where it is not finite."""
@@ -348,10 +363,19 @@ class Lagrangian:
             )
 
 
-def _real(value: Any, what: str) -> float:
+def require_name(name: Any) -> None:
+    """Raise InputError unless `name` can be a Lagrangian's."""
+    if not isinstance(name, str) or not name.strip():
+        raise InputError(f"a Lagrangian's name must be a word, got {name!r}")
+
+
+def real(value: Any, what: str) -> float:
+    """Return the value of a parameter as a float. Raises InputError for what is not a finite real number."""
     try:
+        if isinstance(value, str) or np.iscomplexobj(value):
+            raise TypeError
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"parameter {what} must be a real number; got {value!r}") from None
     if not np.isfinite(number):
         raise InputError(f"parameter {what} must be finite; got {value!r}")

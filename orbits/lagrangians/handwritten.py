@@ -6,7 +6,10 @@ import hashlib
 import inspect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
+
+import numpy as np
 
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
@@ -29,7 +32,9 @@ def from_kernels(
     source: str,
 ) -> Lagrangian:
     """Return a Lagrangian from kernels; see `Lagrangian.from_kernels`."""
-    unknown = [key for key in kernels if key not in KNOWN]
+    if not isinstance(kernels, Mapping):
+        raise InputError(f"'{name}': kernels must be functions by name, such as {{'accelerate': f}}; got {kernels!r}")
+    unknown = [str(key) for key in kernels if key not in KNOWN]
     if unknown:
         raise InputError(f"'{name}': no kernel is called {', '.join(unknown)}; known are {', '.join(KNOWN)}")
     bare = [key for key, value in kernels.items() if not hasattr(value, "py_func")]
@@ -47,7 +52,7 @@ def from_kernels(
         raise InputError(f"'{name}': {', '.join(canonical)} need {', '.join(missing)} beside them")
     if not kernels:
         raise InputError(f"'{name}': no kernels were given; expected accelerate, or {', '.join(CANONICAL)}")
-    if isinstance(coordinates, str) or not len(coordinates):
+    if isinstance(coordinates, str) or not isinstance(coordinates, Sequence):
         raise InputError(f"'{name}': coordinates must be a list of names, got {coordinates!r}")
     traits = {SEPARABLE} if "accelerate" in kernels else set()
     traits |= {GRADIENTS} if canonical else set()
@@ -60,7 +65,7 @@ def from_kernels(
         name=name,
         formula=formula or "by hand",
         coordinates=tuple(coordinates),
-        parameters=dict(parameters),
+        parameters=parameters,
         compile=lambda: made,
         example=example,
         symmetries=tuple(symmetries),
@@ -68,27 +73,45 @@ def from_kernels(
     )
 
 
-def _sources(function: Any, seen: dict[str, bytes]) -> None:
-    """Collect the sources of a function's file and of those that hold the kernels it calls."""
-    path = Path(inspect.getfile(function))
-    # What was typed into a session has no file; its code stands for it.
-    code = function.__code__
-    seen[f"{function.__module__}.{function.__qualname__}"] = code.co_code + repr(code.co_consts).encode()
-    if path.is_file():
-        seen[str(path)] = path.read_bytes()
-    for name in code.co_names:
-        called = getattr(function.__globals__.get(name), "py_func", None)
-        if called is not None and f"{called.__module__}.{called.__qualname__}" not in seen:
-            _sources(called, seen)
-
-
 def _digest(kernels: Mapping[str, Any]) -> str:
-    """A hash of the files that the kernels and what they call stand in: an edit there makes compiled code stale."""
+    """A hash of all that compiled code would freeze; two Lagrangians of one name must never share kernels."""
     digest = hashlib.sha256()
+    seen: set[int] = set()
     for key, value in sorted(kernels.items()):
-        seen: dict[str, bytes] = {}
-        _sources(value.py_func, seen)
         digest.update(key.encode())
-        for name, text in sorted(seen.items()):
-            digest.update(name.encode() + text)
+        _add(digest, value, seen)
     return digest.hexdigest()[:16]
+
+
+def _add(digest: Any, value: Any, seen: set[int]) -> None:
+    """Add a value; of a function its file, its code and what that code captures from around it."""
+    value = getattr(value, "py_func", value)
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+    elif isinstance(value, ModuleType):
+        digest.update(value.__name__.encode())
+    elif not isinstance(value, FunctionType):
+        digest.update(repr(value).encode())
+    elif id(value) not in seen:
+        seen.add(id(value))
+        digest.update(f"{value.__module__}.{value.__qualname__}".encode())
+        if value.__module__.partition(".")[0] == __name__.partition(".")[0]:
+            return  # a kernel of this package
+        path = Path(inspect.getfile(value))
+        if path.is_file():  # not so for what was typed into a session
+            digest.update(path.read_bytes())
+        _add_code(digest, value.__code__)
+        for name in value.__code__.co_names:
+            if name in value.__globals__:
+                _add(digest, value.__globals__[name], seen)
+        for cell in value.__closure__ or ():
+            _add(digest, cell.cell_contents, seen)
+
+
+def _add_code(digest: Any, code: CodeType) -> None:
+    digest.update(code.co_code + repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            _add_code(digest, constant)
+        else:
+            digest.update(repr(constant).encode())

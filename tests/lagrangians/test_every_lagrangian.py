@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.integrators.flow import Flow
+from orbits.integrators.base import padded
+from orbits.kernels import binding
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import load, put
 from orbits.lagrangians import registry
 from orbits.lagrangians.base import SEPARABLE, TIME_DEPENDENT
 
@@ -44,15 +47,50 @@ def test_gradients_and_hessians_are_the_derivatives_of_the_value(name):
             assert np.abs(slope(lambda w, q=q: L.gradients(q, w, T)[1], v, k) - vv[k]).max() < 1e-9
 
 
+@kernel
+def in_lanes(tag, parameters, t, q, v, out):
+    d = binding.dimension(tag, parameters)
+    at = load(t, 0)
+    put(out, 0, binding.value(tag, parameters, at, q, v))
+    binding.gradients(tag, parameters, at, q, v, out[1:], out[1 + d :])
+    binding.hessians(tag, parameters, at, q, v, out[1 + 2 * d :])
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_the_velocity_that_stages_in_lanes_find_is_that_of_the_point(name):
-    """Kernels on rows of eight against kernels on vectors, through a step so small that it only moves by h v."""
+def test_kernels_on_rows_of_eight_give_the_values_of_kernels_on_vectors(name):
     L = registry()[name]
-    for method in (orbits.Gauss(stages=1), orbits.Gauss(stages=8)):
-        flow = Flow(L, method, 1e-9, canonical=True)
-        for q, v in points(L):
-            end, _ = flow.step(q, L.momentum(q, v))
-            assert np.abs((end - q) - 1e-9 * v).max() <= 4 * np.spacing(np.abs(q).max())
+    d = L.dimension
+    some = list(points(L)) * 2
+    times = T + 0.1 * np.arange(8.0)
+    q, v = (np.ascontiguousarray(L.kernel_order(np.array(x)).T) for x in zip(*some, strict=True))
+    out = np.empty((1 + 2 * d + 3 * d * d, 8))
+    in_lanes(L.tag, L.parameter_vector, times, q, v, out)
+    for k, (x, w) in enumerate(some):
+        f, p = (L.kernel_order(y) for y in L.gradients(x, w, times[k]))
+        blocks = [L.kernel_order(L.kernel_order(block).T).T.ravel() for block in L.hessians(x, w, times[k])]
+        expected = np.concatenate([[L.value(x, w, times[k])], f, p, *blocks])
+        # The same operations; which products are fused into sums may differ: ULPS of the largest value were reached.
+        assert np.abs(out[:, k] - expected).max() <= 8 * np.spacing(np.abs(expected).max())
+
+
+@kernel
+def accelerations(tag, parameters, q, out, rows, rows_out):
+    binding.accelerate(tag, parameters, q, out)
+    binding.accelerate(tag, parameters, rows, rows_out)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if SEPARABLE in registry()[name].traits])
+def test_accelerations_solve_the_euler_lagrange_equations(name):
+    """M a = dL/dq where M is constant and nothing else depends on v; on vectors and on rows."""
+    L = registry()[name]
+    rows_out = np.full((L.dimension, 8), np.nan)
+    for x, w in points(L):
+        q, out = np.zeros(padded(L.dimension)), np.full(padded(L.dimension), np.nan)
+        q[: L.dimension] = L.kernel_order(x)
+        accelerations(L.tag, L.parameter_vector, q, out, np.repeat(q[: L.dimension, None], 8, axis=1), rows_out)
+        a = L.solve_mass(L.hessians(x, w)[2], L.gradients(x, w)[0], x)
+        for found in (out[: L.dimension], *rows_out.T):
+            assert np.abs(L.caller_order(found) - a).max() <= 8 * np.spacing(np.abs(a).max())
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import orbits
 from orbits.integrators.flow import Flow
 from orbits.kernels.lanes import get, put
+from orbits.kernels.lanes.functions import cos, sin
 from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
 
 q, v, w, k, t = sympy.symbols("q v w k t")
@@ -112,12 +113,27 @@ REFUSED = {
     "an integral": (v**2 / 2 - sympy.Integral(sympy.exp(q**2), q), {}, "cannot be compiled"),
     "not smooth": (v**2 / 2 - sympy.Max(q, 0) ** 3, {}, "not smooth"),
     "absolute value": (v**2 / 2 - sympy.Abs(q) ** 3, {}, r"Abs\(q\) in L .*not smooth"),
+    "a derivative": (v**2 / 2 - sympy.Function("f")(q).diff(q), {}, r"Derivative\(f\(q\), q\) cannot be compiled"),
+    "piecewise": (v**2 / 2 - sympy.Piecewise((q**2, q > 0), (0, True)), {}, "not smooth"),
+    "infinite": (v**2 / 2 - sympy.oo * q, {}, "infinite values"),
+    "beyond float64": (v**2 / 2 - sympy.Integer(10) ** 400 * q, {}, "beyond float64"),
+    "a complex number": (v**2 / 2 - sympy.asin(2) * q, {}, "complex"),
     "complex": (v**2 / 2 - sympy.I * q, {}, "complex"),
     "text": ("v**2/2", {}, "is the text.*SymPy expression"),
     "not an expression": (3.5j, {}, "complex|SymPy expression|not regular"),
     "counts": (v**2 / 2, {"v": [v, w]}, "as many coordinates as velocities"),
     "no list": (v**2 / 2, {"q": q}, "must be lists"),
     "given twice": (v**2 / 2, {"v": [q]}, "q is given twice"),
+    "one name twice": (
+        (vx**2 + vy**2) / 2,
+        {"q": [x, sympy.Symbol("x", real=True)], "v": [vx, vy]},
+        "coordinates must be different names",
+    ),
+    "no coordinates": (v**2 / 2, {"q": None}, "must be lists"),
+    "listed parameters": (v**2 / 2 - k * q, {"parameters": [k]}, "mapping from symbols to values"),
+    "example": (v**2 / 2, {"example": orbits.Motion(q=(1.0, 2.0), v=(1.0, 2.0), dt=0.1)}, "the example's q of shape"),
+    "symmetry": (v**2 / 2, {"symmetries": ["rotation"]}, "must be `orbits.Symmetry` objects"),
+    "text parameter": (v**2 / 2 - k * q, {"parameters": {k: "1"}}, "parameter k must be a real number"),
     "complex parameter": (v**2 / 2 - k * q, {"parameters": {k: 1j}}, "parameter k must be a real number"),
     "infinite parameter": (v**2 / 2 - k * q, {"parameters": {k: float("inf")}}, "parameter k must be finite"),
     "text as symbol": (v**2 / 2, {"q": ["q"]}, "must be SymPy symbols"),
@@ -165,6 +181,20 @@ WRONG_USES = {
         lambda: orbits.Lagrangian.from_kernels({"accelerate": restoring}, coordinates=["q"], name="x").energy([1], [0]),
         "has accelerations only.*value, gradients and hessians",
     ),
+    "parameters by hand": (
+        lambda: orbits.Lagrangian.from_kernels(
+            {"accelerate": restoring}, coordinates=["q"], name="x", parameters={"k": np.complex128(1j)}
+        ),
+        "parameter k must be a real number",
+    ),
+    "kernels in a list": (
+        lambda: orbits.Lagrangian.from_kernels([1], coordinates=["q"], name="x"),
+        "kernels must be functions by name",
+    ),
+    "coordinates": (
+        lambda: orbits.Lagrangian.from_kernels({"accelerate": restoring}, coordinates="q", name="x"),
+        "coordinates must be a list of names",
+    ),
     "no kernels": (lambda: orbits.Lagrangian.from_kernels({}, coordinates=["q"], name="x"), "no kernels were given"),
     "stages": (lambda: orbits.LobattoIIIAB(stages=1), "stages between 2 and 8"),
     "variant": (lambda: orbits.SymplecticEuler(variant="both"), "kick-drift and drift-kick"),
@@ -192,6 +222,29 @@ def test_kernels_by_hand_march_like_the_same_formula_in_sympy():
         a = orbits.march(by_hand, method, q=[1.0], v=[0.2], dt=0.1, steps=50)
         b = orbits.march(symbolic, method, q=[1.0], v=[0.2], dt=0.1, steps=50)
         assert np.abs(a.q - b.q).max() < 1e-14  # 50 steps of roundings; 1.2e-15 was reached
+
+
+TYPED = """
+@kernel
+def accelerate(parameters, q, out):
+    put(out, 0, -strength * {}(get(q, 0)))
+"""
+
+
+def typed(function, strength):
+    scope = {"kernel": orbits.kernel, "get": get, "put": put, "sin": sin, "cos": cos, "__name__": "__main__"}
+    scope["strength"] = strength
+    exec(compile(TYPED.format(function), "<stdin>", "exec"), scope)
+    return orbits.Lagrangian.from_kernels({"accelerate": scope["accelerate"]}, coordinates=["q"], name="alike")
+
+
+def test_kernels_typed_into_a_session_that_look_alike_are_not_confused():
+    """Their names, their bytes and their constants are the same: what they call or read is not."""
+    assert typed("sin", 1.0).tag.name == typed("sin", 1.0).tag.name
+    one, other, stronger = typed("sin", 1.0), typed("cos", 1.0), typed("sin", 3.0)
+    ends = [orbits.march(L, orbits.StormerVerlet(), q=[1.0], v=[0.0], dt=0.1, steps=1).q[-1, 0] for L in (one, other)]
+    assert ends == pytest.approx([1 - 0.005 * np.sin(1.0), 1 - 0.005 * np.cos(1.0)], abs=1e-15)
+    assert stronger.tag.name not in (one.tag.name, other.tag.name)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
-from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion
+from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, real, require_name
 from orbits.lagrangians.symbolic.generation import Formula, name_of, source
 from orbits.lagrangians.symbolic.modules import digest, module
 from orbits.lagrangians.symmetry import Symmetry
@@ -28,7 +28,7 @@ def from_sympy(
     source_: str = "",
 ) -> Lagrangian:
     """Return a Lagrangian from an expression L(q, v, t; parameters) in SymPy; see `Lagrangian.from_sympy`."""
-    formula = _checked(L, q, v, t, parameters or {}, name)
+    formula = _checked(L, q, v, t, {} if parameters is None else parameters, name)
     import sympy
 
     parts = ([formula.L], formula.q, formula.v, formula.parameters, [] if t is None else [t])
@@ -39,7 +39,7 @@ def from_sympy(
         name=name,
         formula=str(L),
         coordinates=tuple(names),
-        parameters={str(key): float(value) for key, value in (parameters or {}).items()},
+        parameters={str(key): value for key, value in (parameters or {}).items()},
         compile=lambda: compiled,
         example=example,
         symmetries=tuple(symmetries),
@@ -64,7 +64,7 @@ def shipped(
     """
 
     def compile_() -> Compiled:
-        text = Path(inspect.getfile(expression)).read_text()
+        text = Path(inspect.getfile(expression)).read_text(encoding="utf-8")
         return _compiled(name, digest(name, text), write)
 
     def write() -> str:
@@ -103,13 +103,12 @@ def _compiled(name: str, key: str, write: Callable[[], str]) -> Compiled:
 def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], name: str) -> Formula:
     import sympy
 
+    require_name(name)
     if isinstance(L, str):
         raise InputError(
             f"'{name}': L is the text {L!r}; expected a SymPy expression, because reading a text as a formula would "
             "execute it. Write it with sympy.symbols."
         )
-    if not isinstance(name, str) or not name.strip():
-        raise InputError(f"a Lagrangian's name must be a word, got {name!r}")
     try:
         expression = sympy.sympify(L, strict=True)
     except sympy.SympifyError:
@@ -134,15 +133,10 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
     if len(set(names)) < len(names):
         raise InputError(f"'{name}': two parameters have the same name: {', '.join(sorted(names))}")
     for key, value in parameters.items():
-        try:
-            number = float(value)
-        except (TypeError, ValueError):
-            raise InputError(f"'{name}': parameter {key} must be a real number, got {value!r}") from None
+        number = real(value, str(key))
         signs = ((key.is_positive, number > 0), (key.is_negative, number < 0), (key.is_nonnegative, number >= 0))
         if any(assumed and not so for assumed, so in signs):
             raise InputError(
                 f"'{name}': parameter {key} was declared to SymPy with a sign that {value!r} does not have"
             )
-        if isinstance(value, str) or number != number or number in (float("inf"), float("-inf")):
-            raise InputError(f"'{name}': parameter {key} must be finite, got {value!r}")
     return Formula(name, expression, tuple(q), tuple(v), t, tuple(parameters))

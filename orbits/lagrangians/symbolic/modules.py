@@ -9,11 +9,14 @@ import importlib.util
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 from orbits.kernels.compile import source_stamp
+
+_LOADING = threading.RLock()
 
 
 def digest(*parts: str) -> str:
@@ -43,28 +46,39 @@ def folder() -> Path:
 def module(key: str, write: Callable[[], str]) -> ModuleType:
     """Return the generated module of that key, made by `write` if no process has made it before."""
     name = f"orbits_lagrangian_{key}"
-    if name in sys.modules:
-        return sys.modules[name]
-    place = folder()
-    path = place / f"{name}.py"
-    if not path.exists():
-        text = write()
-        # Written aside and renamed: another process sees the whole file or none.
-        handle, partial = tempfile.mkstemp(dir=place, prefix=f"{name}.", suffix=".partial")
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-        if path.exists():
-            Path(partial).unlink()  # a new time stamp would make compiled code stale
-        else:
-            os.replace(partial, path)
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"cannot load {path}")
-    made = importlib.util.module_from_spec(spec)
-    sys.modules[name] = made
+    with _LOADING:  # another thread must not see a module half executed
+        if name in sys.modules:
+            return sys.modules[name]
+        place = folder()
+        path = place / f"{name}.py"
+        if not path.exists():
+            _publish(path, write())
+        spec = importlib.util.spec_from_file_location(name, path)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"cannot load {path}")
+        made = importlib.util.module_from_spec(spec)
+        sys.modules[name] = made
+        try:
+            spec.loader.exec_module(made)
+        except BaseException:
+            del sys.modules[name]
+            raise
+        return made
+
+
+def _publish(path: Path, text: str) -> None:
+    """Write a file that other processes see whole or not at all; the first to come is the one that stays.
+
+    A second one would have another time stamp, with which the code that Numba keeps goes stale.
+    """
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f"{path.stem}.", suffix=".partial")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
     try:
-        spec.loader.exec_module(made)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    return made
+        os.link(name, path)
+    except FileExistsError:
+        pass
+    except OSError:  # a file system without hard links
+        os.replace(name, path)
+        return
+    Path(name).unlink()

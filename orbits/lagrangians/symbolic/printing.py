@@ -6,6 +6,7 @@ one `rsqrt_cubed` or square root.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -139,14 +140,14 @@ class Printer:
 
 
 def _number(e: Any) -> str:
-    if e.is_Rational:
-        try:
-            return repr(int(e.p) / int(e.q))
-        except OverflowError:
-            raise InputError("a number in L is larger than float64 can hold, 1.8e308") from None
-    value = complex(e.evalf(30))
+    try:
+        value = complex(int(e.p) / int(e.q) if e.is_Rational else e.evalf(30))
+    except OverflowError:
+        value = complex("inf")
     if value.imag != 0.0:
         raise InputError(f"the number {e} is complex; a Lagrangian is real")
+    if not math.isfinite(value.real):
+        raise InputError(f"the number {str(e)[:40]} in L or its derivatives is beyond float64; choose other units")
     return repr(value.real)
 
 
