@@ -21,7 +21,7 @@ from orbits.lagrangians.base import Lagrangian
 if TYPE_CHECKING:
     from orbits.system import System
 
-ORDER_SLACK = 0.15
+ORDER_SLACK = 0.2
 """How far, relatively, a fitted slope may lie below the order; above it is no fault."""
 
 HIGH_ORDER = 8

@@ -121,7 +121,7 @@ def advance(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory
         regular = factorize(mass, d, mass_pivots)
         if not regular:
             return NOT_REGULAR, step, 0, evaluations
-        converged, finite, where = False, True, 0
+        converged, sound, where = False, True, 0
         for attempt in range(ATTEMPTS):
             if attempt > 0:
                 for k in range(d):
@@ -143,6 +143,8 @@ def advance(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory
                 evaluations += 1
                 for k in range(d):
                     store(F, k, hb * load(F, k))
+                    if attempt == 0 and iteration == 0:
+                        sound &= not any_lane(1.0 - (load(F, k) * 0.0 == full(0.0)))
                 for k in range(d):
                     store(delta, k, (p[k] - load(P, k)) + (p_lo[k] + combine(coefficients, MU_BAR, F, k)))
                 if attempt == 0:
@@ -188,7 +190,7 @@ def advance(tag, parameters, coefficients, t, first, h, q, q_lo, p, p_lo, memory
             if not converged:
                 store(V, k, full(0.0))
         if not converged:
-            return (NOT_CONVERGED if finite else NOT_FINITE), step, max(where, 0), evaluations
+            return (NOT_CONVERGED if sound else NOT_FINITE), step, max(where, 0), evaluations
         for block in range(blocks):
             k = WIDTH * block
             moved, moved_lo = compensated_row_sums(K, k)
