@@ -6,7 +6,8 @@
 
 Depends on velocities linearly: an implicit method in canonical form serves it. Invariant under rotations about z; its
 canonical momentum p = m v + e A is not m v.
-Source: Hairer, Lubich & Wanner (2006), sec. XIII.9; Landau & Lifshitz, The Classical Theory of Fields, sec. 16.
+Parameters: mass m, charge e, the fields' B0, B2 and E2; any units in which e v B is a force.
+Source: Landau & Lifshitz, The Classical Theory of Fields, sec. 16, for slow motion.
 """
 
 from __future__ import annotations
@@ -35,5 +36,5 @@ charged_particle = shipped(
     expression=_expression,
     example=Motion(q=(0.8, 0.1, 0.3), v=(0.2, 0.5, 0.1), dt=0.2),
     symmetries=(rotation([0.0, 0.0, 1.0], name="rotation about z"),),
-    source_="Hairer, Lubich & Wanner (2006), sec. XIII.9",
+    source_="Landau & Lifshitz, The Classical Theory of Fields, sec. 16",
 )

@@ -3,7 +3,7 @@
     L = m v^2 / 2 - k q^2 / 2
 
 Parameters: mass m and stiffness k. Linear: methods converge faster on it than their order says.
-Source: Hairer, Lubich & Wanner (2006), sec. I.1.
+Source: Landau & Lifshitz, Mechanics, sec. 21.
 """
 
 from __future__ import annotations
@@ -26,5 +26,5 @@ harmonic_oscillator = shipped(
     parameters={"m": 1.0, "k": 0.5},
     expression=_expression,
     example=Motion(q=(0.5,), v=(0.2,), dt=0.2),
-    source_="Hairer, Lubich & Wanner (2006), sec. I.1",
+    source_="Landau & Lifshitz, Mechanics, sec. 21",
 )

@@ -2,8 +2,8 @@
 
     L = |v|^2 / 2 + GM / r (1 - J2 (R / r)^2 (3 z^2 / r^2 - 1) / 2)
 
-Parameters: GM, J2 and the equatorial radius R of the body. Invariant under rotations about its axis, z; nodes and
-pericentres precess.
+Parameters: GM (length^3 / time^2), J2 (a number) and the equatorial radius R of the body (length). Invariant under
+rotations about its axis, z; nodes and pericentres precess.
 Source: Vallado (2013), sec. 8.6; Kaula (1966).
 """
 

@@ -4,7 +4,7 @@
 
 q : angle from the lowest point, radians. Parameters: mass m, length l, gravity g.
 Its Störmer–Verlet map with m = l = g = 1 is Chirikov's standard map with K = h^2.
-Source: Hairer, Lubich & Wanner (2006), sec. I.1.1; Chirikov (1979).
+Source: Hairer, Lubich & Wanner (2006), sec. I.1.3; Chirikov (1979).
 """
 
 from __future__ import annotations
@@ -29,5 +29,5 @@ pendulum = shipped(
     parameters={"m": 1.0, "l": 1.0, "g": 1.0},
     expression=_expression,
     example=Motion(q=(1.3,), v=(0.6,), dt=0.2),
-    source_="Hairer, Lubich & Wanner (2006), sec. I.1.1",
+    source_="Hairer, Lubich & Wanner (2006), sec. I.1.3",
 )

@@ -1,5 +1,8 @@
 """What must hold of every Lagrangian of the package, whoever wrote its kernels."""
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -14,6 +17,16 @@ from orbits.lagrangians.base import SEPARABLE, TIME_DEPENDENT
 NAMES = sorted(registry())
 T = 0.3
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+
+
+def file_of(name):
+    return sys.modules[f"orbits.lagrangians.{name.replace('-', '_')}"]
+
+
+def problem(name):
+    """The Lagrangian with parameters no two of which are alike: one taken for another would show."""
+    L = registry()[name]
+    return L.with_parameters(**{key: value * (1.1 + 0.13 * k) for k, (key, value) in enumerate(L.parameters.items())})
 
 
 def points(L):
@@ -32,19 +45,27 @@ def slope(function, x, k, step=2e-3):
     return sum(w * (function(x + m * unit) - function(x - m * unit)) for m, w in WEIGHTS.items()) / step
 
 
+@pytest.mark.parametrize("name", [name for name in NAMES if hasattr(file_of(name), "_expression")])
+def test_the_value_is_that_of_the_formula_in_plain_numbers(name):
+    L = problem(name)
+    for q, v in points(L):
+        plain = float(file_of(name)._expression(q, v, T, SimpleNamespace(**L.parameters)))
+        assert abs(L.value(q, v, T) - plain) <= 4e-16 * max(1.0, abs(plain)) * L.dimension
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_gradients_and_hessians_are_the_derivatives_of_the_value(name):
-    L = registry()[name]
+    L = problem(name)
     for q, v in points(L):
         f, p = L.gradients(q, v, T)
         qq, qv, vv = L.hessians(q, v, T)
         for k in range(L.dimension):
-            # Round-off over the step, 2e-13; the error of the difference is (step / distance to a singularity)^8.
-            assert abs(slope(lambda x, v=v: L.value(x, v, T), q, k) - f[k]) < 1e-10
-            assert abs(slope(lambda w, q=q: L.value(q, w, T), v, k) - p[k]) < 1e-10
-            assert np.abs(slope(lambda x, v=v: L.gradients(x, v, T)[0], q, k) - qq[k]).max() < 1e-9
-            assert np.abs(slope(lambda w, q=q: L.gradients(q, w, T)[0], v, k) - qv[:, k]).max() < 1e-9
-            assert np.abs(slope(lambda w, q=q: L.gradients(q, w, T)[1], v, k) - vv[k]).max() < 1e-9
+            # Round-off over the step and (step / distance to a singularity)^8: 3.8e-13 was reached for both orders.
+            assert abs(slope(lambda x, v=v: L.value(x, v, T), q, k) - f[k]) < 2e-12
+            assert abs(slope(lambda w, q=q: L.value(q, w, T), v, k) - p[k]) < 2e-12
+            assert np.abs(slope(lambda x, v=v: L.gradients(x, v, T)[0], q, k) - qq[k]).max() < 2e-12
+            assert np.abs(slope(lambda w, q=q: L.gradients(q, w, T)[0], v, k) - qv[:, k]).max() < 2e-12
+            assert np.abs(slope(lambda w, q=q: L.gradients(q, w, T)[1], v, k) - vv[k]).max() < 2e-12
 
 
 @kernel
@@ -58,7 +79,7 @@ def in_lanes(tag, parameters, t, q, v, out):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_kernels_on_rows_of_eight_give_the_values_of_kernels_on_vectors(name):
-    L = registry()[name]
+    L = problem(name)
     d = L.dimension
     some = list(points(L)) * 2
     times = T + 0.1 * np.arange(8.0)
@@ -69,8 +90,8 @@ def test_kernels_on_rows_of_eight_give_the_values_of_kernels_on_vectors(name):
         f, p = (L.kernel_order(y) for y in L.gradients(x, w, times[k]))
         blocks = [L.kernel_order(L.kernel_order(block).T).T.ravel() for block in L.hessians(x, w, times[k])]
         expected = np.concatenate([[L.value(x, w, times[k])], f, p, *blocks])
-        # The same operations; which products are fused into sums may differ: ULPS of the largest value were reached.
-        assert np.abs(out[:, k] - expected).max() <= 8 * np.spacing(np.abs(expected).max())
+        # The same operations; which products are fused into sums may differ: one ulp was reached.
+        assert np.abs(out[:, k] - expected).max() <= 4 * np.spacing(np.abs(expected).max())
 
 
 @kernel
@@ -82,7 +103,7 @@ def accelerations(tag, parameters, q, out, rows, rows_out):
 @pytest.mark.parametrize("name", [name for name in NAMES if SEPARABLE in registry()[name].traits])
 def test_accelerations_solve_the_euler_lagrange_equations(name):
     """M a = dL/dq where M is constant and nothing else depends on v; on vectors and on rows."""
-    L = registry()[name]
+    L = problem(name)
     rows_out = np.full((L.dimension, 8), np.nan)
     for x, w in points(L):
         q, out = np.zeros(padded(L.dimension)), np.full(padded(L.dimension), np.nan)
@@ -90,31 +111,32 @@ def test_accelerations_solve_the_euler_lagrange_equations(name):
         accelerations(L.tag, L.parameter_vector, q, out, np.repeat(q[: L.dimension, None], 8, axis=1), rows_out)
         a = L.solve_mass(L.hessians(x, w)[2], L.gradients(x, w)[0], x)
         for found in (out[: L.dimension], *rows_out.T):
-            assert np.abs(L.caller_order(found) - a).max() <= 8 * np.spacing(np.abs(a).max())
+            # A handful of roundings: one ulp was reached.
+            assert np.abs(L.caller_order(found) - a).max() <= 4 * np.spacing(np.abs(a).max())
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_legendre_transform_and_its_inverse_are_inverse(name):
-    L = registry()[name]
+    L = problem(name)
     for q, v in points(L):
-        # Newton's method at the floor: 4.4e-16 at most was reached.
-        assert np.abs(L.velocity(q, L.momentum(q, v, T), T) - v).max() < 2e-15 * max(1.0, np.abs(v).max())
+        # Newton's method at the floor: 1.1e-16 was reached.
+        assert np.abs(L.velocity(q, L.momentum(q, v, T), T) - v).max() < 1e-15 * max(1.0, np.abs(v).max())
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_symmetries_leave_the_lagrangian_alone_and_generators_are_their_flows_derivatives(name):
-    L = registry()[name]
+    L = problem(name)
     for symmetry in L.symmetries:
         for q, v in points(L):
-            assert symmetry.defect(q) < 1e-11
+            assert symmetry.defect(q) < 1e-13  # round-off over the step: 1.4e-14 was reached
             moved = symmetry.flow(0.7, q)
             pushed = slope(lambda s, q=q, v=v, g=symmetry: g.flow(0.7, q + s[0] * v), np.zeros(1), 0)
-            assert abs(L.value(moved, pushed, T) - L.value(q, v, T)) < 1e-11
+            assert abs(L.value(moved, pushed, T) - L.value(q, v, T)) < 5e-13  # as above: 6.4e-14 was reached
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_traits_say_what_the_derivatives_show(name):
-    L = registry()[name]
+    L = problem(name)
     (q, v), (x, w) = list(points(L))[:2]
     constant_mass = np.array_equal(L.hessians(q, v)[2], L.hessians(x, w, 0.9)[2])
     no_mixed = not np.any(L.hessians(x, w)[1])
@@ -123,15 +145,19 @@ def test_traits_say_what_the_derivatives_show(name):
     assert (TIME_DEPENDENT in L.traits) == (not autonomous)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if SEPARABLE not in registry()[name].traits])
 def test_its_motion_solves_the_euler_lagrange_equations(name):
-    """d/dt dL/dv = dL/dq along a march of Gauss with 8 stages, by differences of its momenta in time."""
-    L = registry()[name]
+    """d/dt dL/dv = dL/dq along a march of Gauss with 8 stages, by differences of its momenta in time.
+
+    Where accelerations are known, the test above says more for less.
+    """
+    L = problem(name)
     dt = L.example.dt / 4
     path = orbits.march(L, orbits.Gauss(stages=8), dt=dt, steps=8)
     rate = sum(w * (path.p[4 + m] - path.p[4 - m]) for m, w in WEIGHTS.items()) / dt
     force = L.gradients(path.q[4], path.v[4], path.t[4])[0]
-    assert np.abs(rate - force).max() < 1e-6 * max(1.0, np.abs(force).max())
+    # The error of the difference of a charged particle, (dt / its gyration)^8: 1.8e-9 was reached; others 1e-11.
+    assert np.abs(rate - force).max() < 1e-8 * max(1.0, np.abs(force).max())
 
 
 @pytest.mark.parametrize("name", NAMES)
