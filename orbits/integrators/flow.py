@@ -160,7 +160,8 @@ class Flow:
 
     def _fail(self, status: int, done: int, q: Array, p: Array, path: DiscretePath, every: int) -> NoReturn:
         if status not in (NOT_CONVERGED, NOT_REGULAR):
-            done = self._steps_before_failure(q, p, done)
+            # Explicit methods look at the end of a march only, implicit ones at each step, `done` being the last good.
+            done = self._steps_before_failure(q, p, done + 1)
         good = done // every + 1
         before = self._path(path.q[:good], path.p[:good], every)
         if done:
@@ -199,7 +200,7 @@ class Flow:
 
     def _steps_before_failure(self, q: Array, p: Array, known_bad: int) -> int:
         """Return how many steps stay finite, by bisection; every march starts afresh, with the same bits."""
-        good, bad = 0, max(known_bad, 1)
+        good, bad = 0, known_bad
         last_q, last_p = np.empty((1, len(q))), np.empty((1, len(q)))
         while bad - good > 1:
             middle = (good + bad) // 2
@@ -279,8 +280,10 @@ def _padded(x: Array) -> Array:
 
 def _finite(value: Any, what: str) -> float:
     try:
+        if isinstance(value, str) or np.iscomplexobj(value):
+            raise TypeError
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{what} must be a real number, got {value!r}") from None
     if not np.isfinite(number):
         raise InputError(f"{what} must be finite, got {value!r}")

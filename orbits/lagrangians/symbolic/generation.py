@@ -61,6 +61,8 @@ def source(formula: Formula) -> str:
     moving = {*q, *v, t}
     separable = (
         not mass.free_symbols & moving
+        # T(v) = v.Mv/2 and no more: with a term linear in v, momenta are not M v.
+        and all(sympy.simplify(x.xreplace(dict.fromkeys(v, sympy.Integer(0)))) == 0 for x in p)
         and all(sympy.simplify(x) == 0 for x in _flat(qv))
         and all(not x.free_symbols & {*v, t} or not sympy.simplify(x).free_symbols & {*v, t} for x in f)
         and t not in L.free_symbols
