@@ -60,10 +60,8 @@ def test_a_step_of_any_length_gives_a_result_or_an_error(canonical):
     try:
         q, p = flow.step([0.7, 0.2], [-0.3, 1.2])
     except orbits.ConvergenceError as error:
-        assert "'kepler', step 1 " in str(error)
-        assert len(error.trajectory) == 1
-    else:
-        assert np.isfinite([q, p]).all()
+        q, p = error.trajectory.q, error.trajectory.p
+    assert np.isfinite([q, p]).all()
 
 
 @pytest.mark.parametrize("method", [*IMPLICIT, *EXPLICIT], ids=lambda m: m.label)
