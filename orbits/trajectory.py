@@ -13,6 +13,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
+from orbits.diagnostics.drift import uniform_motion_drift
 from orbits.errors import ArchiveError, InputError
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.checks import index_of
@@ -270,15 +271,12 @@ class Trajectory:
         gm, start = self._gm(), self.system.values
         massive = self.system.massive
         centre = self.centre_of_mass().value
-        uniform = centre[0] + np.outer(self.times - self.times[0], diagnostics.centre_of_mass(gm, start.v[massive]))
-        reach = float(np.linalg.norm(start.q[massive] - diagnostics.centre_of_mass(gm, start.q[massive]), axis=1).max())
-        reach = max(reach, float(np.linalg.norm(uniform - uniform[0], axis=1).max(initial=0.0)))
         momentum = float(gm @ np.linalg.norm(start.v[massive], axis=1)) / self.system.units.G
         return ConservedQuantities(
             energy=diagnostics.drift(self.energy().value),
             angular_momentum=diagnostics.drift(self.angular_momentum().value),
             linear_momentum=diagnostics.drift(self.linear_momentum().value, scale=momentum),
-            centre_of_mass=diagnostics.drift(centre - uniform, scale=reach),
+            centre_of_mass=uniform_motion_drift(gm, self.times, centre, start.q[massive], start.v[massive]),
         )
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.diagnostics.stepping import Bodies, count, march
+from orbits.errors import InputError, IntegrationError
+
+if TYPE_CHECKING:
+    from orbits.integrators.base import Integrator
 
 Array = NDArray[np.float64]
 
@@ -33,3 +40,113 @@ def slope(h: Sequence[float], errors: Sequence[float], *, floor: float, ceiling:
         return Slope(float("nan"), tuple(map(float, x[keep])), tuple(map(float, y[keep])))
     fitted = float(np.polyfit(np.log(x[keep]), np.log(y[keep]), 1)[0])
     return Slope(fitted, tuple(map(float, x[keep])), tuple(map(float, y[keep])))
+
+
+LEAST_FALL = 30.0
+"""How far errors must fall within a window for its slope to be one of convergence."""
+
+LEAST_POINTS = 4
+"""Of a window: three numbers lie near a line too easily."""
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """A measured order, and which of the steps it was measured with.
+
+    order, uncertainty : slope of log(error) against log(h), and what it may be off; NaN where no part of the curve is
+        straight
+    h, errors : (n,), all that was given, by growing h
+    used : (n,) bool, the steps that were fitted
+    plateau : median error of the shorter steps whose errors are more than twice what the fit says: that of round-off;
+        NaN where there are none
+    """
+
+    order: float
+    uncertainty: float
+    h: Array
+    errors: Array
+    used: NDArray[np.bool_]
+    plateau: float
+
+
+def convergence(h: ArrayLike, errors: ArrayLike) -> Convergence:
+    """Measure an order from errors at several steps; plateau and head are found and left out.
+
+    h, errors : (n,); points whose error is zero or not finite are left out. Ratios of neighbouring steps of the root of
+        two and less leave most room.
+    Of all windows of at least four neighbouring steps within which errors fall by 30 and more, the straightest one
+    counts: that whose two halves differ least in slope, relative to the root of the number of its points.
+    Raises InputError for arrays that do not fit.
+    """
+    x, y = np.asarray(h, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    if x.ndim != 1 or x.shape != y.shape or not np.isfinite(x).all() or not (x > 0.0).all():
+        raise InputError(f"h and errors must be of one shape (n,), h > 0; got {x.shape} and {y.shape}, h = {x}")
+    by_h = np.argsort(x)
+    x, y = x[by_h], y[by_h]
+    best, order, spread = np.inf, float("nan"), float("nan")
+    used = np.zeros(len(x), dtype=bool)
+    seen = np.flatnonzero(np.isfinite(y) & (y > 0.0))
+    for i in range(len(seen)):
+        for j in range(i + LEAST_POINTS, len(seen) + 1):
+            window = seen[i:j]
+            if y[window[-1]] < LEAST_FALL * y[window[0]]:
+                continue
+            slope, doubt = _line(np.log(x[window]), np.log(y[window]))
+            if doubt / np.sqrt(len(window)) < best:
+                best, order, spread = doubt / np.sqrt(len(window)), slope, doubt
+                used[:] = False
+                used[window] = True
+    if not spread <= 0.1 * abs(order):
+        return Convergence(float("nan"), float("nan"), x, y, np.zeros(len(x), dtype=bool), float("nan"))
+    first = int(np.argmax(used))
+    shorter = seen[seen < first]
+    above = shorter[y[shorter] > 2.0 * y[first] * (x[shorter] / x[first]) ** order]
+    return Convergence(order, spread, x, y, used, float(np.median(y[above])) if len(above) else float("nan"))
+
+
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """The slope of y against x, and its doubt: the standard error, and half the difference between the two halves."""
+    slope, offset = np.polyfit(x, y, 1)
+    rest = y - slope * x - offset
+    width = np.sqrt(np.sum((x - x.mean()) ** 2))
+    error = np.sqrt(np.sum(rest**2) / (len(x) - 2)) / width
+    middle = (len(x) + 1) // 2
+    halves = np.polyfit(x[:middle], y[:middle], 1)[0], np.polyfit(x[-middle:], y[-middle:], 1)[0]
+    return float(slope), float(np.hypot(error, 0.5 * abs(halves[0] - halves[1])))
+
+
+def order(
+    gm: ArrayLike,
+    q: ArrayLike,
+    v: ArrayLike,
+    integrator: Integrator,
+    dt: float,
+    steps: int = 10,
+    *,
+    softening: float = 0.0,
+    halvings: int = 8,
+) -> Convergence:
+    """Measure a method's order on these bodies: errors of positions after `steps` steps of dt, and of shorter ones.
+
+    gm (n,), q and v (n, 3) : float64 in one system of units
+    dt : the longest step; the shortest is 2^-halvings of it, the ratio of neighbours about 2^(1/4)
+    Errors are the largest distance of any body from where Gauss with 8 stages and steps of a quarter of dt takes it,
+    over the size of the system; steps that the method cannot take are left out.
+    Raises InputError for what cannot be marched, IntegrationError if the reference cannot be computed.
+    """
+    from orbits.integrators.gauss import Gauss
+
+    bodies = Bodies.of(gm, q, v, softening)
+    first, span = count(steps, "steps"), count(steps, "steps") * dt
+    fine = 4 * first
+    truth = march(bodies, Gauss(stages=8), span / fine, [fine])[0][-1]
+    size = float(np.max(np.linalg.norm(truth, axis=1)))
+    lengths, errors = [], []
+    for n in sorted({round(first * 2 ** (k / 4)) for k in range(4 * count(halvings, "halvings") + 1)}):
+        try:
+            moved = march(bodies, integrator, span / n, [n])[0][-1]
+        except IntegrationError:
+            continue
+        lengths.append(abs(span) / n)
+        errors.append(float(np.max(np.linalg.norm(moved - truth, axis=1))) / size)
+    return convergence(lengths, errors)

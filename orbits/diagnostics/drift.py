@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.diagnostics.momenta import centre_of_mass
 from orbits.errors import InputError
 
 
@@ -52,6 +53,29 @@ def drift(series: ArrayLike, scale: float | None = None) -> Drift:
         last_fraction=_ratio(last, size),
         scale=size,
     )
+
+
+def centre_of_mass_drift(gm: ArrayLike, t: ArrayLike, q: ArrayLike, v: ArrayLike) -> Drift:
+    """Measure how far the centre of mass strays from its uniform motion.
+
+    gm : (bodies,); t : (n,) times; q : (n, bodies, 3); v : (bodies, 3) at the first of the times, or (n, bodies, 3)
+    Compared with the largest distance of a massive body from it at first, or its own way where that is longer.
+    Raises InputError for shapes that do not fit, or where no body has a mass.
+    """
+    masses, velocities = np.asarray(gm, dtype=np.float64), np.asarray(v, dtype=np.float64)
+    positions, first = np.asarray(q, dtype=np.float64), velocities if velocities.ndim == 2 else velocities[0]
+    return uniform_motion_drift(masses, t, centre_of_mass(masses, positions), positions[0], first)
+
+
+def uniform_motion_drift(gm: ArrayLike, t: ArrayLike, centre: ArrayLike, q: ArrayLike, v: ArrayLike) -> Drift:
+    """`centre_of_mass_drift` from the centre itself, (n, 3), and the first of the states, (bodies, 3) each."""
+    times, way, masses = (np.asarray(x, dtype=np.float64) for x in (t, centre, gm))
+    massive = masses > 0.0
+    uniform = way[0] + np.outer(times - times[0], centre_of_mass(masses, v))
+    away = np.asarray(q, dtype=np.float64)[massive] - centre_of_mass(masses, q)
+    reach = float(np.linalg.norm(away, axis=1).max())
+    reach = max(reach, float(np.linalg.norm(uniform - uniform[0], axis=1).max(initial=0.0)))
+    return drift(way - uniform, scale=reach)
 
 
 def _ratio(value: float, scale: float) -> float:

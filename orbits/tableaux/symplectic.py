@@ -17,7 +17,7 @@ the coefficients matters.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -82,6 +82,14 @@ class SymplecticTableau(PartitionedTableau):
             worst = max(worst, *(abs(mpmath.mpf(float(self.eta[i, j])) - eta[i][j]) for i in s for j in s))
             worst = max(worst, *(abs(mpmath.mpf(float(self.mu[i, j])) - mu[i][j]) for i in s for j in s))
             return float(worst * 2**53)
+
+    def rounded_to_nearest(self) -> SymplecticTableau:
+        """Return the pair with each coefficient rounded to the nearest float: a foil that misses the identities."""
+        with mpmath.workdps(DIGITS):
+            eta, mu = (np.array([[float(x) for x in row] for row in table]) for table in (_eta(self), _mu(self)))
+            bar = [[float(x / b) for x, b in zip(row, self.exact_b, strict=True)] for row in self.exact_a_bar]
+            rest = np.array([float(1 - c) for c in self.exact_c])
+        return replace(self, nodes=self.c, one_minus_nodes=rest, eta=eta, mu=mu, mu_bar=np.array(bar))
 
 
 def symplectic(name: str, a: Any, a_bar: Any, b: Any, order: int, *, tolerance: float = TOLERANCE) -> SymplecticTableau:

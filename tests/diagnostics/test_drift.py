@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from orbits import diagnostics
 from orbits.diagnostics import drift
 from orbits.errors import InputError
 
@@ -44,3 +45,16 @@ def test_a_given_scale_replaces_the_first_value():
 def test_what_cannot_be_measured_is_refused_in_words(series, scale, words):
     with pytest.raises(InputError, match=words):
         drift(series, scale)
+
+
+def test_the_centre_of_mass_is_followed_on_its_uniform_motion():
+    gm, t = np.array([3.0, 1.0, 0.0]), np.linspace(0.0, 10.0, 5)
+    start, v = np.array([[1.0, 0, 0], [-3.0, 0, 0], [9.0, 9, 9]]), np.array([[0, 2.0, 0], [0, -2.0, 0], [0, 0, 0]])
+    q = start + t[:, None, None] * np.array([0.0, 1.0, 0.0])  # the centre moves at (3 x 2 - 1 x 2) / 4 = 1
+    assert diagnostics.centre_of_mass_drift(gm, t, q, v).max_fraction == 0.0
+    q[3, 0, 2] += 4e-6  # moves the centre by 3e-6; it has gone 10 by then, farther than the bodies are apart
+    found = diagnostics.centre_of_mass_drift(gm, t, q, v)
+    assert found.max_fraction == pytest.approx(3e-7, rel=1e-6)
+    assert found.last_fraction == 0.0
+    rows = np.broadcast_to(v, q.shape)
+    assert diagnostics.centre_of_mass_drift(gm, t, q, rows) == found

@@ -1,0 +1,73 @@
+"""The growth of round-off with time, over an ensemble of starts: Brouwer's law, or a drift.
+
+Unbiased rounding makes the energy walk at random: its error grows as t^1/2 and that of the phase as t^3/2. A bias, such
+as that of coefficients that are not exactly symplectic, makes them grow as t and t^2.
+
+Source: Brouwer (1937), AJ 46, 149; Hairer, McLachlan & Razakarivony (2008), BIT 48, 231.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.diagnostics.doubledouble import Floats
+from orbits.errors import InputError
+
+LEAST_STARTS, LEAST_TIMES = 8, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """How errors grow over an ensemble.
+
+    exponent, uncertainty : slope of log(rms) against log(t), and its standard error over the ensemble
+    bias : mean error at the last time, in standard errors of that mean; a random walk leaves it of order one
+    t : (k,) times; rms : (k,) root mean square over the starts
+    """
+
+    exponent: float
+    uncertainty: float
+    bias: float
+    t: Floats
+    rms: Floats
+
+    def consistent_with(self, exponent: float, sigmas: float = 3.0) -> bool:
+        """Whether the measured exponent is this one within so many standard errors."""
+        return bool(abs(self.exponent - exponent) <= sigmas * self.uncertainty)
+
+
+def growth(t: ArrayLike, errors: ArrayLike) -> Growth:
+    """Fit the growth of errors with time: the slope of the RMS over the starts, log against log.
+
+    t : (k,) times > 0, best in equal ratios: each counts alike. errors : (starts, k), signed
+    The errors of one start at different times depend on each other, so the uncertainty is that of leaving out one start
+    after the other (the jackknife), not that of the fit.
+    Raises InputError for fewer than 8 starts or 4 times, shapes that do not fit, and values that are not finite or
+    vanish for all starts at some time.
+    """
+    x, e = np.asarray(t, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    if x.ndim != 1 or e.ndim != 2 or e.shape[1] != len(x):
+        raise InputError(f"errors must be (starts, times) for times (k,); got {e.shape} and {x.shape}.")
+    if len(e) < LEAST_STARTS or len(x) < LEAST_TIMES:
+        raise InputError(f"got {len(e)} starts and {len(x)} times; expected at least {LEAST_STARTS} and {LEAST_TIMES}.")
+    if not (np.isfinite(x).all() and (x > 0.0).all() and np.isfinite(e).all()):
+        raise InputError("times must be positive and errors finite; leave out the start itself.")
+    squares = np.sum(e * e, axis=0)
+    if not (squares > 0.0).all():
+        raise InputError(f"no start has any error at t = {x[squares == 0.0][0]:g}; begin later.")
+    n = len(e)
+    log_t = np.log(x) - np.log(x).mean()
+
+    def slope(sums: Floats) -> Floats:
+        found: Floats = 0.5 * np.log(sums) @ log_t / (log_t @ log_t)
+        return found
+
+    without = slope(np.maximum(squares - e * e, np.finfo(float).tiny))
+    uncertainty = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
+    spread = float(np.std(e[:, -1], ddof=1) / np.sqrt(n))
+    mean = float(np.mean(e[:, -1]))
+    bias = mean / spread if spread else float(np.copysign(np.inf, mean))
+    return Growth(float(slope(squares)), uncertainty, bias, x, np.sqrt(squares / n))

@@ -1,0 +1,139 @@
+"""The compiled step of a method on bodies, with all its digits: reversibility, symplecticity and order are taken of it.
+
+States are numbers of doubled precision, hi + lo.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.diagnostics.doubledouble import Floats, Pair, two_sum
+from orbits.errors import InputError
+
+if TYPE_CHECKING:
+    from orbits.integrators.base import Integrator
+    from orbits.integrators.marcher import Marcher
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Bodies at a time: gm (n,), q and v (n, 3), float64 in one system of units, and the softening length."""
+
+    gm: Floats
+    q: Floats
+    v: Floats
+    softening: float = 0.0
+
+    @classmethod
+    def of(cls, gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) -> Bodies:
+        """Check what a caller gave. Raises InputError for shapes that do not fit and values that are not finite."""
+        masses = np.atleast_1d(np.asarray(gm, dtype=np.float64))
+        x, w = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
+        for name, array, shape in (("gm", masses, (len(masses),)), ("q", x, (len(masses), 3)), ("v", w, x.shape)):
+            if array.shape != shape:
+                raise InputError(f"{name} has shape {array.shape}; expected {shape} for {len(masses)} bodies.")
+            if not np.isfinite(array).all():
+                raise InputError(f"{name} holds values that are not finite; expected finite ones.")
+        if not (masses >= 0.0).all() or not (masses > 0.0).any():
+            raise InputError(f"gm is {masses}; expected values >= 0, at least one of them > 0.")
+        if not (math.isfinite(softening) and softening >= 0.0):
+            raise InputError(f"softening is {softening!r}; expected a finite length >= 0.")
+        return cls(masses, x, w, float(softening))
+
+    @property
+    def massive(self) -> NDArray[np.bool_]:
+        """Which bodies have a mass, (n,)."""
+        return self.gm > 0.0
+
+    def marcher(self, integrator: Integrator, dt: float) -> Marcher:
+        """Bind the bodies to a method. Raises InputError for a step or a method that cannot be used."""
+        from orbits.integrators import registry
+        from orbits.integrators.base import Integrator
+        from orbits.integrators.marcher import Marcher
+        from orbits.lagrangians.newtonian import newtonian, parameters
+
+        if not isinstance(integrator, Integrator):
+            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+        if not (math.isfinite(dt) and dt != 0.0):
+            raise InputError(f"dt must be finite and not zero, got {dt!r}")
+        integrator.check(newtonian, registry())
+        values = parameters(self.gm[self.massive], self.softening)
+        return Marcher(newtonian, integrator, values, self.massive, self.q, self.v, dt)
+
+
+def count(value: int, what: str) -> int:
+    """Return a positive whole number. Raises InputError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InputError(f"{what} must be a positive whole number, got {value!r}")
+    return int(value)
+
+
+def turned(marcher: Marcher) -> None:
+    """Flip all velocities of a marcher where it stands, with all digits; what it carries from steps before is lost."""
+    checkpoint: dict[str, Floats] = {name: np.asarray(x) for name, x in marcher.checkpoint().items()}
+    for name in ("v", "v_lo", "particle_v", "particle_v_lo"):
+        checkpoint[name] = -checkpoint[name]
+    for name in ("memory", "particle_memory"):
+        checkpoint[name] = np.zeros_like(checkpoint[name])
+    marcher.restore(checkpoint)
+
+
+class StepMap:
+    """One step of a method as a map of some bodies' (q, v), from a fixed state of all; with low parts, in and out.
+
+    particles : whether the massless particles' states are moved, all at once, or those of the massive bodies
+    """
+
+    def __init__(self, bodies: Bodies, integrator: Integrator, dt: float, *, particles: bool) -> None:
+        self._marcher = bodies.marcher(integrator, dt)
+        self._start: dict[str, Floats] = {name: np.asarray(x) for name, x in self._marcher.checkpoint().items()}
+        n, self._names = int(np.sum(bodies.massive)), ("q", "v")
+        if particles:
+            n, self._names = int(np.sum(~bodies.massive)), ("particle_q", "particle_v")
+        self._bodies, self._particles = n, particles
+
+    def __call__(self, dq: Floats, dv: Floats) -> Pair:
+        """The state (2, n, 3) after a step from the start moved by dq and dv, (n, 3) each."""
+        state = dict(self._start)
+        for name, moved in zip(self._names, (dq, dv), strict=True):
+            hi, lo = state[name].copy(), state[f"{name}_lo"].copy()
+            where = self._view(hi)
+            exact = two_sum(where, moved.T)
+            where[...] = exact.hi
+            self._view(lo)[...] += exact.lo
+            state[name], state[f"{name}_lo"] = hi, lo
+        self._marcher.restore(state)
+        self._marcher.advance(1)
+        after: dict[str, Floats] = {name: np.asarray(x) for name, x in self._marcher.checkpoint().items()}
+        hi, lo = (np.array([self._view(after[name + part]).T for name in self._names]) for part in ("", "_lo"))
+        return Pair(hi, lo)
+
+    def _view(self, array: Floats) -> Floats:
+        """A view (3, n) of a state's vector."""
+        return array[:, : self._bodies] if self._particles else array[: 3 * self._bodies].reshape(3, self._bodies)
+
+
+def reach(bodies: Bodies) -> Floats:
+    """Distance of each body from the nearest massive one, softened, (n,); positions are analytic within it."""
+    sources = np.flatnonzero(bodies.massive)
+    away = np.linalg.norm(bodies.q[:, None] - bodies.q[sources], axis=2)
+    away[sources, np.arange(len(sources))] = np.inf
+    nearest = np.hypot(away.min(axis=1), bodies.softening)
+    size = float(np.max(np.linalg.norm(bodies.q, axis=1))) or 1.0
+    return np.where(np.isfinite(nearest), nearest, size)
+
+
+def march(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int]) -> tuple[Floats, Floats]:
+    """States after each of the growing numbers of `steps`, each (len(steps), n, 3)."""
+    marcher = bodies.marcher(integrator, dt)
+    states = []
+    for step in steps:
+        marcher.advance(int(step) - marcher.step)
+        states.append(marcher.state())
+    return np.array([q for q, _ in states]), np.array([v for _, v in states])

@@ -1,0 +1,103 @@
+"""Symplecticity of the compiled step: |M^T J M - J| for the massive bodies, and for each massless particle's fibre.
+
+M is the derivative of one step by central differences of eighth order. States go in and come out in doubled precision,
+so that the differences of nearly equal states keep their digits, and each body is moved in proportion to its distance
+from the nearest other one. (Certificates take the exact derivative of the method's tableau instead; this one looks at
+what is really computed, and at methods without a tableau.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.diagnostics.doubledouble import Floats, subtract
+from orbits.diagnostics.stepping import Bodies, StepMap, reach
+
+if TYPE_CHECKING:
+    from orbits.integrators.base import Integrator
+
+_WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+_DISPLACEMENT = 2.0**-8
+"""Of a body, over its distance from the nearest one: the eighth power is 5e-20, and what is left out of a derivative of
+1/r^2 some thousand times that."""
+
+
+@dataclass(frozen=True, eq=False)
+class Symplecticity:
+    """Defects of one step, in coordinates sqrt(gm) (q, v dt), in which all bodies count alike.
+
+    massive : the largest |M^T J M - J| of the massive bodies, over |M|^2 where that exceeds 1
+    particles : (m,), the same for the map of each massless particle's own (q, v), the massive bodies being given
+    noise : how far the derivatives themselves are uncertain: those with half the displacements differ by this
+    """
+
+    massive: float
+    particles: Floats
+    noise: float
+
+
+def symplecticity(
+    gm: ArrayLike, q: ArrayLike, v: ArrayLike, integrator: Integrator, dt: float, *, softening: float = 0.0
+) -> Symplecticity:
+    """Measure whether one step of dt is symplectic on these bodies.
+
+    gm (n,), q and v (n, 3) : float64 in one system of units
+    The joint map of massive bodies and particles is not symplectic and is not asked for: particles pull on nothing.
+    Raises InputError for what cannot be marched, IntegrationError for a step that fails.
+    Source: Hairer, Lubich & Wanner (2006), sec. VI.2.
+    """
+    from orbits.diagnostics.tangent import symplecticity_defect
+
+    bodies = Bodies.of(gm, q, v, softening)
+    radii, massive = reach(bodies), bodies.massive
+    noise = 0.0
+
+    def defects(weights: Floats, radii: Floats, *, particles: bool) -> list[float]:
+        nonlocal noise
+        step = StepMap(bodies, integrator, dt, particles=particles)
+        coarse, fine = (_derivatives(step, radii * size, dt, joint=not particles) for size in (1.0, 0.5))
+        found = []
+        for one, other in zip(coarse, fine, strict=True):
+            scale = np.concatenate([np.sqrt(weights), np.sqrt(weights)])
+            noise = max(noise, float(np.max(np.abs(scale[:, None] * (one - other) / scale))))
+            d = len(weights)
+            canonical = one.copy()  # of (q, p) with p = gm v dt
+            canonical[d:] *= weights[:, None]
+            canonical[:, d:] /= weights
+            found.append(symplecticity_defect(canonical, np.sqrt(weights)))
+        return found
+
+    (whole,) = defects(np.repeat(bodies.gm[massive], 3), radii[massive], particles=False)
+    fibres = defects(np.ones(3), radii[~massive], particles=True) if not massive.all() else []
+    return Symplecticity(whole, np.array(fibres), noise)
+
+
+def _derivatives(step: StepMap, radii: Floats, dt: float, *, joint: bool) -> list[Floats]:
+    """The derivative of `step` in (q, v dt), body after body: one (6n, 6n) for all, or one (6, 6) for each body."""
+    n = len(radii)
+    size = 3 * n if joint else 3
+    columns = []
+    for k in range(2 * size):
+        axis = k % 3
+        moved = np.array([k % size // 3]) if joint else np.arange(n)
+        delta = _power_of_two(_DISPLACEMENT * radii[moved])
+        column = np.zeros((2, n, 3))
+        for m, weight in _WEIGHTS.items():
+            displacement = np.zeros((2, n, 3))
+            displacement[k // size, moved, axis] = m * delta / (1.0 if k < size else abs(dt))
+            ahead, behind = step(*displacement), step(*(-displacement))
+            column += weight * subtract(ahead, behind).rounded()
+        column[1] *= abs(dt)
+        columns.append(column / (delta[0] if joint else delta[:, None]))
+    stacked = np.array(columns)  # (2 size, 2, n, 3)
+    if joint:
+        return [stacked.reshape(2 * size, 2 * size).T]
+    return [stacked[:, :, i].reshape(2 * size, 2 * size).T for i in range(n)]
+
+
+def _power_of_two(x: Floats) -> Floats:
+    return np.exp2(np.floor(np.log2(x)))

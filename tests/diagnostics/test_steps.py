@@ -1,0 +1,98 @@
+"""Reversibility and symplecticity of the compiled step, found where they are and missed where they are not."""
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits import diagnostics
+from orbits.diagnostics.foils import NearestGauss
+from orbits.errors import InputError
+from orbits.integrators import registry
+from orbits.integrators.base import SYMMETRIC, SYMPLECTIC
+
+from .bodies import three_bodies
+
+METHODS = [method for _, cls in sorted(registry().items()) for method in cls.examples()]
+IDS = [method.label for method in METHODS]
+
+
+@pytest.mark.parametrize("method", METHODS, ids=IDS)
+def test_a_thousand_steps_forth_and_back_are_the_identity_if_and_only_if_the_method_is_symmetric(method):
+    found = diagnostics.reversibility(*three_bodies(), method, 0.05, 1000)
+    assert found.steps == 1000
+    # Eight periods of the inner planet amplify the rounding of 2,000 steps: 142 ulps at most were reached.
+    if SYMMETRIC in method.declares:
+        assert found.ulps < 1000
+        assert max(found.q, found.v) < 4e-13
+    else:
+        assert min(found.q, found.v) > 1e-5  # RK4, the most accurate of them: 3.4e-4
+
+
+@pytest.mark.parametrize("method", METHODS, ids=IDS)
+def test_the_step_is_symplectic_on_massive_bodies_and_on_fibres_if_and_only_if_declared(method):
+    found = diagnostics.symplecticity(*three_bodies(), method, 0.15)
+    assert found.noise < 1e-13  # 2e-14 was reached; it is what the differences of the derivatives leave
+    assert found.particles.shape == (2,)
+    if SYMPLECTIC in method.declares:
+        assert found.massive < 5e-14  # 8e-15 at most was reached
+        assert found.particles.max() < 5e-15  # 7e-16 at most was reached
+    else:
+        assert found.massive > 1e-5  # RK4: 5e-5
+        assert found.particles.min() > 1e-9  # RK4: 5e-9
+
+
+def test_a_method_that_spoils_a_single_particle_is_seen_in_its_fibre_alone():
+    """Explicit Euler on a particle far out: its defect is h^2 times its own tide, that of the planets far larger."""
+    found = diagnostics.symplecticity(*three_bodies(), orbits.ExplicitEuler(), 0.15)
+    assert found.massive > 10 * found.particles.max()
+    tide = 2.0 * 1.013 * 0.15**2 / np.linalg.norm(three_bodies()[1][3:], axis=1) ** 3
+    assert found.particles == pytest.approx(tide, rel=0.3)
+
+
+def test_the_rounding_of_coefficients_is_too_small_for_a_single_step_to_show():
+    """Which is why ensembles are needed, and exact coefficients checked with fractions."""
+    found = diagnostics.symplecticity(*three_bodies(), NearestGauss(stages=8), 0.15)
+    assert found.massive < 5e-14
+    assert NearestGauss(stages=8).tableau.binary_residual() > 0
+
+
+def test_flipping_velocities_where_a_step_is_not_symmetric_is_seen_by_the_order_of_its_error():
+    """Symplectic Euler comes back to first order in dt only."""
+    off = [
+        diagnostics.reversibility(*three_bodies(), orbits.SymplecticEuler(), h, round(1 / h)).q for h in (2e-3, 1e-3)
+    ]
+    assert 1.8 < off[0] / off[1] < 2.2
+
+
+def test_softening_counts():
+    gm, q, v = three_bodies()
+    found = diagnostics.symplecticity(gm, q, v, orbits.Gauss(stages=2), 0.15, softening=0.2)
+    assert found.massive < 5e-14
+    with pytest.raises(InputError, match="softening"):
+        diagnostics.reversibility(gm, q, v, orbits.Gauss(stages=2), 0.1, 10, softening=-1.0)
+
+
+WRONG = [
+    ({"integrator": "gauss"}, "integrator must be a method"),
+    ({"dt": 0.0}, "dt must be finite and not zero"),
+    ({"dt": float("nan")}, "dt must be finite"),
+    ({"gm": [1.0, 2.0]}, "q has shape"),
+    ({"gm": [0.0, 0.0, 0.0]}, "at least one of them > 0"),
+    ({"q": [[0, 0, np.nan]] * 3}, "q holds values that are not finite"),
+    ({"v": np.zeros((2, 3))}, "v has shape"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=[str(w)[:30] for w, _ in WRONG])
+def test_what_cannot_be_marched_is_refused_in_words(wrong, message):
+    gm, q, v = three_bodies(particles=False)
+    given = {"gm": gm, "q": q, "v": v, "integrator": orbits.StormerVerlet(), "dt": 0.1} | wrong
+    with pytest.raises(InputError, match=message):
+        diagnostics.symplecticity(**given)
+    with pytest.raises(InputError, match=message):
+        diagnostics.reversibility(**given, steps=3)
+
+
+def test_no_steps_are_refused():
+    with pytest.raises(InputError, match="steps must be a positive whole number"):
+        diagnostics.reversibility(*three_bodies(), orbits.StormerVerlet(), 0.1, 0)
