@@ -30,6 +30,12 @@ class EpochError(InputError):
     """An epoch outside an ephemeris, or epochs that do not belong together."""
 
 
+class MissingPackageError(OrbitsError, ImportError):
+    """An optional package is needed and cannot be imported."""
+
+    exit_code = 2
+
+
 class ArchiveError(InputError):
     """A file that is not a readable archive, or that must not be overwritten."""
 

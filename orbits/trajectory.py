@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Protocol
@@ -16,8 +17,10 @@ from orbits import diagnostics
 from orbits.diagnostics.drift import uniform_motion_drift
 from orbits.errors import ArchiveError, InputError
 from orbits.system import OrbitalElements, System, osculating
-from orbits.system.checks import index_of
+from orbits.system.checks import few, index_of
 from orbits.system.making import primary_name
+from orbits.system.presenting import labelled_run
+from orbits.tables import Labelled, Tabular, html_pairs
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -93,7 +96,7 @@ class BodyTrajectory:
     v: u.Quantity
 
 
-class Trajectory:
+class Trajectory(Tabular):
     """The samples of a run.
 
     system : the initial state, which also gives names, GM, units and epoch
@@ -133,6 +136,7 @@ class Trajectory:
         self.step = step
         self.complete = complete
         self.path = path
+        self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
         self._q, self._v, self._close = q, v, close
 
@@ -304,6 +308,26 @@ class Trajectory:
 
         return plot_trajectory(self, **options)
 
+    def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
+        known: dict[str, str | float] = {"integrator": self.integrator.label, "dt": abs(self.step)}
+        return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
+
+    def __reduce__(self) -> Any:
+        """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
+        if self._place is None:
+            return super().__reduce__()
+        return _reopened, (self._place, len(self), self.statistics)
+
+    def _repr_html_(self) -> str:
+        epoch = self.system.epoch
+        pairs = {"bodies": few(self.names), "epoch": "none" if epoch is None else f"{epoch.isot} TDB"}
+        pairs |= {"units": self.system.units.name}
+        if self.statistics is not None:
+            pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
+        if self.certificate is not None:
+            pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
+        return html_pairs(repr(self), pairs.items())
+
     def __repr__(self) -> str:
         where = f", in {self.path}" if self.path else ""
         state = "" if self.complete else ", incomplete"
@@ -335,6 +359,15 @@ class Trajectory:
     def _epoch(self) -> None:
         if self.system.epoch is None:
             raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
+
+
+def _reopened(path: str, samples: int, statistics: Statistics | None) -> Trajectory:
+    """Return the run in an archive where a copy of it is wanted, as it was with that many samples."""
+    run = Trajectory.open(path, statistics=statistics)
+    if len(run) < samples:
+        run.close()
+        raise ArchiveError(f"{path} holds {len(run)} samples; expected the {samples} of the run that was copied.")
+    return run
 
 
 def _as_array(samples: Samples) -> Array:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from orbits.errors import InputError
+from orbits.tables import html_table
 
 FORMAT = "orbits-certificate"
 VERSION = 1
@@ -48,7 +49,7 @@ class Finding:
         return "fails" if self.needed else "no"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Certificate:
     """What was measured of one method on one problem with one step.
 
@@ -84,16 +85,30 @@ class Certificate:
         head = ("property", "measured", "bound", "", "")
         rows = [(f.name, _number(f.measured), _number(f.bound), f.unit, f.verdict) for f in self.findings]
         widths = [max(len(row[k]) for row in [head, *rows]) for k in range(5)]
-        lines = [f"{self.method} on {self.problem}, dt = {self.dt:.6g} {self.time_unit}".rstrip(), ""]
+        lines = [self._head(), ""]
         for row in [head, *rows]:
             cells = [row[0].ljust(widths[0]), row[1].rjust(widths[1]), row[2].rjust(widths[2])]
             lines.append("  ".join([*cells, row[3].ljust(widths[3]), row[4]]).rstrip())
-        lines += ["", "a variational integrator, as declared" if self.ok else "NOT CERTIFIED"]
+        lines += ["", self._verdict()]
         lines += [f"  {failure}" for failure in self.failures]
         return "\n".join(lines)
 
     def __str__(self) -> str:
         return self.table()
+
+    def __repr__(self) -> str:
+        return f"Certificate({self._head()}; {self._verdict()})"
+
+    def _repr_html_(self) -> str:
+        head = ("property", "measured", "bound", "unit", "verdict")
+        rows = [(f.name, _number(f.measured), _number(f.bound), f.unit, f.verdict) for f in self.findings]
+        return html_table(f"{self._head()}: {self._verdict()}", head, rows)
+
+    def _head(self) -> str:
+        return f"{self.method} on {self.problem}, dt = {self.dt:.6g} {self.time_unit}".rstrip()
+
+    def _verdict(self) -> str:
+        return "a variational integrator, as declared" if self.ok else "NOT CERTIFIED"
 
     def to_record(self) -> dict[str, Any]:
         """Return values that JSON can hold; a figure that could not be measured is null."""

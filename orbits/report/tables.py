@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from html import escape
 
 from rich import box
 from rich.console import Group, RenderableType
@@ -12,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from orbits.report.values import Report, summarize
+from orbits.tables import html_table
 
 BODIES_IN_FULL = 12
 """Up to this many bodies each gets a line of its own."""
@@ -31,6 +33,25 @@ def render(report: Report) -> RenderableType:
     parts += [Text(line) for line in _footer(report)]
     parts += [Text(f"FAIL  {failure}", style="bold red") for failure in report.failures]
     return Group(*parts)
+
+
+def html(report: Report) -> str:
+    """The table of methods as HTML for a notebook, with all that `_footer` says and every failure below."""
+    unit = f" [{report.length_unit}]" if report.length_unit else ""
+    head = ("method", "steps", "wall [s]", "max |ΔE/E|", "max |ΔL/L|", f"max |Δq|{unit}", "of body", "verdict")
+    rows = [
+        (
+            row.method.removesuffix("()"),
+            "n/a" if row.steps is None else f"{row.steps:,}",
+            *(short(x) for x in (row.wall_s, row.energy, row.angular_momentum, row.position)),
+            row.worst_body or "",
+            row.verdict,
+        )
+        for row in report.rows
+    ]
+    below = [*_footer(report), *(f"FAIL {failure}" for failure in report.failures)]
+    lines = "".join(f"<p>{escape(line)}</p>" for line in below)
+    return html_table(str(report.settings.get("title") or "Comparison"), head, rows) + lines
 
 
 def _methods(report: Report) -> Table:

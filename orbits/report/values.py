@@ -75,7 +75,7 @@ class YardstickNote:
         return max(self.errors.values(), default=math.nan)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """The outcome of `orbits.compare`.
 
@@ -122,6 +122,15 @@ class Report:
 
     def __str__(self) -> str:
         return self.table
+
+    def __repr__(self) -> str:
+        methods = ", ".join(row.method for row in self.rows)
+        return f"Report({self.settings.get('title') or 'comparison'}; {methods}; {'ok' if self.ok else 'FAIL'})"
+
+    def _repr_html_(self) -> str:
+        from orbits.report.tables import html
+
+        return html(self)
 
     def __rich__(self) -> RenderableType:
         from orbits.report.tables import render

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from orbits import diagnostics
 from orbits.elements import elements_from_state, to_frame
 from orbits.errors import InputError
-from orbits.system import checks, making
+from orbits.system import checks, making, presenting
+from orbits.tables import MOST_ROWS, Labelled, Tabular, Variable, html_table
 from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
@@ -23,12 +24,13 @@ JACOBI = "jacobi"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OrbitalElements:
+class OrbitalElements(Tabular):
     """Osculating elements of k bodies: quantities of shape (k,) for one state, (samples, k) for a run.
 
     names : the bodies, in the order of the last axis; the primary is not among them
     primary : what the orbits are around: a body, "barycentre" (of the massive bodies) or "jacobi" (of those before)
     frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself)
+    t : time of the states since the epoch, of shape () or (samples,)
     a, e, q, inc, Omega, omega, pomega, M, E, f, l, theta, n, P, T : as defined in `orbits.elements.Elements`; angles
         in radians, T a time since the epoch
 
@@ -38,6 +40,7 @@ class OrbitalElements:
     names: tuple[str, ...]
     primary: str
     frame: str
+    t: u.Quantity
     a: u.Quantity
     e: u.Quantity
     q: u.Quantity
@@ -56,7 +59,7 @@ class OrbitalElements:
 
     def keys(self) -> tuple[str, ...]:
         """Return the names of the elements."""
-        return tuple(field.name for field in fields(self))[3:]
+        return tuple(field.name for field in fields(self))[4:]
 
     def __getitem__(self, name: str) -> OrbitalElements:
         """Return the elements of one body. Raises UnknownNameError, with the names that come close."""
@@ -64,25 +67,48 @@ class OrbitalElements:
         if self.a.ndim == 0:
             return self
         one = {key: getattr(self, key)[..., i] for key in self.keys()}
-        return OrbitalElements(names=(self.names[i],), primary=self.primary, frame=self.frame, **one)
+        return OrbitalElements(names=(self.names[i],), primary=self.primary, frame=self.frame, t=self.t, **one)
+
+    def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
+        pick = presenting.chosen(self.names, bodies)
+        names = tuple(np.array(self.names, dtype=object)[pick])
+        run = self.t.ndim == 1
+        shape = (*self.t.shape, len(self.names))
+        variables = {}
+        for key in self.keys():
+            x = getattr(self, key)
+            values = np.reshape(x.value, shape)[..., pick]
+            variables[key] = Variable(values, x.unit, ("time", "body") if run else ("body",))
+        return Labelled(names, self.t if run else None, variables, {"primary": self.primary, "frame": self.frame})
+
+    def _repr_html_(self) -> str:
+        head, rows = self._head(), self._rows()
+        if not rows:
+            return html_table(head, [], [])
+        return html_table(head, rows[0], rows[1:], len(self.names) - len(rows) + 1)
 
     def __repr__(self) -> str:
-        shape = "" if self.a.ndim < 2 else f" at {' x '.join(map(str, self.a.shape[:-1]))} samples"
-        head = f"elements of {checks.few(self.names)}{shape} about {self.primary}, {self.frame}"
-        if self.a.ndim > 1 or (self.a.ndim == 0 and len(self.names) != 1):
+        head, rows = self._head(), self._rows()
+        if not rows:
             return f"<{head}>"
-        shown = {"a": self.a, "e": self.e, "inc": self.inc.to(u.deg), "Omega": self.Omega.to(u.deg),
-                 "omega": self.omega.to(u.deg), "M": self.M.to(u.deg)}  # fmt: skip
-        rows = [["", *(f"{key} [{x.unit}]" if str(x.unit) else key for key, x in shown.items())]]
-        columns = [np.atleast_1d(x.value) for x in shown.values()]
-        rows += [[name, *(f"{c[i]:.6g}" for c in columns)] for i, name in enumerate(self.names[:MOST_ROWS])]
         widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
         lines = ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
         more = [f"... and {len(self.names) - MOST_ROWS} more"] if len(self.names) > MOST_ROWS else []
         return "\n".join([head, *lines, *more])
 
+    def _head(self) -> str:
+        shape = f" at {len(self.t)} samples" if self.t.ndim else ""
+        return f"elements of {checks.few(self.names)}{shape} about {self.primary}, {self.frame}"
 
-MOST_ROWS = 20
+    def _rows(self) -> list[list[str]]:
+        """Return the head and the first bodies of a table; nothing where there are several times."""
+        if self.t.ndim:
+            return []
+        shown = {"a": self.a, "e": self.e, "inc": self.inc.to(u.deg), "Omega": self.Omega.to(u.deg),
+                 "omega": self.omega.to(u.deg), "M": self.M.to(u.deg)}  # fmt: skip
+        rows = [["", *(f"{key} [{x.unit}]" if str(x.unit) else key for key, x in shown.items())]]
+        columns = [np.atleast_1d(x.value) for x in shown.values()]
+        return rows + [[name, *(f"{c[i]:.6g}" for c in columns)] for i, name in enumerate(self.names[:MOST_ROWS])]
 
 
 def osculating(
@@ -127,17 +153,20 @@ def osculating(
         if gm[place] == 0.0:
             raise InputError(f"{around!r} has no mass, so nothing goes around it. Choose a body with mass as primary.")
     chosen = tuple(names[i] for i in bodies)
+    times = np.asarray(t, dtype=np.float64)
     found = elements_from_state(
         to_frame(q[..., bodies, :] - centre_q, frame),
         to_frame(v[..., bodies, :] - centre_v, frame),
         two_body_gm,
-        t=np.asarray(t, dtype=np.float64)[..., None],
+        t=times[..., None],
         names=chosen,
     )
     kinds: dict[str, Any] = {"a": units.length, "q": units.length, "e": u.dimensionless_unscaled}
     kinds |= {"P": units.time, "T": units.time, "n": u.rad / units.time}
     quantities = {key: u.Quantity(found[key], kinds.get(key, u.rad), copy=False) for key in found}
-    return OrbitalElements(names=chosen, primary=around, frame=frame.lower(), **quantities)
+    return OrbitalElements(
+        names=chosen, primary=around, frame=frame.lower(), t=u.Quantity(times, units.time), **quantities
+    )
 
 
 def _before(names: Sequence[str], gm: Floats, q: Floats, v: Floats) -> tuple[NDArray[np.intp], Floats, Floats, Floats]:

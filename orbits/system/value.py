@@ -14,6 +14,8 @@ from orbits.errors import EpochError, InputError
 from orbits.system import checks, making
 from orbits.system.checks import StateValues
 from orbits.system.osculating import OrbitalElements, osculating
+from orbits.system.presenting import labelled_state, state_html
+from orbits.tables import Labelled, Tabular
 from orbits.units import SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class System:
+class System(Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -377,6 +379,12 @@ class System:
             v=np.concatenate([mine.v, v]),
             radii=radii,
         )
+
+    def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
+        return labelled_state(self, bodies)
+
+    def _repr_html_(self) -> str:
+        return state_html(self)
 
     def __repr__(self) -> str:
         particles = int(np.count_nonzero(~self.massive))

@@ -1,0 +1,85 @@
+"""A state as named arrays and as HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.system import checks
+from orbits.tables import MOST_ROWS, Labelled, Variable, html_table
+
+if TYPE_CHECKING:
+    from orbits.system.value import System
+
+Floats = NDArray[np.float64]
+
+NANOSECONDS = 9
+"""Digits of the seconds of an epoch: what astropy can write."""
+
+
+def chosen(names: Sequence[str], bodies: Sequence[str] | None) -> slice | NDArray[np.intp]:
+    """Return what picks these bodies from an axis of all of them. Raises UnknownNameError, and InputError for twice."""
+    if bodies is None:
+        return slice(None)
+    wanted = checks.checked_names([bodies] if isinstance(bodies, str) else bodies)
+    return np.array([checks.index_of(name, names) for name in wanted], dtype=np.intp)
+
+
+def attributes(system: System) -> dict[str, str | float]:
+    """Return what holds for all bodies and times of a system, as strings and numbers."""
+    known: dict[str, str | float] = {"unit_system": system.units.name, "G": system.units.G}
+    if system.epoch is not None:
+        moment = system.epoch
+        moment.precision = NANOSECONDS
+        known |= {"epoch": moment.isot, "time_scale": "tdb"}
+    return {**known, "softening": system.values.softening}
+
+
+def labelled_state(system: System, bodies: Sequence[str] | None) -> Labelled:
+    """Return the state as named arrays."""
+    pick = chosen(system.names, bodies)
+    gm, q, v, _ = system.values
+    units = system.units
+    variables = {
+        "gm": Variable(gm[pick], units.gm, ("body",)),
+        "q": Variable(q[pick], units.length, ("body", "component")),
+        "v": Variable(v[pick], units.speed, ("body", "component")),
+    }
+    if system.radii is not None:
+        variables["radius"] = Variable(system.radii.value[pick], units.length, ("body",))
+    return Labelled(tuple(np.array(system.names, dtype=object)[pick]), None, variables, attributes(system))
+
+
+def labelled_run(
+    system: System,
+    times: Floats,
+    q: Floats,
+    v: Floats,
+    bodies: Sequence[str] | None,
+    known: Mapping[str, str | float],
+) -> Labelled:
+    """Return samples of a run as named arrays; `times` (n,), q and v (n, bodies, 3) in the system's units."""
+    pick = chosen(system.names, bodies)
+    units = system.units
+    start = labelled_state(system, bodies)
+    variables = {key: start.variables[key] for key in ("gm", "radius") if key in start.variables}
+    variables |= {
+        "q": Variable(q[:, pick], units.length, ("time", "body", "component")),
+        "v": Variable(v[:, pick], units.speed, ("time", "body", "component")),
+    }
+    return Labelled(start.names, u.Quantity(times, units.time), variables, {**start.attributes, **known})
+
+
+def state_html(system: System) -> str:
+    """Return the first bodies of a system as an HTML table."""
+    gm, q, v, _ = system.values
+    units = system.units
+    heads: list[tuple[str, Any]] = [("GM", units.gm), *((c, units.length) for c in "xyz")]
+    heads += [(f"v{c}", units.speed) for c in "xyz"]
+    head = ["body", *(f"{name} [{unit}]" if str(unit) else name for name, unit in heads)]
+    rows = [[name, *(f"{x:.6g}" for x in (gm[i], *q[i], *v[i]))] for i, name in enumerate(system.names[:MOST_ROWS])]
+    return html_table(repr(system), head, rows, len(system) - len(rows))

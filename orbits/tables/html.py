@@ -1,0 +1,43 @@
+"""Small HTML tables for notebooks. Every text is escaped; names come from users and from files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+MOST_ROWS = 20
+"""More rows than this are cut short."""
+
+
+def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], more: int = 0) -> str:
+    """Return a table as HTML; the first column is text, the others are figures.
+
+    more : how many rows were left out, which a last line says
+    """
+    cells = "".join(f'<th style="text-align:{_align(k)}">{escape(text)}</th>' for k, text in enumerate(head))
+    lines = [f"<tr>{cells}</tr>"]
+    lines += ["<tr>" + "".join(_cell(k, text) for k, text in enumerate(row)) + "</tr>" for row in rows]
+    if more:
+        lines.append(f'<tr><td colspan="{len(head)}" style="text-align:left">... and {more:,} more</td></tr>')
+    return _table(caption, lines)
+
+
+def html_pairs(caption: str, pairs: Iterable[tuple[str, str]]) -> str:
+    """Return a table of names and what they are as HTML."""
+    return _table(
+        caption,
+        [f'<tr><th style="text-align:left">{escape(name)}</th>{_cell(0, text)}</tr>' for name, text in pairs],
+    )
+
+
+def _table(caption: str, lines: Sequence[str]) -> str:
+    head = f'<caption style="caption-side:top;text-align:left">{escape(caption)}</caption>'
+    return f"<table>{head}<tbody>{''.join(lines)}</tbody></table>"
+
+
+def _cell(column: int, text: str) -> str:
+    return f'<td style="text-align:{_align(column)}">{escape(text)}</td>'
+
+
+def _align(column: int) -> str:
+    return "right" if column else "left"

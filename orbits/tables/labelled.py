@@ -1,0 +1,121 @@
+"""Named arrays with units and named axes, and what they become in astropy, pandas and xarray."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.errors import MissingPackageError
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from astropy.table import QTable
+
+COMPONENTS = ("x", "y", "z")
+COLUMNS = {"q": COMPONENTS, "v": ("vx", "vy", "vz")}
+"""What the components of a vector are called where each has a column of its own."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One quantity of all bodies.
+
+    values : float64, with axes `dims`, a beginning of ("time", "body", "component") without what it does not have
+    unit : their unit
+    """
+
+    values: NDArray[np.float64]
+    unit: u.UnitBase
+    dims: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Quantities of the same bodies, at one time or at several.
+
+    names : the bodies
+    times : (n,) since the epoch, a quantity, or None for a single state
+    variables : by name
+    attributes : what else is known: strings and numbers, which every file format can hold
+    """
+
+    names: tuple[str, ...]
+    times: u.Quantity | None
+    variables: Mapping[str, Variable]
+    attributes: Mapping[str, str | float] = field(default_factory=dict)
+
+    def table(self) -> QTable:
+        """Return one row for each body, or for each time and body, time by time; `attributes` become its meta."""
+        from astropy.table import QTable
+
+        columns = {
+            name: values if unit is None else u.Quantity(values, unit, copy=False)
+            for name, (values, unit) in self._columns().items()
+        }
+        return QTable(columns, meta=dict(self.attributes), copy=False)
+
+    def pandas(self) -> pandas.DataFrame:
+        """Return rows as in `table`, by body or by (time, body); units are in `.attrs["units"]`."""
+        package: Any = _package("pandas", "to_pandas")
+        columns = self._columns()
+        index = [name for name in ("time", "body") if name in columns]
+        frame: pandas.DataFrame = package.DataFrame({name: values for name, (values, _) in columns.items()})
+        frame = frame.set_index(index)
+        frame.attrs = {
+            "units": {name: str(unit) for name, (_, unit) in columns.items() if unit is not None},
+            **self.attributes,
+        }
+        return frame
+
+    def xarray(self) -> xarray.Dataset:
+        """Return a Dataset of the axes time, body and component; units are in each variable's `.attrs["units"]`."""
+        package: Any = _package("xarray", "to_xarray")
+        coordinates: dict[str, Any] = {}
+        if self.times is not None:
+            coordinates["time"] = ("time", self.times.value, {"units": str(self.times.unit)})
+        coordinates["body"] = ("body", np.array(self.names, dtype=object))
+        if any("component" in variable.dims for variable in self.variables.values()):
+            coordinates["component"] = ("component", np.array(COMPONENTS, dtype=object))
+        variables = {
+            name: (variable.dims, variable.values, {"units": str(variable.unit)})
+            for name, variable in self.variables.items()
+        }
+        dataset: xarray.Dataset = package.Dataset(variables, coordinates, dict(self.attributes))
+        return dataset
+
+    def _columns(self) -> dict[str, tuple[NDArray[Any], u.UnitBase | None]]:
+        """Return the columns, flat; of a run those that change in time."""
+        names = np.array(self.names)
+        columns: dict[str, tuple[NDArray[Any], u.UnitBase | None]] = {}
+        if self.times is None:
+            columns["body"] = (names, None)
+        else:
+            columns["time"] = (np.repeat(self.times.value, len(names)), self.times.unit)
+            columns["body"] = (np.tile(names, len(self.times)), None)
+        for name, variable in self.variables.items():
+            if (self.times is not None) != ("time" in variable.dims):
+                continue
+            if "component" in variable.dims:
+                for k, column in enumerate(COLUMNS[name]):
+                    columns[column] = (variable.values[..., k].ravel(), variable.unit)
+            else:
+                columns[name] = (variable.values.ravel(), variable.unit)
+        return columns
+
+
+def _package(name: str, caller: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise MissingPackageError(
+            f"{caller}() needs the package {name}, which cannot be imported ({error}); expected it installed: "
+            "pip install 'orbits[tables]'. to_table() works without it."
+        ) from error

@@ -1,0 +1,102 @@
+"""What a notebook shows: small tables, whatever the names and however many bodies."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits.certificate.values import Certificate, Finding
+from orbits.report import Report, Row
+
+NASTY = "<script>alert('&\"')</script>"
+
+
+class Texts(HTMLParser):
+    """The texts of the cells, and every tag."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.texts: list[str] = []
+        self.open: list[str] = []
+        self.feed(html)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.open.append(tag)
+        assert {name for name, _ in attrs} <= {"style", "colspan"}
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def system(bodies: int = 3) -> orbits.System:
+    names = [NASTY, *(f"body {i}" for i in range(1, bodies))]
+    q, v = np.random.default_rng(4).normal(size=(2, bodies, 3))
+    return orbits.System(names, np.arange(bodies, 0, -1.0), q, v, units=orbits.DIMENSIONLESS)
+
+
+def run() -> orbits.Trajectory:
+    start = system()
+    q, v = (np.array([x, x]) for x in start.values[1:3])
+    return orbits.Trajectory(start, [0, 1], q, v, step=1.0, integrator=orbits.Gauss(stages=2), path=NASTY)
+
+
+def certificate() -> Certificate:
+    finding = Finding("symplectic", 3.0, 64.0, "ulps", False, True, True)
+    return Certificate(NASTY, "Gauss(stages=2)", 0.5, "d", (finding,))
+
+
+def report() -> Report:
+    row = Row(NASTY, "ours", "FAIL", steps=7, energy=1e-15, worst_body=NASTY, failures=(NASTY,))
+    return Report((row,), np.arange(2.0), "d", "km", ("a",), ("a",), NASTY, None, {"title": NASTY}, (NASTY,))
+
+
+VALUES = [system, lambda: system().elements("body 1"), run, lambda: run().elements("body 1"), certificate, report]
+KINDS = ["system", "elements", "run", "elements of a run", "certificate", "report"]
+
+
+@pytest.mark.parametrize("make", VALUES, ids=KINDS)
+def test_names_are_escaped_and_every_tag_is_closed(make):
+    html = make()._repr_html_()
+    seen = Texts(html)
+    assert set(seen.tags) <= {"table", "caption", "tbody", "tr", "th", "td", "p"}
+    assert any(NASTY in text for text in seen.texts)
+    assert "<script" not in html
+
+
+def test_a_thousand_bodies_make_no_larger_table_than_twenty():
+    seen = Texts(system(1000)._repr_html_())
+    assert seen.tags.count("tr") == 22
+    assert seen.texts[-1] == "... and 980 more"
+    assert Texts(system(20)._repr_html_()).tags.count("tr") == 21
+    assert Texts(system(1000).elements("body 1")._repr_html_()).texts[-1] == "... and 979 more"
+
+
+@pytest.mark.parametrize("make", [system, run, certificate, report], ids=["system", "run", "certificate", "report"])
+def test_repr_is_one_line_of_words(make):
+    text = repr(make())
+    assert re.fullmatch(r"(System|Trajectory|Certificate|Report)\(.*\)", text)
+    assert len(text) < 300
+
+
+def test_a_table_shows_the_figures_of_each_body_with_units():
+    solar = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
+    seen = Texts(solar._repr_html_())
+    assert "x [AU]" in seen.texts
+    assert f"{solar.values.q[1, 0]:.6g}" in seen.texts
+
+
+def test_a_run_shows_whether_its_certificate_holds():
+    shown = run()
+    shown.certificate = certificate()
+    assert any("symplectic: 3.00 ulps" in text for text in Texts(shown._repr_html_()).texts)
