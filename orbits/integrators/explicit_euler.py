@@ -13,21 +13,24 @@ from typing import Any, ClassVar
 from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
+from orbits.kernels.encounters import record_particles, record_state
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
+from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, explicit_euler
 
 
 @kernel
-def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps):
+def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, path, steps):
     """March the massive bodies by `steps` steps of h; `field_record` (slots, 1, padded) receives the positions before
     each.
     """
     size = dimension(tag, parameters)
     g = work[0]
     for step in range(steps):
+        record_state(path, step, q, v, size)
         accelerate(tag, parameters, q, g)
         field_record[step % field_record.shape[0], 0, :size] = q[:size]
         drift(q, q_lo, h, v, v_lo, size)
@@ -37,13 +40,14 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop
+    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
 ):
     """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
     for p in range(start, stop, WIDTH):
         x, y, z, x_lo, y_lo, z_lo = load_particles(q, q_lo, p)
         vx, vy, vz, vx_lo, vy_lo, vz_lo = load_particles(v, v_lo, p)
         for step in range(steps):
+            record_particles(track, step, x, y, z, vx, vy, vz)
             ax, ay, az = field(tag, parameters, field_record[step, 0], x, y, z)
             x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
             y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
@@ -53,6 +57,8 @@ def advance_particles(
             vz, vz_lo = accumulate(vz, vz_lo, h * az)
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
+        record_particles(track, steps, x, y, z, vx, vy, vz)
+        look_at_particles(watch, track, h, steps, p, stop)
     lost = first_not_finite(q, v, start, stop)
     return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), steps * (stop - start)
 

@@ -2,6 +2,7 @@
 
 The massive bodies march a block of steps; then the massless particles follow through the recorded field, shared among
 threads in groups of whole lanes, so that the bits do not depend on the number of threads nor on the size of the block.
+On the way closest approaches are recorded, and conditions end the march at the step where they first hold.
 """
 
 from __future__ import annotations
@@ -18,11 +19,26 @@ from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
+from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, Watch
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.stopping import first_energy_error, look_at_bodies, path_energy
 from orbits.lagrangians.base import Lagrangian
 
 FIELD_BYTES = 512 * 1024
-"""Size of the recorded field: it should stay in the second-level cache."""
+"""Size of the recorded field and of the track of eight particles: they should stay in the second-level cache."""
+
+PATH_BYTES = 4 * 1024 * 1024
+"""Size of the path of massive bodies without particles: written once, read here and there."""
+
+LEAST_BLOCK = 8
+"""Steps in one call of a kernel, however many the bodies are: whoever looks for close approaches looks at its ends."""
+
+RULE = 0.9
+"""Share of the total mass from which on a body dominates the others."""
+
+HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
+"""How close to a body a massless particle must come to be recorded: Hill radii, or a share of the distance between the
+body and the dominant one, whichever is larger."""
 
 BLOCK_WORK = 20_000_000
 """Pairs times steps in one call of a kernel: a fraction of a second, after which a signal is seen."""
@@ -43,6 +59,10 @@ class Marcher:
     h : step, not 0; its sign is the direction of time
     names : (n,) names for messages
     threads : how many threads the massless particles may use
+    stops : (conditions, 4), see `orbits.kernels.stopping`, rows counting bodies in the order of the caller
+    energy_bound : relative energy error that ends the march, or None
+
+    After `advance`, `met` tells (condition, row, body) that ended it, the condition -1 for the energy; else it is None.
     """
 
     def __init__(
@@ -57,6 +77,8 @@ class Marcher:
         *,
         names: Sequence[str] = (),
         threads: int = 1,
+        stops: Array | None = None,
+        energy_bound: float | None = None,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -68,6 +90,7 @@ class Marcher:
         self.particle_evaluations = 0
         self._massive = np.flatnonzero(massive)
         self._particles = np.flatnonzero(~np.asarray(massive))
+        self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
         self._coefficients = {self.h: integrator.coefficients(self.h)}
@@ -82,18 +105,31 @@ class Marcher:
             "particle_v": _columns(v[self._particles]),
             "particle_v_lo": np.zeros((3, padded(m))),
             "particle_memory": np.zeros((m, integrator.particle_memory_rows, WIDTH)),
+            "approaches": np.zeros((QUANTITIES, 2, padded(n + m))),
         }
+        self._state["approaches"][0] = np.inf
         self._backup = {name: array.copy() for name, array in self._state.items()}
         shape = integrator.field_shape(3 * n)
-        slots = 1
-        if m:
-            slots = int(np.clip(FIELD_BYTES // (8 * shape[0] * shape[1]), 1, max(1, BLOCK_WORK // (m * n))))
-        self.block = slots if m else max(1, BLOCK_WORK // (n * n))
-        self._field = np.zeros((slots, *shape))
+        least = 1 if m else LEAST_BLOCK
+        room = FIELD_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
+        self.block = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
+        self._field = np.zeros((self.block if m else 1, *shape))
+        self._path = np.empty(2 * (self.block + 1) * padded(3 * n))
+        self._nothing = np.zeros(0)
         self._work = np.zeros(integrator.work_shape(3 * n))
         self._tasks = _shares(m, threads)
         self._task_work = [np.zeros(integrator.work_shape(3 * n)) for _ in self._tasks]
+        self._tracks = [np.empty((6 * (self.block + 1), WIDTH)) for _ in self._tasks or [0]]
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and len(self._tasks) > 1 else None
+        self.met: tuple[int, int, int] | None = None
+        self._rows = np.concatenate([self._massive, self._particles])
+        self._stops = self._in_rows(np.zeros((0, 4)) if stops is None else stops)
+        self._hits = np.zeros(((m + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
+        self._dominant, self._annuli = self._reaches(q[self._massive])
+        self._energy_bound, self._energy = energy_bound, 0.0
+        if energy_bound is not None:
+            self._path[: 2 * padded(3 * n)] = np.concatenate([self._state["q"], self._state["v"]])
+            self._energy = path_energy(self._watch(self._state), self.parameters, 0)
 
     def advance(self, steps: int) -> None:
         """March on by `steps` >= 0 steps.
@@ -104,6 +140,7 @@ class Marcher:
             count = min(steps, self.block)
             for name, array in self._state.items():
                 np.copyto(self._backup[name], array)
+            self._counts = self.evaluations, self.particle_evaluations
             failure: IntegrationError | None = None
             try:
                 self._march_block(self._state, self.h, count)
@@ -112,12 +149,35 @@ class Marcher:
             if failure is not None:
                 count = self._steps_before_failure(count)
                 self._replay(count)
+                if self._stop(count):
+                    return
                 self.step += count
-                trial = {name: array.copy() for name, array in self._state.items()}
+                trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
                 self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
                 raise failure
+            if self._stop(count):
+                return
             self.step += count
             steps -= count
+
+    def _stop(self, count: int) -> bool:
+        """Look whether a condition was met in the block of `count` steps just marched; then go to where it was."""
+        if not len(self._stops) and self._energy_bound is None:
+            return False
+        found, *met = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])]) if count else (1, 0, 0, 0)
+        if self._energy_bound is not None:
+            watch = self._watch(self._state)
+            bound = self._energy_bound * abs(self._energy)
+            step = first_energy_error(watch, self.parameters, count, self._energy, bound)
+            if step < found:
+                found, met = step, [-1, 0, 0]
+        if found > count:
+            return False
+        if found < count:
+            self._replay(found)
+        self.step += found
+        self.met = (met[0], int(self._rows[met[1]]), int(self._massive[met[2]]))
+        return True
 
     def _steps_before_failure(self, count: int) -> int:
         """Return how many steps of the block of `count` that has just failed can be taken, by bisection."""
@@ -136,6 +196,7 @@ class Marcher:
         """March `count` steps from the state at the beginning of the block."""
         for name, array in self._state.items():
             np.copyto(array, self._backup[name])
+        self.evaluations, self.particle_evaluations = self._counts
         if count:
             self._march_block(self._state, self.h, count)
 
@@ -147,7 +208,7 @@ class Marcher:
         """Return (q, v) a partial step `offset` later, by a step on a copy: the march itself does not notice."""
         if offset == 0.0:
             return self.state()
-        copy = {name: array.copy() for name, array in self._state.items()}
+        copy = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
         # What is carried from step to step belongs to steps of h; a partial step starts cold.
         copy["memory"][:] = 0.0
         copy["particle_memory"][:] = 0.0
@@ -186,7 +247,9 @@ class Marcher:
             self._coefficients = {self.h: self._coefficients[self.h], h: method.coefficients(h)}
         arguments = (self.lagrangian.tag, self.parameters, self._coefficients[h], h)
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        status, done, body, evaluations = method.advance(*arguments, *massive, self._work, self._field, count)
+        watching = "approaches" in state
+        path = self._path if watching else self._nothing
+        status, done, body, evaluations = method.advance(*arguments, *massive, self._work, self._field, path, count)
         self.evaluations += evaluations
         if status == NOT_CONVERGED:
             self._fail(status, done, self._meeting(state, body))
@@ -196,15 +259,23 @@ class Marcher:
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0
             self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
+        watch = self._watch(state)
+        if watching:
+            end = 2 * count * watch.stride
+            path[end : end + watch.stride] = state["q"]
+            path[end + watch.stride : end + 2 * watch.stride] = state["v"]
+            look_at_bodies(watch, self._tracks[0], h, count)
         if not self._tasks:
             return
+        if watching:
+            self._see_annuli(count)
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
 
         def share(task: int) -> tuple[int, int, int, int]:
             start, stop = self._tasks[task]
             work = self._task_work[task]
             result: tuple[int, int, int, int] = method.advance_particles(
-                *arguments, *particles, work, self._field, count, start, stop
+                *arguments, *particles, work, self._field, count, start, stop, watch, self._tracks[task]
             )
             return result
 
@@ -214,6 +285,52 @@ class Marcher:
         for status, done, particle, _ in outcomes:
             if status != OK:
                 self._fail(status, done if status == NOT_CONVERGED else 0, [int(self._particles[particle])])
+
+    def _watch(self, state: dict[str, Array]) -> Watch:
+        """Return what the kernels look at; for a state without a record of approaches, nothing."""
+        watching = "approaches" in state
+        return Watch(
+            path=self._path,
+            stride=len(self._state["q"]),
+            bodies=self._bodies if watching else 0,
+            first=self.step,
+            dominant=self._dominant if watching else -1,
+            mu=float(self.parameters[1 + self._dominant]) if self._dominant >= 0 else 0.0,
+            annuli=self._annuli,
+            record=self._state["approaches"],
+            stops=self._stops,
+            hits=self._hits,
+        )
+
+    def _in_rows(self, stops: Array) -> Array:
+        """Return the conditions with the bodies numbered as the kernels number them."""
+        row = np.empty(len(self._rows) + 1)
+        row[self._rows], row[-1] = np.arange(len(self._rows)), -1
+        out = np.array(stops, dtype=np.float64)
+        out[:, 1:3] = row[out[:, 1:3].astype(int)]
+        return out
+
+    def _reaches(self, q: Array) -> tuple[int, Array]:
+        """Return the body that dominates the others, or -1, and how close to each body is close, in `annuli`."""
+        gm = self.parameters[1:]
+        annuli = np.zeros((self._bodies, 3))
+        dominant = int(np.argmax(gm))
+        if gm[dominant] <= RULE * gm.sum():
+            annuli[:, REACH] = np.inf
+            return -1, annuli
+        distance = np.linalg.norm(q - q[dominant], axis=1)
+        hill = distance * np.cbrt(gm / (3.0 * gm[dominant]))
+        annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
+        annuli[dominant, REACH] = 0.0
+        return dominant, annuli
+
+    def _see_annuli(self, steps: int) -> None:
+        """Find between which distances from the dominant body the others stay in the block just marched."""
+        if self._dominant >= 0:
+            n, stride = self._bodies, len(self._state["q"])
+            q = self._path[: 2 * (steps + 1) * stride].reshape(steps + 1, 2, stride)[:, 0, : 3 * n].reshape(-1, 3, n)
+            distance = np.sqrt(((q - q[:, :, [self._dominant]]) ** 2).sum(axis=1))
+            self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
     def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
         """Return two massive bodies: `body` and the one next to it, the lighter one first."""

@@ -27,17 +27,17 @@ def method_tag(advance: Any, advance_canonical: Any) -> Tag:
     return Tag(f"method-{digest.hexdigest()[:16]}", kernels)
 
 
-def advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps):
+def advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, path, steps):
     """March in second-order form, as `Integrator.advance`."""
     raise NotImplementedError("advance() is for compiled code only")
 
 
 @overload(advance)
-def _advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps):
+def _advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, path, steps):
     compiled = kernel_of(method, "advance")
 
-    def call(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps):
-        return compiled(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps)
+    def call(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, path, steps):
+        return compiled(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, path, steps)
 
     return compiled and call
 

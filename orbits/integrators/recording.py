@@ -15,7 +15,7 @@ def record(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, w
     evaluations = 0
     for sample in range(out_q.shape[0]):
         status, done, _, count = advance(
-            method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, every
+            method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, q[:0], every
         )
         evaluations += count
         if status != 0:

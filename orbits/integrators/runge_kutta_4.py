@@ -18,21 +18,24 @@ from typing import Any, ClassVar
 from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
+from orbits.kernels.encounters import record_particles, record_state
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
+from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, runge_kutta_4
 
 
 @kernel
-def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps):
+def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, path, steps):
     """March the massive bodies by `steps` steps of h; `field_record` (slots, 4, padded) receives the positions of the
     stages.
     """
     size = dimension(tag, parameters)
     g1, g2, g3, g4 = work[0], work[1], work[2], work[3]
     for step in range(steps):
+        record_state(path, step, q, v, size)
         slot = step % field_record.shape[0]
         Q1, Q2, Q3, Q4 = field_record[slot, 0], field_record[slot, 1], field_record[slot, 2], field_record[slot, 3]
         Q1[:size] = q[:size]
@@ -58,13 +61,14 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop
+    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
 ):
     """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
     for p in range(start, stop, WIDTH):
         x, y, z, x_lo, y_lo, z_lo = load_particles(q, q_lo, p)
         vx, vy, vz, vx_lo, vy_lo, vz_lo = load_particles(v, v_lo, p)
         for step in range(steps):
+            record_particles(track, step, x, y, z, vx, vy, vz)
             t, s, w = h / 2, h * h / 4, h * h / 2
             ax, ay, az = field(tag, parameters, field_record[step, 0], x, y, z)
             bx, by, bz = field(tag, parameters, field_record[step, 1], x + t * vx, y + t * vy, z + t * vz)
@@ -95,6 +99,8 @@ def advance_particles(
             vz, vz_lo = accumulate(vz, vz_lo, h / 6 * (az + 2.0 * (bz + cz) + dz))
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
+        record_particles(track, steps, x, y, z, vx, vy, vz)
+        look_at_particles(watch, track, h, steps, p, stop)
     lost = first_not_finite(q, v, start, stop)
     return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), 4 * steps * (stop - start)
 

@@ -17,15 +17,17 @@ from typing import Any, ClassVar
 from orbits.integrators.base import MOMENTUM_MAPS, NOT_FINITE, OK, SYMMETRIC, SYMPLECTIC, Integrator, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
+from orbits.kernels.encounters import record_particles, record_state
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
+from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib
 
 
 @kernel
-def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps):
+def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, path, steps):
     """March the massive bodies by `steps` steps of h: half a kick, a drift, half a kick.
 
     `field_record` (slots, 2, padded) receives the positions before and after each step.
@@ -34,6 +36,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     g = work[0]
     accelerate(tag, parameters, q, g)
     for step in range(steps):
+        record_state(path, step, q, v, size)
         record = field_record[step % field_record.shape[0]]
         record[0, :size] = q[:size]
         kick(v, v_lo, h / 2, g, size)
@@ -46,7 +49,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop
+    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
 ):
     """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
     half = h / 2
@@ -55,6 +58,7 @@ def advance_particles(
         vx, vy, vz, vx_lo, vy_lo, vz_lo = load_particles(v, v_lo, p)
         ax, ay, az = field(tag, parameters, field_record[0, 0], x, y, z)
         for step in range(steps):
+            record_particles(track, step, x, y, z, vx, vy, vz)
             vx, vx_lo = accumulate(vx, vx_lo, half * ax)
             vy, vy_lo = accumulate(vy, vy_lo, half * ay)
             vz, vz_lo = accumulate(vz, vz_lo, half * az)
@@ -67,6 +71,8 @@ def advance_particles(
             vz, vz_lo = accumulate(vz, vz_lo, half * az)
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
+        record_particles(track, steps, x, y, z, vx, vy, vz)
+        look_at_particles(watch, track, h, steps, p, stop)
     lost = first_not_finite(q, v, start, stop)
     return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), steps * (stop - start)
 

@@ -17,6 +17,7 @@ from orbits.integrators.base import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.integrators.vprk.coefficients import ETA, HB, HC, HC_LO, REST, START
 from orbits.kernels.binding import accelerate, bodies, dimension, field
 from orbits.kernels.compile import kernel
+from orbits.kernels.encounters import record_state
 from orbits.kernels.iteration import (
     CONVERGED,
     FLOOR,
@@ -42,6 +43,7 @@ from orbits.kernels.lanes import (
     store,
     total,
 )
+from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
 
 
@@ -65,7 +67,7 @@ def _moved(h, q, q_lo, v, v_lo, drift):
 
 
 @kernel
-def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps):
+def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, path, steps):
     """March by `steps` steps of h; `memory` holds L of the step before, zeros for a cold start.
 
     Returns (status, steps done, body or coordinate, evaluations). A step that fails changes nothing.
@@ -79,6 +81,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     hb, rest = load(coefficients, HB), load(coefficients, REST)
     evaluations = 0
     for step in range(steps):
+        record_state(path, step, q, v, size)
         Q = field_record[step % field_record.shape[0]]
         for k in range(size):
             # Sum the increments first: q is O(30 au), what moves it is O(1e-3 au).
@@ -140,7 +143,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop
+    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
 ):
     """March particles start ... stop - 1, one at a time, through the stages that the massive bodies went through.
 
@@ -151,8 +154,10 @@ def advance_particles(
     hb, rest = load(coefficients, HB), load(coefficients, REST)
     evaluations = 0
     for particle in range(start, stop):
-        L = memory[particle]
+        L, slot = memory[particle], particle % WIDTH
         for step in range(steps):
+            for k in range(3):
+                track[6 * step + k, slot], track[6 * step + 3 + k, slot] = q[k, particle], v[k, particle]
             sources = field_record[step]
             for k in range(3):
                 position, speed = q[k, particle], v[k, particle]
@@ -198,4 +203,8 @@ def advance_particles(
                     h, q[k, particle], q_lo[k, particle], speed, speed_lo, h * drifts[k]
                 )
                 v[k, particle], v_lo[k, particle] = add_compensated(speed, speed_lo, kicks[k])
+        for k in range(3):
+            track[6 * steps + k, slot], track[6 * steps + 3 + k, slot] = q[k, particle], v[k, particle]
+        if slot == WIDTH - 1 or particle == stop - 1:
+            look_at_particles(watch, track, h, steps, particle - slot, stop)
     return OK, steps, 0, evaluations

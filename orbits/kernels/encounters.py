@@ -1,0 +1,354 @@
+"""Closest approaches and stop conditions, read off the states at the beginning of each step of a block.
+
+Between two states that are close in time, the relative motion of a pair is a cubic Hermite polynomial; where its
+distance stops falling lies a closest approach. A pair is looked at often enough for neither its distance nor its
+direction to change much in between, and what was found is narrowed down to the step where it is: a record depends on
+the states alone, not on when they were looked at.
+
+Rows of a record are the massive bodies, then the massless particles. Column 0 is the closest approach to the dominant
+body, column 1 that to any other; for a particle the one that is the smallest share of the reach of the partner.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, sqrt, store, unit
+
+DISTANCE2, TIME, SPEED2, PARTNER = 0, 1, 2, 3
+QUANTITIES = 4
+DOMINANT, OTHER = 0, 1
+
+NEAR, FAR, REACH = 0, 1, 2
+"""Columns of `annuli`: the least and largest distance of a body from the dominant one in this block; how close to it
+a massless particle must come to be recorded."""
+
+FRACTION = 0.5
+"""How much of the time in which a pair's speed or acceleration covers its distance may pass between two looks."""
+
+MARGIN = 1.05
+"""By how much the apsides of a particle may move within a block."""
+
+SLACK = 0.998
+"""How much smaller than estimated an approach may turn out."""
+
+MANY = 1e18
+
+
+class Watch(NamedTuple):
+    """What is looked at in a block of steps.
+
+    path : flat; n bodies' q and v at the beginning of each step and at the end, each padded to `stride`
+    stride : length of a padded vector
+    bodies : n
+    first : steps taken before this block
+    dominant : the body that rules the motion of the others, or -1
+    mu : its GM
+    annuli : (n, 3), see above
+    record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
+    stops : (conditions, 4), see `stopping.py`
+    hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
+        which condition first held for which row and body
+    """
+
+    path: Any
+    stride: Any
+    bodies: Any
+    first: Any
+    dominant: Any
+    mu: Any
+    annuli: Any
+    record: Any
+    stops: Any
+    hits: Any
+
+
+@kernel(inline=True)
+def relative(watch, track, row, j, step):
+    """Return the position and velocity of a row relative to body j at the beginning of a step."""
+    n, path = watch.bodies, watch.path
+    a = 2 * step * watch.stride + j
+    b = a + watch.stride
+    if row < n:
+        c, d = a - j + row, b - j + row
+        return (
+            path[c] - path[a],
+            path[c + n] - path[a + n],
+            path[c + 2 * n] - path[a + 2 * n],
+            path[d] - path[b],
+            path[d + n] - path[b + n],
+            path[d + 2 * n] - path[b + 2 * n],
+        )
+    p, k = (row - n) % WIDTH, 6 * step
+    return (
+        track[k, p] - path[a],
+        track[k + 1, p] - path[a + n],
+        track[k + 2, p] - path[a + 2 * n],
+        track[k + 3, p] - path[b],
+        track[k + 4, p] - path[b + n],
+        track[k + 5, p] - path[b + 2 * n],
+    )
+
+
+@kernel(inline=True)
+def record_state(path, step, q, v, size):
+    """Write the state of the bodies at the beginning of a step into `path`, where there is one."""
+    if path.shape[0] > 0:
+        first = 2 * step * q.shape[0]
+        for k in range(0, size, WIDTH):
+            store(path, first + k, load(q, k))
+            store(path, first + q.shape[0] + k, load(v, k))
+
+
+@kernel(inline=True)
+def record_particles(track, step, x, y, z, vx, vy, vz):
+    """Write the states of eight particles at the beginning of a step into `track`."""
+    row = 6 * step
+    store(track, row, x)
+    store(track, row + 1, y)
+    store(track, row + 2, z)
+    store(track, row + 3, vx)
+    store(track, row + 4, vy)
+    store(track, row + 5, vz)
+
+
+@kernel(inline=True)
+def _hermite(s, h, x0, v0, x1, v1):
+    """Return position, velocity and acceleration at the fraction s of a step of h between two states."""
+    a, b = x1 - x0 - h * v0, h * (v1 - v0)
+    c2, c3 = 3.0 * a - b, b - 2.0 * a
+    velocity = v0 + s * (2.0 * c2 + 3.0 * s * c3) / h
+    return x0 + s * (h * v0 + s * (c2 + s * c3)), velocity, (2.0 * c2 + 6.0 * s * c3) / (h * h)
+
+
+@kernel
+def least_distance(watch, track, row, j, step, h):
+    """Return the squared distance, the fraction of the step and the squared speed at the least distance in a step."""
+    x0, y0, z0, u0, v0, w0 = relative(watch, track, row, j, step)
+    x1, y1, z1, u1, v1, w1 = relative(watch, track, row, j, step + 1)
+    low, high, s = 0.0, 1.0, 0.5
+    d2 = speed2 = 0.0
+    for _ in range(48):
+        x, u, ax = _hermite(s, h, x0, u0, x1, u1)
+        y, v, ay = _hermite(s, h, y0, v0, y1, v1)
+        z, w, az = _hermite(s, h, z0, w0, z1, w1)
+        d2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
+        fall = (x * u + y * v + z * w) * h
+        if fall < 0.0:
+            low = s
+        else:
+            high = s
+        # Newton's method, kept between the bounds.
+        slope = (speed2 + x * ax + y * ay + z * az) * h * h
+        s_next = s - fall / slope if slope > 0.0 else low
+        if not low < s_next < high:
+            s_next = 0.5 * (low + high)
+        if abs(s_next - s) <= 1e-9:
+            break
+        s = s_next
+    return d2, s, speed2
+
+
+@kernel(inline=True)
+def _estimate(h, before, now, x0, y0, z0, u0, v0, w0, x1, y1, z1, u1, v1, w1):
+    """Return the squared least distance between two looks that are h apart, by two secants; `before` < 0 <= `now`."""
+    s = before / (before - now)
+    x, u, _ = _hermite(s, h, x0, u0, x1, u1)
+    y, v, _ = _hermite(s, h, y0, v0, y1, v1)
+    z, w, _ = _hermite(s, h, z0, w0, z1, w1)
+    middle = (x * u + y * v + z * w) * h
+    s = select(middle < 0.0, s + (1.0 - s) * middle / (middle - now), s * before / (before - middle))
+    x, _, _ = _hermite(s, h, x0, u0, x1, u1)
+    y, _, _ = _hermite(s, h, y0, v0, y1, v1)
+    z, _, _ = _hermite(s, h, z0, w0, z1, w1)
+    return x * x + y * y + z * z
+
+
+@kernel
+def _note(watch, row, j, d2, time, speed2):
+    """Enter the approach of a row to body j, if it is the closest of its kind so far."""
+    record, annuli = watch.record, watch.annuli
+    column = DOMINANT if j == watch.dominant else OTHER
+    rank = d2
+    if column == OTHER and row >= watch.bodies:
+        reach = annuli[j, REACH]
+        if not d2 <= reach * reach:
+            return
+        if watch.dominant >= 0 and record[DISTANCE2, column, row] < math.inf:
+            rank = d2 * (annuli[int(record[PARTNER, column, row]), REACH] / reach) ** 2
+    if rank < record[DISTANCE2, column, row]:
+        record[DISTANCE2, column, row] = d2
+        record[TIME, column, row] = time
+        record[SPEED2, column, row] = speed2
+        record[PARTNER, column, row] = j
+
+
+@kernel
+def _passage(watch, track, row, j, begin, end, h, both):
+    """Enter the closest approach of a row to body j that lies between two looks at them: in the step where it is."""
+    while end - begin > 1:
+        middle = (begin + end) // 2
+        x, y, z, u, v, w = relative(watch, track, row, j, middle)
+        if (x * u + y * v + z * w) * h < 0.0:
+            begin = middle
+        else:
+            end = middle
+    d2, s, speed2 = least_distance(watch, track, row, j, begin, h)
+    _note(watch, row, j, d2, watch.first + begin + s, speed2)
+    if both:
+        _note(watch, j, row, d2, watch.first + begin + s, speed2)
+
+
+@kernel
+def note_start(watch, track, row):
+    """Enter the distances of a row from all bodies at the start of a run."""
+    for j in range(watch.bodies):
+        if j != row:
+            x, y, z, u, v, w = relative(watch, track, row, j, 0)
+            _note(watch, row, j, x * x + y * y + z * z, 0.0, u * u + v * v + w * w)
+
+
+@kernel(inline=True)
+def _steps_until(valid, x, y, z, u, v, w, du, dv, dw, h, left):
+    """Return after how many of the steps that are left to look again at pairs whose velocities change by (du, dv, dw)
+    in one step.
+    """
+    r2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
+    # distance / speed, or what it takes the acceleration to cover the distance, whichever is shorter
+    fall = sqrt(r2 * (du * du + dv * dv + dw * dw)) / abs(h)
+    time2 = -largest(select(valid > 0.0, -r2 / (maximum(speed2, fall) + 1e-300 * r2), full(-MANY)))
+    count = min(FRACTION * math.sqrt(time2) / abs(h), 1.0 * left)
+    return int(count) if count >= 1.0 else 1
+
+
+@kernel
+def follow_bodies(watch, track, h, steps):
+    """Look for closest approaches among the massive bodies in a block of `steps` steps of h.
+
+    One body against eight others in lanes. `track` is not read.
+    """
+    if watch.first == 0:
+        for i in range(watch.bodies):
+            note_start(watch, track, i)
+    n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
+    for i in range(n - 1):
+        for start in range(i + 1, n, WIDTH):
+            valid = full(0.0)
+            for j in range(start, min(start + WIDTH, n)):
+                valid = valid + unit(j - start)
+            k = last = 0
+            before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
+            while True:
+                a = 2 * k * P
+                b = a + P
+                x = load(path, a + start) - path[a + i]
+                y = load(path, a + n + start) - path[a + n + i]
+                z = load(path, a + 2 * n + start) - path[a + 2 * n + i]
+                u = load(path, b + start) - path[b + i]
+                v = load(path, b + n + start) - path[b + n + i]
+                w = load(path, b + 2 * n + start) - path[b + 2 * n + i]
+                now = (x * u + y * v + z * w) * h
+                turned = valid * (before < 0.0) * (now >= 0.0)
+                if any_lane(turned):
+                    d2 = _estimate(
+                        h * (k - last), before * (k - last), now * (k - last), x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
+                    )
+                    nearest = record[DISTANCE2, OTHER, i]
+                    if start <= watch.dominant < start + WIDTH:
+                        nearest = max(nearest, record[DISTANCE2, DOMINANT, i])
+                    column = DOMINANT if i == watch.dominant else OTHER
+                    known = maximum(load(record[DISTANCE2, column], start), full(nearest))
+                    turned = turned * (SLACK * d2 < known)
+                    for j in range(start, min(start + WIDTH, n)):
+                        if lane(turned, j - start) != 0.0:
+                            _passage(watch, track, i, j, last, k, h, True)
+                if k == steps:
+                    break
+                before, last = now, k
+                x0, y0, z0, u0, v0, w0 = x, y, z, u, v, w
+                c = b + 2 * P
+                u = load(path, c + start) - path[c + i] - u
+                v = load(path, c + n + start) - path[c + n + i] - v
+                w = load(path, c + 2 * n + start) - path[c + 2 * n + i] - w
+                k += _steps_until(valid, x, y, z, u0, v0, w0, u, v, w, h, steps - k)
+
+
+@kernel
+def follow_particles(watch, track, h, steps, start, stop):
+    """Look for closest approaches of particles start ... stop - 1, at most eight, whose states are in `track`.
+
+    track : (6 (steps + 1), 8), x, y, z and their velocities at the beginning of each step and at the end
+    """
+    n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
+    annuli, dominant = watch.annuli, watch.dominant
+    if watch.first == 0:
+        for p in range(start, stop):
+            note_start(watch, track, n + p)
+    valid = full(0.0)
+    for p in range(start, stop):
+        valid = valid + unit(p - start)
+    lowest, highest = full(0.0), full(MANY)
+    if dominant >= 0:
+        lowest, highest = _apsides(watch, track)
+    for j in range(n):
+        reach = annuli[j, REACH]
+        if dominant >= 0 and j != dominant:
+            meets = (lowest < MARGIN * annuli[j, FAR] + reach) * (MARGIN * highest > annuli[j, NEAR] - reach)
+            if not any_lane(meets * valid):
+                continue
+        k = last = 0
+        before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
+        while True:
+            a = 2 * k * P + j
+            b = a + P
+            x, y, z = (
+                load(track, 6 * k) - path[a],
+                load(track, 6 * k + 1) - path[a + n],
+                load(track, 6 * k + 2) - path[a + 2 * n],
+            )
+            u, v, w = (
+                load(track, 6 * k + 3) - path[b],
+                load(track, 6 * k + 4) - path[b + n],
+                load(track, 6 * k + 5) - path[b + 2 * n],
+            )
+            now = (x * u + y * v + z * w) * h
+            turned = valid * (before < 0.0) * (now >= 0.0)
+            if any_lane(turned):
+                d2 = _estimate(
+                    h * (k - last), before * (k - last), now * (k - last), x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
+                )
+                if j == dominant or dominant < 0:
+                    column = DOMINANT if j == dominant else OTHER
+                    turned = turned * (SLACK * d2 < load(record[DISTANCE2, column], n + start))
+                else:
+                    turned = turned * (SLACK * d2 < reach * reach)
+                for p in range(start, stop):
+                    if lane(turned, p - start) != 0.0:
+                        _passage(watch, track, n + p, j, last, k, h, False)
+            if k == steps:
+                break
+            before, last = now, k
+            x0, y0, z0, u0, v0, w0 = x, y, z, u, v, w
+            c = b + 2 * P
+            u = load(track, 6 * k + 9) - path[c] - u
+            v = load(track, 6 * k + 10) - path[c + n] - v
+            w = load(track, 6 * k + 11) - path[c + 2 * n] - w
+            k += _steps_until(valid, x, y, z, u0, v0, w0, u, v, w, h, steps - k)
+
+
+@kernel
+def _apsides(watch, track):
+    """Return the osculating pericentre and apocentre distances of eight particles about the dominant body."""
+    n, P, path, j = watch.bodies, watch.stride, watch.path, watch.dominant
+    x, y, z = load(track, 0) - path[j], load(track, 1) - path[n + j], load(track, 2) - path[2 * n + j]
+    u, v, w = load(track, 3) - path[P + j], load(track, 4) - path[P + n + j], load(track, 5) - path[P + 2 * n + j]
+    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
+    inverse_r = 1.0 / sqrt(x * x + y * y + z * z)
+    parameter = (cx * cx + cy * cy + cz * cz) / watch.mu
+    inverse_a = 2.0 * inverse_r - (u * u + v * v + w * w) / watch.mu
+    e = sqrt(maximum(1.0 - parameter * inverse_a, full(0.0)))
+    lowest = parameter / (1.0 + e)
+    highest = select(inverse_a > 0.0, (1.0 + e) / maximum(inverse_a, full(1e-300)), full(MANY))
+    return lowest, highest

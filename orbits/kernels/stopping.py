@@ -1,0 +1,93 @@
+"""Conditions that end a run, looked at after each step of a block."""
+
+from __future__ import annotations
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.encounters import follow_bodies, follow_particles, least_distance, relative
+from orbits.kernels.gravity import pair_potential
+from orbits.kernels.lanes import WIDTH
+
+ANY = -1
+CLOSER, FARTHER = 0, 1
+KIND, FIRST, SECOND, BOUND2 = 0, 1, 2, 3
+"""Columns of `stops`: CLOSER or FARTHER, two rows (or ANY of them), the distance squared."""
+
+
+@kernel(inline=True)
+def _concerns(stops, c, row, j):
+    """Return whether condition c is about a row and body j."""
+    a, b = stops[c, FIRST], stops[c, SECOND]
+    return (a in (ANY, row) and b in (ANY, j)) or (a in (ANY, j) and b in (ANY, row))
+
+
+@kernel
+def first_met(watch, track, h, steps, start, stop):
+    """Return after how many of `steps` steps (steps + 1: never) which condition first holds for which row and body.
+
+    Rows start ... stop - 1 are looked at. "Closer" holds as well after a step within which the pair came closer than it
+    is at either end.
+    """
+    stops, n = watch.stops, watch.bodies
+    found = (steps + 1, 0, 0, 0)
+    for c in range(stops.shape[0]):
+        bound2 = stops[c, BOUND2]
+        closer = stops[c, KIND] == CLOSER
+        for row in range(start, stop):
+            for j in range(min(row, n)):
+                if not _concerns(stops, c, row, j):
+                    continue
+                before = 0.0
+                for step in range(found[0]):
+                    x, y, z, u, v, w = relative(watch, track, row, j, step)
+                    d2, now = x * x + y * y + z * z, (x * u + y * v + z * w) * h
+                    if step > 0:
+                        met = d2 < bound2 if closer else d2 > bound2
+                        if closer and before < 0.0 <= now:
+                            met = met or least_distance(watch, track, row, j, step - 1, h)[0] < bound2
+                        if met:
+                            found = (step, c, row, j)
+                            break
+                    before = now
+    return found
+
+
+@kernel(inline=True)
+def _enter(hits, row, found):
+    hits[row, 0], hits[row, 1], hits[row, 2], hits[row, 3] = found
+
+
+@kernel
+def look_at_bodies(watch, track, h, steps):
+    """Look for closest approaches and met conditions among the massive bodies; `track` is not read."""
+    follow_bodies(watch, track, h, steps)
+    _enter(watch.hits, watch.hits.shape[0] - 1, first_met(watch, track, h, steps, 0, watch.bodies))
+
+
+@kernel
+def look_at_particles(watch, track, h, steps, start, stop):
+    """Look for closest approaches and met conditions of particles start ... start + 7, those below `stop`."""
+    stop = min(start + WIDTH, stop)
+    follow_particles(watch, track, h, steps, start, stop)
+    n = watch.bodies
+    _enter(watch.hits, start // WIDTH, first_met(watch, track, h, steps, n + start, n + stop))
+
+
+@kernel
+def path_energy(watch, strength, step):
+    """Return G times the energy of the massive bodies at the beginning of a step."""
+    n, P, path = watch.bodies, watch.stride, watch.path
+    first = 2 * step * P
+    value = pair_potential(strength, path[first : first + P])
+    for i in range(n):
+        u, v, w = path[first + P + i], path[first + P + n + i], path[first + P + 2 * n + i]
+        value += 0.5 * strength[1 + i] * (u * u + v * v + w * w)
+    return value
+
+
+@kernel
+def first_energy_error(watch, strength, steps, reference, bound):
+    """Return after how many of `steps` steps |E - reference| exceeds `bound`, or steps + 1."""
+    for step in range(1, steps + 1):
+        if not abs(path_energy(watch, strength, step) - reference) <= bound:
+            return step
+    return steps + 1
