@@ -119,7 +119,7 @@ class Marcher:
         self._work = np.zeros(integrator.work_shape(3 * n))
         self._tasks = _shares(m, threads)
         self._task_work = [np.zeros(integrator.work_shape(3 * n)) for _ in self._tasks]
-        self._tracks = [np.empty((6 * (self.block + 1), WIDTH)) for _ in self._tasks or [0]]
+        self._tracks = [np.empty((6 * (self.block + 1), WIDTH)) for _ in range(max(1, len(self._tasks)))]
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and len(self._tasks) > 1 else None
         self.met: tuple[int, int, int] | None = None
         self._rows = np.concatenate([self._massive, self._particles])
