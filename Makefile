@@ -1,6 +1,6 @@
 # orbits: everything from a fresh clone needs only make, python3 >= 3.11 with venv, and the Python package index.
 #
-#     make run     make test     make contracts     make bench     make slow     make clean     make help
+#     make run     make test     make contracts     make bench     make slow     make docs     make clean     make help
 #
 # PYTHON=python3.12 chooses another interpreter for .venv.
 
@@ -15,9 +15,10 @@ MADE := $(VENV)/.made
 BASE := $(VENV)/.installed
 DEV := $(VENV)/.installed-dev
 BENCH := $(VENV)/.installed-bench
+DOCS := $(VENV)/.installed-docs
 
 .DEFAULT_GOAL := help
-.PHONY: run test contracts bench slow clean help
+.PHONY: run test contracts bench slow docs clean help
 
 run: $(BASE)  ## set up .venv and run the asteroid belt with its comparison against REBOUND
 	$(BIN)/orbits run asteroid_belt
@@ -37,8 +38,12 @@ contracts: $(DEV)  ## every method on every Lagrangian: what is declared holds, 
 bench: $(BENCH)  ## measure speed and accuracy against the peers
 	$(BIN)/python scripts/benchmark.py
 
+docs: $(DOCS)  ## build the site of the documentation, without a network; warnings are errors
+	$(BIN)/python -m sphinx -q -E -W --keep-going docs build/docs
+	@echo "The site is at file://$(CURDIR)/build/docs/index.html"
+
 clean:  ## remove .venv, caches and builds; results/ stays
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) build dist docs/_generated .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -not -path './.git/*' -prune -exec rm -rf {} +
 
 help:  ## this list
@@ -54,6 +59,10 @@ $(DEV): pyproject.toml | $(MADE)
 
 $(BENCH): pyproject.toml | $(MADE)
 	$(PIP) install --editable ".[bench]"
+	@touch $@ $(BASE)
+
+$(DOCS): pyproject.toml | $(MADE)
+	$(PIP) install --editable ".[docs]"
 	@touch $@ $(BASE)
 
 # The stamp, not the folder, says that .venv is whole: one interrupted half-way is completed by the next make.

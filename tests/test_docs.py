@@ -1,36 +1,105 @@
-"""Every Python block of README and docs runs as it is typed, in the order of its page, in an empty folder."""
+"""Every Python block of README and docs runs as it is typed, in the order of its page, in an empty folder.
+
+So do the commands of the tutorials and of "How to extend it"; those of the other pages are such as the command line
+understands.
+"""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
 import orbits
+from orbits.cli import app
+from orbits.scenario import bundled
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+WRITTEN = sorted(page for page in (ROOT / "docs").rglob("*.md") if "_generated" not in page.parts)
+PAGES = [ROOT / "README.md", *WRITTEN]
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+FILE = re.compile(r"`(\w+\.py)`[^`]*```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SHELL = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
+LESSONS = ("docs/tutorials/", "docs/extending.md")
+LINK = re.compile(r"\]\((?![a-z]+:)([^)#\s]*)(?:#([^)\s]+))?\)")
+
+
+def name(page):
+    return page.relative_to(ROOT).as_posix()
+
+
+def text_of(page):
+    return page.read_text(encoding="utf-8")
 
 
 def blocks(page):
-    return BLOCK.findall(page.read_text(encoding="utf-8"))
+    return BLOCK.findall(text_of(page))
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=lambda p: p.name)
+def save_files(page, folder):
+    """Save the blocks that follow the name of a file under that name, as the reader is asked to."""
+    for file, code in FILE.findall(text_of(page)):
+        (folder / file).write_text(code, encoding="utf-8")
+
+
+def commands(page):
+    """Return what is typed after `orbits` in the shell blocks of a page, word by word, and whether it ends well."""
+    lines = [line for block in SHELL.findall(text_of(page)) for line in block.splitlines()]
+    return [
+        (shlex.split(line, comments=True)[1:], "# exit code 1" not in line)
+        for line in lines
+        if line.startswith("orbits ")
+    ]
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=name)
 def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     if page.name == "archive.md":  # it reads a run that its reader has made
         system = orbits.System.solar_system(bodies=["Sun", "Jupiter", "Saturn"])
         orbits.propagate(system, orbits.Gauss(stages=8), dt=50, duration=4000, archive="run.h5")
+    save_files(page, tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)  # where a script finds the files beside it
     names = {"__name__": "page"}
     for number, code in enumerate(blocks(page), 1):
         exec(compile(code, f"{page.name}, block {number}", "exec"), names)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if commands(p) and (p.parent.name == "tutorials" or p.stem == "extending")], ids=name
+)
+def test_the_commands_of_a_tutorial_end_as_it_says(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_files(page, tmp_path)
+    for words, succeeds in commands(page):
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == (0 if succeeds else 1), (words, done.output)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=name)
+def test_the_command_line_understands_every_command_of_a_page(page):
+    group = typer.main.get_command(app)
+    for (command, *words), _ in commands(page):
+        arguments = group.commands[command].make_context(command, words).params
+        scenario = arguments.get("scenario", "a.py")
+        assert scenario.endswith(".py") or scenario in {each.name for each in bundled()}
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "data" / "README.md"], ids=name)
 def test_what_a_page_links_to_is_there(page):
-    for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
-        assert (page.parent / target).exists(), target
+    for target, heading in LINK.findall(text_of(page)):
+        file = page.parent / target if target else page
+        assert file.exists(), target
+        if heading:
+            assert heading in headings(file), f"{target}#{heading}"
+
+
+def headings(page):
+    """Return the anchors that a code forge gives to the headings of a page."""
+    titles = re.findall(r"^#+ (.+)$", text_of(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
 def test_the_readme_example_has_ten_lines():

@@ -70,6 +70,7 @@ PEERS: dict[str, Peer] = {
         Peer("leapfrog", "leapfrog", True),
     )
 }
+"""Every peer by its name."""
 
 
 @dataclass(frozen=True)

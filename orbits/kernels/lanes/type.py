@@ -9,6 +9,7 @@ from numba.core.datamodel.models import PrimitiveModel
 from numba.extending import register_model
 
 WIDTH = 8
+"""How many float64 a `Lanes` holds."""
 DOUBLE = ir.DoubleType()
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
 INT64 = ir.IntType(64)

@@ -1,0 +1,138 @@
+"""Directives that show what is registered: `scenario-gallery`, `integrator-tables`, `command-line`, `public-names`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable
+
+from docutils import nodes
+from generated_pages import api_pages, picture
+from house_docstrings import to_rst
+from public_names import documented
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from orbits.integrators import registry
+from orbits.scenario import bundled
+
+
+class RegistryDirective(SphinxDirective):
+    """A directive without content that stands for generated Markdown."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the nodes of the Markdown."""
+        made = []
+        for part in self.markdown():
+            made += self.parse_text_to_nodes(part, allow_section_headings=part.startswith("## "))
+        return made
+
+    def markdown(self) -> list[str]:
+        """Return what the directive stands for, in parts: what has headings begins with one."""
+        raise NotImplementedError
+
+
+class ScenarioGallery(RegistryDirective):
+    """A card for each bundled scenario: picture, name, what it shows."""
+
+    def markdown(self) -> list[str]:
+        """Return the cards, and the contents for the navigation."""
+        cards = []
+        for each in bundled():
+            page = f"_generated/scenarios/{each.name}.rst"
+            image = f"[![{each.summary}]({picture(each.name)})]({page})\n\n" if picture(each.name) else ""
+            cards.append(f":::{{container}} card\n{image}[**{each.name}**]({page})\n\n{each.summary}.\n:::\n")
+        return [
+            "::::{container} cards\n" + "\n".join(cards) + "::::\n",
+            contents(f"scenarios/{s.name}" for s in bundled()),
+        ]
+
+
+class IntegratorTables(RegistryDirective):
+    """A table of all registered integrators, then a section for each: its discrete Lagrangian, as its file has it."""
+
+    def markdown(self) -> list[str]:
+        """Return table and sections."""
+        rows = ["| method | order | declares | discrete Lagrangian | source |", "| --- | --- | --- | --- | --- |"]
+        sections = []
+        for cls in sorted(registry().values(), key=lambda cls: (not cls.variational, cls.name)):
+            examples = cls.examples()
+            orders = ", ".join(str(order) for order in sorted({method.order for method in examples}))
+            declares = ", ".join(sorted(set.intersection(*(set(m.declares) for m in examples)))) or "nothing"
+            kind = "yes" if cls.variational else "none"
+            rows.append(f"| [`{cls.__name__}`](#{cls.name}) | {orders} | {declares} | {kind} | {cls.source} |")
+            sections.append(self.section(cls))
+        return ["\n".join(rows), "\n".join(sections)]
+
+    def section(self, cls: type) -> str:
+        """Return the section of one method."""
+        module = inspect.getmodule(cls)
+        file = "orbits/" + inspect.getsourcefile(cls).rpartition("/orbits/")[2]
+        listing = f"_modules/{module.__name__.replace('.', '/')}.html"
+        rst = "\n".join(to_rst(module.__doc__ or ""))
+        examples = ", ".join(f"`{method.label}`" for method in cls.examples())
+        return (
+            f"## {cls.name}\n\n{{py:class}}`orbits.{cls.__name__}`: {cls.summary}. For example {examples}.\n\n"
+            f"````{{eval-rst}}\n{rst}\n````\n\n"
+            f'File: <a href="{listing}"><code>{file}</code></a>\n'
+        )
+
+
+class CommandLine(RegistryDirective):
+    """Every command of the command line, from the help texts of the program itself."""
+
+    def markdown(self) -> list[str]:
+        """Return a section for each command."""
+        import typer
+
+        from orbits.cli import app
+
+        parts = []
+        for name, command in typer.main.get_command(app).commands.items():
+            context = command.make_context(name, [], resilient_parsing=True)
+            said, *examples = command.help.split("Example: ")
+            parts += [f"## orbits {name}", "", said.strip(), "", "```sh", *(line.strip() for line in examples), "```"]
+            parts += ["", "| | |", "| --- | --- |"]
+            for parameter in command.params:
+                form, *text = parameter.get_help_record(context) or ["", ""]
+                if parameter.param_type_name == "argument":
+                    form = parameter.metavar
+                if form and form != "--help":
+                    parts.append(f"| `{form}` | {cell(' '.join(text))} |")
+            parts.append("")
+        return ["\n".join(parts)]
+
+
+class PublicNames(RegistryDirective):
+    """A table of the names on each page of the API reference."""
+
+    def markdown(self) -> list[str]:
+        """Return a table for each module, and the contents for the navigation."""
+        parts = []
+        for page in api_pages():
+            parts += ["", f"## {page}", "", "| name | what it is |", "| --- | --- |"]
+            for entry in documented():
+                if entry.page == page:
+                    role = {"compiled": "func", "function": "func", "exception": "exc"}.get(entry.kind, entry.kind)
+                    parts.append(f"| {{py:{role}}}`{entry.full_name}` | {cell(entry.summary)} |")
+        return [contents(f"api/{page}" for page in api_pages()), "\n".join(parts).strip()]
+
+
+def contents(pages: Iterable[str]) -> str:
+    """Return the contents for the navigation."""
+    return "\n".join(["```{toctree}", ":hidden:", "", *(f"_generated/{page}" for page in pages), "```"])
+
+
+def cell(text: str) -> str:
+    """Return text for a cell of a Markdown table."""
+    for special in "\\|*_[]<>":
+        text = text.replace(special, f"\\{special}")
+    return " ".join(text.split())
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Add the directives."""
+    app.add_directive("scenario-gallery", ScenarioGallery)
+    app.add_directive("integrator-tables", IntegratorTables)
+    app.add_directive("command-line", CommandLine)
+    app.add_directive("public-names", PublicNames)
+    return {"parallel_read_safe": True}

@@ -1,0 +1,92 @@
+"""The site: it builds without a warning, without a network, and shows all that the registries have."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from html import unescape
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+import typer
+
+pytest.importorskip("sphinx", reason="Sphinx comes with the extra 'docs'")
+
+from public_names import documented
+
+import orbits
+from orbits.cli import app
+from orbits.integrators import registry
+from orbits.scenario import bundled
+
+ROOT = Path(__file__).resolve().parents[2]
+NO_NETWORK = "import socket; socket.socket.connect = None; socket.getaddrinfo = None"
+BUILD = f"{NO_NETWORK}; import sys; from sphinx.cmd.build import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-c", BUILD, "-q", "-E", "-W", "--keep-going", "docs", str(out)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def test_the_site_builds_without_a_warning_or_a_network(site: Path) -> None:
+    assert (site / "index.html").is_file()
+    assert (site / "searchindex.js").is_file()
+
+
+def test_every_reference_within_the_site_leads_somewhere(site: Path) -> None:
+    pages = {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html")}
+    anchors = {page: {unescape(found) for found in re.findall(r' id="([^"]+)"', text)} for page, text in pages.items()}
+    for page, text in pages.items():
+        for target in re.findall(r' (?:href|src)="(?!https?:|#|data:)([^"]+)"', text):
+            path, _, anchor = unquote(unescape(target)).partition("#")
+            file = (page.parent / path.split("?")[0]).resolve()
+            assert file.is_file(), f"{page}: {target}"
+            # Listings of source name all their objects by one module, also those that are documented under another.
+            listing = "_modules" in page.parts
+            assert not anchor or anchor in anchors[file] or listing, f"{page}: {target}"
+
+
+def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert not re.findall(r'(?:src="|<link [^>]*rel="stylesheet"[^>]*href=")https?:[^"]*', text), page
+    for sheet in site.rglob("*.css"):
+        assert not re.findall(r"(?:@import|url\() *[\"']?https?:[^\"')]*", sheet.read_text(encoding="utf-8")), sheet
+
+
+def test_every_public_name_has_its_place(site: Path) -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in (site / "_generated" / "api").glob("*.html"))
+    shown = set(re.findall(r' id="(orbits\.[\w.]+)"', text))
+    assert {f"orbits.{name}" for name in orbits.__all__ if not name.startswith("_")} <= shown
+    assert {entry.full_name for entry in documented()} <= shown
+
+
+@pytest.mark.parametrize("name", [entry.full_name for entry in documented()])
+def test_every_name_of_the_reference_is_documented(name: str) -> None:
+    (entry,) = [entry for entry in documented() if entry.full_name == name]
+    assert entry.doc, f"{name} is public and has no docstring"
+
+
+def test_every_scenario_integrator_and_command_is_shown(site: Path) -> None:
+    gallery, methods, commands = (
+        (site / f"{page}.html").read_text(encoding="utf-8") for page in ("gallery", "integrators", "command_line")
+    )
+    for scenario in bundled():
+        assert f'href="_generated/scenarios/{scenario.name}.html"' in gallery
+    for cls in registry().values():
+        assert f"_generated/api/orbits.integrators.html#orbits.{cls.__name__}" in methods
+    group = typer.main.get_command(app)
+    for name, command in group.commands.items():
+        assert f"<h2>orbits {name}" in commands
+        for parameter in command.params:
+            forms = [parameter.metavar] if parameter.param_type_name == "argument" else parameter.opts
+            assert all(f">{form}" in commands for form in forms if form != "--help")
