@@ -18,7 +18,7 @@ NEXT_ITEM = re.compile(rf"(?:;|(?<=\.)) +(?={WORD}(?:, {WORD})* : \S)")
 """Where a second item begins on the same line: "t : (n,) times; q, p : (n, d) positions"."""
 COLUMNS = re.compile(r"\S {3,}\S")
 QUOTED = re.compile(r"``(.+?)``|`([^`]+)`", re.DOTALL)
-MARKUP = re.compile(r"([\\*|_<>`\[\]])")
+MARKUP = re.compile(r"([\\*|_<>`\[\]:.)])")
 
 Link = Callable[[str], str | None]
 """From what stands in backticks to the full name of a public object, or None."""
@@ -69,13 +69,9 @@ def rendered(block: list[str], link: Link) -> list[str]:
         if opened:
             lines += [*definition(part, link), ""]
         else:
-            lines += [inline("\n".join(part).removesuffix(":").rstrip(":") + ending(part), link), ""]
+            text = "\n".join(part)
+            lines += [inline(f"{text.rstrip(':')}:" if text.endswith(":") else text, link), ""]
     return lines
-
-
-def ending(part: list[str]) -> str:
-    """Return the colon that a paragraph ends in, once: two of them are markup for the code that follows."""
-    return ":" if part[-1].endswith(":") else ""
 
 
 def parts(block: list[str]) -> Iterable[list[str]]:
@@ -131,17 +127,22 @@ def inline(text: str, link: Link) -> str:
     text = " ".join(text.split())
     pieces, end = [], 0
     for found in QUOTED.finditer(text):
-        pieces.append(MARKUP.sub(r"\\\1", text[end : found.start()]))
         quoted = found[1] or found[2]
+        if quoted != quoted.strip() or "`" in quoted or quoted.endswith("\\"):
+            continue  # no code, but a mark that is typed as it is
+        pieces.append(escaped(text[end : found.start()]))
         target = link(quoted)
-        # A backslash-blank ends markup that a letter follows, as in "`Check`s".
-        before = "\\ " if found.start() and text[found.start() - 1].isalnum() else ""
-        after = "\\ " if text[found.end() : found.end() + 1].isalnum() else ""
-        shown = quoted.replace("\\", "\\\\")
-        pieces.append(before + (f":py:obj:`{shown} <{target}>`" if target else f"``{quoted}``") + after)
+        # A backslash-blank ends markup that a letter follows, as in "`Check`s", and stands for nothing.
+        pieces.append("\\ " + (f":py:obj:`{quoted} <{target}>`" if target else f"``{quoted}``") + "\\ ")
         end = found.end()
-    pieces.append(MARKUP.sub(r"\\\1", text[end:]))
-    return "".join(pieces)
+    pieces.append(escaped(text[end:]))
+    line = "".join(pieces)
+    return line if line[:1].isalpha() else f"\\ {line}"
+
+
+def escaped(text: str) -> str:
+    """Return plain text so that nothing in it is markup."""
+    return MARKUP.sub(r"\\\1", text)
 
 
 def setup(app):
