@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
+    from orbits.spk import SpkFile
 
 Array = NDArray[np.float64]
 
@@ -307,6 +308,12 @@ class Trajectory(Tabular):
         from orbits.plotting import plot_trajectory
 
         return plot_trajectory(self, **options)
+
+    def to_spk(self, path: str | PathLike[str], **options: Any) -> SpkFile:
+        """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""
+        from orbits.spk import write
+
+        return write(self, path, **options)
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
         known: dict[str, str | float] = {"integrator": self.integrator.label, "dt": abs(self.step)}

@@ -1,0 +1,63 @@
+"""NAIF's numbers of the bodies of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from orbits import ephemeris
+from orbits.errors import InputError, UnknownNameError
+from orbits.system import checks
+
+PLANETS = dict(zip(ephemeris.BODIES, (10, 1, 2, 3, 399, 301, 4, 5, 6, 7, 8, 9), strict=True))
+"""Of the Sun, the Earth, the Moon, and for all others of the barycentre of the planet with its moons."""
+
+ASTEROIDS = 2_000_000
+MANY_ASTEROIDS = 20_000_000
+"""Added to an asteroid's number; the second from number 1,000,000 on."""
+
+SOLAR_SYSTEM_BARYCENTRE = 0
+
+
+def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, int]:
+    """Return the number of each body: as given, of DE440's bodies, or of a numbered asteroid of the catalogue.
+
+    Raises InputError, naming the bodies, for those that have none and for a number that two have; UnknownNameError for
+    a name in `given` that no body has.
+    """
+    given = dict(given or {})
+    for name in given:
+        checks.index_of(name, names)
+    found: dict[str, int] = {}
+    missing = []
+    for name in names:
+        number = given[name] if name in given else _known(name)
+        if number is None:
+            missing.append(name)
+        elif isinstance(number, bool) or not isinstance(number, int) or not -(2**31) < number < 2**31 or number == 0:
+            raise InputError(
+                f"ids[{name!r}] is {number!r}; expected a whole number of 32 bits, such as -1001, and not 0, which is "
+                "the barycentre of the Solar System."
+            )
+        elif number in found.values():
+            other = next(body for body in found if found[body] == number)
+            raise InputError(f"{other!r} and {name!r} both have the NAIF number {number}; give ids for one of them.")
+        else:
+            found[name] = number
+    if missing:
+        raise InputError(
+            f"no NAIF number is known of {checks.few(missing)}; expected a body of DE440, a numbered asteroid of the "
+            f"catalogue, or a number of yours: ids={{{missing[0]!r}: -1001}}, or bodies=[...] without them."
+        )
+    return found
+
+
+def _known(name: str) -> int | None:
+    if name in PLANETS:
+        return PLANETS[name]
+    try:
+        number = int(ephemeris.asteroids(names=name).numbers[0])
+    except UnknownNameError:
+        return None
+    if number == 0:
+        return None
+    return number + (ASTEROIDS if number < ASTEROIDS // 2 else MANY_ASTEROIDS)

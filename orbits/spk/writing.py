@@ -1,0 +1,311 @@
+"""From a run to an SPK file: the run is marched again, sampled inside its steps and fitted to a tolerance.
+
+Each body has one segment of records of one length, as long as the tolerance allows. Records of all bodies begin as
+eight steps and are halved until the fastest body keeps the tolerance; then those of each body are joined in pairs.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from astropy import units as u
+from numpy.polynomial import chebyshev as series
+from numpy.typing import NDArray
+
+from orbits._version import __version__
+from orbits.errors import ArchiveError, EpochError, InputError
+from orbits.propagation.binding import bound
+from orbits.spk import bodies as naif
+from orbits.spk import chebyshev, daf
+from orbits.system import checks
+
+if TYPE_CHECKING:
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+J2000 = 2451545
+DAY = 86400
+
+# Where records begin, in parts of a second: exact in binary for millions of years, whatever their number.
+PARTS = 1024
+SHORTEST = 0.125
+"""Seconds; records that would have to be shorter are refused."""
+
+JOINABLE = 32
+"""Records come in multiples of this, so that five times two neighbours can be joined."""
+
+LONGEST_IN_STEPS, SHORTEST_IN_STEPS = 8.0, 0.25
+MOST_BYTES = 2**32
+BLOCK = 4096
+
+
+@dataclass(frozen=True)
+class SpkFile:
+    """What was written.
+
+    path : of the file
+    ids : NAIF's number of each body;  centre : that of the centre of all segments
+    record_days : length of a body's records
+    error_km : how far a body's polynomials may be from the run, km: the bound on what the fit left out, or the largest
+        distance to the run's own samples where that is larger
+    """
+
+    path: Path
+    ids: Mapping[str, int]
+    centre: int
+    record_days: Mapping[str, float] = field(repr=False)
+    error_km: Mapping[str, float] = field(repr=False)
+
+
+def write(
+    run: Trajectory,
+    path: str | PathLike[str],
+    *,
+    tolerance_km: float = 1e-3,
+    ids: Mapping[str, int] | None = None,
+    bodies: Sequence[str] | None = None,
+    centre: str | None = None,
+    overwrite: bool = False,
+) -> SpkFile:
+    """Write a run as an SPK file, type 2 (Chebyshev polynomials of the positions), and say how exact it is.
+
+    run : with physical units and an epoch; the integration is repeated from the initial state to sample it within steps
+    path : of the file, usually `.bsp`;  overwrite : whether an existing file may be replaced
+    tolerance_km : how far the polynomials may be from the run; velocities are their derivatives. Readers count time in
+        seconds past J2000 as one float64, which resolves 60 ns in this century and 4 us after a thousand years
+    ids : NAIF numbers by name, for bodies without one and instead of the usual ones: of DE440's bodies 10 (Sun), 1 to 9
+        (a planet with its moons), 399 and 301 (Earth and Moon), of numbered asteroids of the catalogue by their names
+        2000000 + number, 20000000 + number from 1,000,000 on
+    bodies : those to write, by default all
+    centre : a body of the run that all positions are relative to. By default it is the origin of the system, labelled
+        0, the barycentre of the Solar System: `System.solar_system` puts the barycentre of the bodies chosen there,
+        which is not exactly that of DE440
+
+    Axes are those of the system, labelled J2000 (ICRF).
+    Raises InputError, and its kin, for bodies without a number, a run in pure numbers, without an epoch or of a single
+    sample, one that is not smooth to the tolerance or not of its own method, a path that cannot be written;
+    ArchiveError for a file that is there; IntegrationError as `propagate` does.
+    Source: NAIF, "SPK Required Reading".
+    """
+    target = _target(path, overwrite)
+    names = run.names if bodies is None else checks.checked_names([bodies] if isinstance(bodies, str) else bodies)
+    places = [checks.index_of(name, run.names) for name in names if name != centre]
+    about = None if centre is None else checks.index_of(centre, run.names)
+    if not places:
+        raise InputError(f"bodies = {list(names)!r} leaves nothing to write; expected at least one besides the centre.")
+    _check(run, tolerance_km)
+    wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
+    numbers = naif.numbers(wanted, {k: v for k, v in (ids or {}).items() if k in wanted or k not in run.names})
+    centre_number = naif.SOLAR_SYSTEM_BARYCENTRE if centre is None else numbers.pop(centre)
+
+    grid, coefficients, lost = _fitted(run, places, about, tolerance_km)
+    segments, records, errors = [], {}, {}
+    for k, i in enumerate(places):
+        name = run.names[i]
+        own, error, length = _joined(coefficients[:, :, [k]], float(lost[k]), grid.length, tolerance_km)
+        seen = _largest_distance_to_samples(run, i, about, own, grid._replace(length=length))
+        if seen > 2.0 * tolerance_km:
+            raise InputError(
+                f"the samples of {name!r} are up to {seen:.3g} km from where {run.integrator.label} with dt = {run.dt} "
+                "takes it; expected a run as orbits.propagate made it. Propagate it again."
+            )
+        errors[name], records[name] = max(error, seen), length / DAY
+        segments.append(
+            daf.Segment(name, numbers[name], centre_number, grid.start, grid.end, grid.initial, length, own)
+        )
+    _store(target, _comments(run, numbers, centre, tolerance_km), segments)
+    return SpkFile(target, numbers, centre_number, records, errors)
+
+
+class _Grid(NamedTuple):
+    """Records of a run in TDB seconds past J2000: where the first begins, their length and number, what is covered.
+
+    offset : of the first record since the run's epoch, in its unit of time;  seconds : in that unit
+    """
+
+    initial: float
+    length: float
+    records: int
+    start: float
+    end: float
+    offset: Fraction
+    seconds: Fraction
+
+    @classmethod
+    def of(cls, run: Trajectory, length: float) -> _Grid:
+        """The grid of records no longer than `length` seconds."""
+        epoch = run.system.epoch
+        assert epoch is not None  # checked before
+        seconds = Fraction(float(run.system.units.time.to(u.s)))
+        zero = (Fraction(epoch.jd1) - J2000 + Fraction(epoch.jd2)) * DAY
+        start, end = (zero + Fraction(float(t)) * seconds for t in sorted((run.times[0], run.times[-1])))
+        initial = Fraction(math.floor(start * PARTS), PARTS)
+        count = JOINABLE * math.ceil((end - initial) / Fraction(length) / JOINABLE)
+        exact = Fraction(math.ceil((end - initial) / count * PARTS), PARTS)
+        return cls(float(initial), float(exact), count, float(start), float(end), (initial - zero) / seconds, seconds)
+
+
+class _TooLongError(Exception):
+    """Records that lose more than the tolerance; carries how much."""
+
+
+def _check(run: Trajectory, tolerance_km: float) -> None:
+    if not run.system.units.is_physical:
+        raise InputError("a run in pure numbers has no kilometres and seconds; expected a system with physical units.")
+    if run.system.epoch is None:
+        raise EpochError("the system has no epoch, so an SPK file has no dates for it; give System(..., epoch=...).")
+    if len(run) < 2:
+        raise InputError(f"{run!r} covers no span of time; expected a run with at least two samples.")
+    if not (isinstance(tolerance_km, int | float) and math.isfinite(tolerance_km) and tolerance_km > 0.0):
+        raise InputError(f"tolerance_km is {tolerance_km!r}; expected a number of kilometres > 0, such as 0.001.")
+
+
+def _fitted(
+    run: Trajectory, places: Sequence[int], about: int | None, tolerance_km: float
+) -> tuple[_Grid, Array, Array]:
+    """Return the grid of records that keep the tolerance, coefficients (records, degree + 1, bodies, 3), and losses."""
+    step = abs(run.step) * float(run.system.units.time.to(u.s))
+    length, reached = LONGEST_IN_STEPS * step, math.inf
+    while length >= SHORTEST_IN_STEPS * step:
+        grid = _Grid.of(run, length)
+        needed = 8 * 3 * (chebyshev.DEGREE + 1) * grid.records * len(places)
+        if needed > MOST_BYTES:
+            raise InputError(
+                f"{grid.records} records of {len(places)} bodies need {needed / 2**30:.1f} GiB; at most "
+                f"{MOST_BYTES / 2**30:.0f} are possible. Write fewer bodies at a time (bodies=[...])."
+            )
+        if grid.length < SHORTEST:
+            break
+        try:
+            return grid, *_coefficients(run, places, about, grid, tolerance_km)
+        except _TooLongError as loss:
+            reached = loss.args[0]
+            length = min(length, grid.length) / 2.0
+    raise InputError(
+        f"{run.integrator.label} with dt = {run.dt:g} is not smooth to {tolerance_km:g} km: its own error in a step "
+        f"shows as {reached:.2g} km that records of {2 * length / DAY:.3g} d cannot hold. Give a larger tolerance_km, "
+        "or propagate with a smaller dt or a method of higher order."
+    )
+
+
+def _coefficients(
+    run: Trajectory, places: Sequence[int], about: int | None, grid: _Grid, tolerance_km: float
+) -> tuple[Array, Array]:
+    """March through all records; raise _TooLongError as soon as a block of them loses more than the tolerance."""
+    units = run.system.units
+    km, kms = float(units.length.to(u.km)), float(units.speed.to(u.km / u.s))
+    marcher = bound(run.system, run.integrator, run.step)
+    coefficients = np.empty((grid.records, chebyshev.DEGREE + 1, len(places), 3))
+    lost = np.zeros(len(places))
+    order = range(grid.records) if run.step > 0 else range(grid.records - 1, -1, -1)
+    try:
+        for at in range(0, grid.records, JOINABLE):
+            block = order[at : at + JOINABLE]
+            q, v = np.empty((2, len(block), chebyshev.NODES, len(run.names), 3))
+            for row, record in enumerate(block):
+                for node, steps, rest in _visits(grid, record, run.step):
+                    marcher.advance(steps - marcher.step)
+                    q[row, node], v[row, node] = marcher.state_after(rest)
+            if about is not None:
+                q, v = q - q[:, :, [about]], v - v[:, :, [about]]
+            fit, loss = chebyshev.fitted(q[:, :, places] * km, v[:, :, places] * kms, grid.length / 2.0)
+            if loss.max() > tolerance_km:
+                raise _TooLongError(float(loss.max()))
+            coefficients[np.array(block)] = fit
+            lost = np.maximum(lost, loss.max(axis=0))
+    finally:
+        marcher.close()
+    return coefficients, lost
+
+
+def _visits(grid: _Grid, record: int, h: float) -> list[tuple[int, int, float]]:
+    """Return (node, whole steps, rest) of a record's nodes in the order in which a march of steps h meets them.
+
+    The end of the record that comes first is found exactly; what is left is no longer than a record.
+    """
+    nodes = chebyshev.nodes()
+    length = float(Fraction(grid.length) / grid.seconds)
+    forwards = h > 0
+    end = grid.offset + (record + (not forwards)) * Fraction(grid.length) / grid.seconds
+    whole = max(0, math.floor(end / Fraction(h)))
+    begun = float(end - whole * Fraction(h))
+    visits = []
+    for node in range(len(nodes)) if forwards else range(len(nodes) - 1, -1, -1):
+        rest = begun + length * ((1.0 + nodes[node]) / 2.0 if forwards else -(1.0 - nodes[node]) / 2.0)
+        more = max(0, math.floor(rest / h))
+        visits.append((node, whole + more, float(rest - more * h)))
+    return visits
+
+
+def _joined(coefficients: Array, lost: float, length: float, tolerance_km: float) -> tuple[Array, float, float]:
+    """Return a body's (coefficients (records, degree + 1, 3), loss, length) with records as long as may be."""
+    while len(coefficients) % 2 == 0:
+        longer, more = chebyshev.merged(coefficients)
+        if lost + float(more.max()) > tolerance_km:
+            break
+        coefficients, lost, length = longer, lost + float(more.max()), 2.0 * length
+    return coefficients[:, :, 0], lost, length
+
+
+def _largest_distance_to_samples(run: Trajectory, body: int, about: int | None, fit: Array, grid: _Grid) -> float:
+    """Return how far the polynomials are from the run's samples, km."""
+    km = float(run.system.units.length.to(u.km))
+    farthest = 0.0
+    for first in range(0, len(run), BLOCK):
+        block = slice(first, first + BLOCK)
+        q = run.q.value[block, body]
+        if about is not None:
+            q = q - run.q.value[block, about]
+        seconds = (run.times[block] - float(grid.offset)) * float(grid.seconds)
+        record = np.clip((seconds / grid.length).astype(np.int64), 0, len(fit) - 1)
+        s = 2.0 * (seconds - record * grid.length) / grid.length - 1.0
+        there = series.chebval(s[None], np.moveaxis(fit[record], 0, -1), tensor=False)
+        farthest = max(farthest, float(np.linalg.norm(there.T - q * km, axis=1).max()))
+    return farthest
+
+
+def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, tolerance_km: float) -> list[str]:
+    lines = [
+        f"Made by orbits {__version__}: {run.integrator.label}, dt = {abs(run.step)!r} {run.system.units.time}.",
+        f"Epoch of the initial state: {run.system.epoch} TDB.",
+        f"Polynomials within {tolerance_km:g} km of the run. Axes: ICRF (J2000 in SPICE).",
+    ]
+    if centre is None:
+        lines += [
+            "The centre, labelled 0, is the origin of the system that was propagated, for",
+            "System.solar_system() the barycentre of the bodies chosen, which is not to the",
+            "last kilometre that of DE440: asteroids, for instance, are left out.",
+        ]
+    return [*lines, "", *(f"{number:>12} {name}" for name, number in numbers.items())]
+
+
+def _target(path: str | PathLike[str], overwrite: bool) -> Path:
+    target = Path(path)
+    if target.exists() and not overwrite:
+        raise ArchiveError(f"{target} exists; choose another name, or replace it with overwrite=True.")
+    return target
+
+
+def _store(target: Path, comments: Sequence[str], segments: Sequence[daf.Segment]) -> None:
+    """Write beside the target and move it there whole: nobody ever reads half a file."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        try:
+            with os.fdopen(handle, "w+b") as file:
+                daf.write(file, f"orbits {__version__}", comments, segments)
+            os.replace(name, target)
+        except BaseException:
+            os.unlink(name)
+            raise
+    except OSError as error:
+        raise InputError(f"cannot write {str(target)!r}: {error.strerror}. Choose another path.") from error
