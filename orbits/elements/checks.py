@@ -16,10 +16,11 @@ RECTILINEAR = (
     "moves straight towards or away from the attracting body (|q x v| = {h}): a rectilinear orbit has no plane and "
     "ends in a collision. Give it some velocity across"
 )
-PARABOLA = (
-    "moves at the escape velocity (r/a = {x}): a parabola has no semi-major axis, no period and no mean anomaly. "
-    "Change the speed in its last digits, or go on with the state itself"
+EXTREME = (
+    "moves at 2^{octaves:.0f} times the circular velocity of its place; expected a factor within 2^-160 ... 2^160, where "
+    "the elements are floats. Check the units of position, velocity and gm"
 )
+BEYOND = "{what} of this orbit would be {value}, beyond the range of floats. Choose units of its own size"
 
 
 def label(index: tuple[int, ...], names: Sequence[str] | None) -> str:
@@ -33,34 +34,43 @@ def label(index: tuple[int, ...], names: Sequence[str] | None) -> str:
     return f"entry {index[0] if len(index) == 1 else index}: "
 
 
-def refuse(bad: NDArray[np.bool_], message: str, names: Sequence[str] | None, **values: Floats) -> None:
+def refuse(bad: NDArray[np.bool_], message: str, names: Sequence[str] | None, **values: Floats | str) -> None:
     """Raise InputError for the first True of `bad`, if any.
 
-    message : a format string; {name} stands for the value of values[name] at that place
+    message : a format string; {name} stands for the value of values[name] at that place, or values[name] itself if text
     """
     if not np.any(bad):
         return
     index = tuple(int(i) for i in np.argwhere(bad)[0])
-    here = {key: float(value[index]) for key, value in values.items()}
+    here = {key: value if isinstance(value, str) else float(value[index]) for key, value in values.items()}
     raise InputError(label(index, names) + message.format(**here))
+
+
+def numbers(what: str, value: ArrayLike, expected: str) -> Floats:
+    """Return `value` as a float64 array; raise InputError for all that is not real numbers without a unit or mask."""
+    try:
+        if isinstance(value, np.ma.MaskedArray) or hasattr(value, "unit"):
+            raise TypeError("a masked array" if isinstance(value, np.ma.MaskedArray) else "it carries a unit")
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError(f"{array.dtype.name} is no type of real numbers")
+        return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        text = " ".join(repr(value).split())
+        shown = text if len(text) <= 80 else text[:77] + "..."
+        raise InputError(f"{what} is {shown}; expected {expected} ({error})") from error
 
 
 def finite(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
     """Return `value` as a float64 array; raise InputError when it is no number, or not finite anywhere."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what} is {value!r}; expected a number or an array of numbers ({error})") from error
+    array = numbers(what, value, "a number or an array of numbers")
     refuse(~np.isfinite(array), what + " is {value}; expected a finite number", names, value=array)
     return array
 
 
 def vectors(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
     """Return `value` as a float64 array of shape (..., 3); raise InputError otherwise, or where it is not finite."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what} is not an array of numbers ({error}); expected shape (..., 3)") from error
+    array = numbers(what, value, "an array of numbers of shape (..., 3)")
     if array.ndim == 0 or array.shape[-1] != 3:
         raise InputError(f"{what} has shape {array.shape}; expected (..., 3). Put x, y, z on the last axis")
     bad = ~np.isfinite(array).all(axis=-1)

@@ -1,14 +1,16 @@
-"""Kepler's equation for ellipses and hyperbolas, solved to the round-off floor, for whole arrays at once.
+"""Kepler's equation for every conic, solved to the round-off floor, for whole arrays at once.
 
     ellipse:    M = E - e sin E          written as  (1 - e) sin E + (E - sin E)
     hyperbola:  M = e sinh F - F         written as  (e - 1) S + (S - asinh S),   S = sinh F
+    parabola:   M = D + D^3/3,  D = tan(f/2)         with M = sqrt(gm/(2 q^3)) (t - T):  Barker's equation
 
 In the forms on the right every term has the sign of M, so nothing cancels however close e is to 1, as long as
-E - sin E is not formed by subtraction (1 - e itself is exact for a given float e > 1/2). The hyperbola is solved for S:
-states need S and cosh F, and exponentiating F would multiply its rounding error by F.
+E - sin E is not formed by subtraction. 1 - e may be given beside e: a float e holds it to 1.1e-16 only, while it is
+known better where pericentre distance and semi-major axis are. The hyperbola is solved for S: states need S and cosh F,
+and exponentiating F would multiply its rounding error by F.
 
 Sources: Mikkola (1987), Celest. Mech. 40, 329 (starting values); Gooding & Odell (1988), Celest. Mech. 44, 267 (sinh F
-as the unknown).
+as the unknown); Battin (1999), 4.2 (Barker's equation).
 """
 
 from __future__ import annotations
@@ -72,26 +74,27 @@ def sinh_minus_angle(F: Floats, S: Floats) -> Floats:
     return np.where(small, y**3 * cubic_and_beyond(-y * y), S - F)
 
 
-def _mikkola_root(M: Floats, e: Floats) -> Floats:
+def _mikkola_root(M: Floats, e: Floats, one_minus_e: Floats) -> Floats:
     """Return the root s of s^3 + 3 alpha s = 2 beta, Mikkola's auxiliary cubic; M >= 0."""
-    alpha = np.abs(1.0 - e) / (4.0 * e + 0.5)
+    alpha = np.abs(one_minus_e) / (4.0 * e + 0.5)
     beta = 0.5 * M / (4.0 * e + 0.5)
     z = np.cbrt(beta + np.hypot(beta, alpha * np.sqrt(alpha)))
     # The textbook's z - alpha/z, without its cancellation at small M.
     return np.asarray(2.0 * beta / (z * z + alpha + (alpha / z) ** 2))
 
 
-def eccentric_anomaly(M: Floats, e: Floats) -> Floats:
+def eccentric_anomaly(M: Floats, e: Floats, one_minus_e: Floats | None = None) -> Floats:
     """Return the eccentric anomaly E of an ellipse, in [-pi, pi].
 
     M : mean anomaly, radians, any number of turns
     e : eccentricity, 0 <= e < 1
-    Both of one shape. Accurate to the floor set by the rounding of M and E.
+    one_minus_e : 1 - e > 0 where it is known better than from e, which may then round to 1
+    All of one shape. Accurate to the floor set by the rounding of M and E.
     """
-    one_minus_e = 1.0 - e
+    one_minus_e = 1.0 - e if one_minus_e is None else one_minus_e
     m = reduced_angle(M)
     target = np.abs(m)
-    s = _mikkola_root(target, e)
+    s = _mikkola_root(target, e, one_minus_e)
     s = s - 0.078 * s**5 / (1.0 + e)
     E = np.minimum(target + e * (3.0 * s - 4.0 * s**3), np.pi)
     for _ in range(HALLEY_ROUNDS):
@@ -102,16 +105,17 @@ def eccentric_anomaly(M: Floats, e: Floats) -> Floats:
     return np.copysign(E, m)
 
 
-def sinh_anomaly(M: Floats, e: Floats) -> Floats:
+def sinh_anomaly(M: Floats, e: Floats, one_minus_e: Floats | None = None) -> Floats:
     """Return S = sinh F for the hyperbolic anomaly F.
 
     M : mean anomaly e sinh F - F, radians, any size
     e : eccentricity, e > 1
-    Both of one shape. Accurate to the floor set by the rounding of M and S.
+    one_minus_e : 1 - e < 0 where it is known better than from e, which may then round to 1
+    All of one shape. Accurate to the floor set by the rounding of M and S.
     """
-    e_minus_one = e - 1.0
+    e_minus_one = e - 1.0 if one_minus_e is None else -one_minus_e
     target = np.abs(M)
-    s = _mikkola_root(target, e)
+    s = _mikkola_root(target, e, e_minus_one)
     s2 = s * s
     s = s + 0.071 * s * (s2 / (1.0 + 0.45 * s2)) * (s2 / (1.0 + 4.0 * s2)) / e
     S = np.sinh(3.0 * np.arcsinh(s))
@@ -121,3 +125,10 @@ def sinh_anomaly(M: Floats, e: Floats) -> Floats:
         slope = e_minus_one + (S / C) * (S / (C + 1.0))
         S = S - value / (slope - 0.5 * value * (S / C) / (C * C) / slope)
     return np.copysign(S, M)
+
+
+def barker_anomaly(M: Floats) -> Floats:
+    """Return D = tan(f/2) of a parabola, the root of D + D^3/3 = M, any shape and size."""
+    D = 2.0 * np.sinh(np.arcsinh(1.5 * M) / 3.0)
+    # sinh multiplies the rounding of its argument by the argument, up to 200: one step of Newton's takes that back.
+    return np.asarray(D - (D * (1.0 + D * D / 3.0) - M) / (1.0 + D * D))

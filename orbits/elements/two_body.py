@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.elements.checks import NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, label, refuse, vectors
+from orbits.elements.checks import BEYOND, finite, label, refuse, vectors
+from orbits.elements.invariants import Motion, measured, scaled
 from orbits.elements.kepler import (
     SERIES_BELOW,
     SERIES_TERMS,
@@ -29,7 +30,7 @@ from orbits.elements.kepler import (
     sinh_anomaly,
     sinh_minus_angle,
 )
-from orbits.elements.osculating import INDISTINCT, anomalies
+from orbits.elements.osculating import Shape
 from orbits.errors import ConvergenceError
 
 MAX_ROUNDS = 50
@@ -50,15 +51,9 @@ def two_body(
     """
     q, v = vectors("position", q, names), vectors("velocity", v, names)
     gm, dt = finite("gm", gm, names), finite("dt", dt, names)
-    first, second, gm, dt = broadcast(names, q=q[..., 0], v=v[..., 0], gm=gm, dt=dt)
-    q, v = np.broadcast_to(q, (*first.shape, 3)), np.broadcast_to(v, (*second.shape, 3))
-    refuse(gm <= 0.0, NO_MASS, names, gm=gm)
-    r0, v2, qv = np.sqrt(np.sum(q * q, axis=-1)), np.sum(v * v, axis=-1), np.sum(q * v, axis=-1)
-    refuse(r0 == 0.0, NO_DISTANCE, names)
-    h = np.linalg.norm(np.cross(q, v), axis=-1)
-    refuse(h <= INDISTINCT * r0 * np.sqrt(v2), RECTILINEAR, names, h=h)
-
-    orbit = _orbit(r0, qv, h * h, 2.0 * gm / r0 - v2, gm)
+    motion, dt = measured(q, v, gm, dt, names)
+    q, v, gm, r0, qv, dt = motion.q, motion.v, motion.gm, motion.r, motion.qv, scaled(dt, -motion.time)
+    orbit = _orbit(motion)
     dt = _within_one_period(dt, orbit)
     s = _universal_anomaly(orbit, dt, names)
     _, r, _, (G1, G2, G3) = _kepler(orbit, s)
@@ -66,10 +61,14 @@ def two_body(
     # Two forms of g; far out on a hyperbola the terms of the first are large and cancel.
     first, second = r0 * G1 + qv * G2, dt - gm * G3
     g = np.where(np.abs(r0 * G1) + np.abs(qv * G2) <= np.abs(dt) + np.abs(gm * G3), first, second)
-    return (
-        q + (f_less_1[..., None] * q + g[..., None] * v),
-        v + (df[..., None] * q + dg_less_1[..., None] * v),
+    state = (
+        scaled(q + (f_less_1[..., None] * q + g[..., None] * v), motion.length[..., None]),
+        scaled(v + (df[..., None] * q + dg_less_1[..., None] * v), motion.speed[..., None]),
     )
+    for what, vector in zip(("position", "velocity"), state, strict=True):
+        size = np.max(np.abs(vector), axis=-1)
+        refuse(~np.isfinite(size), BEYOND, names, what="the " + what, value=size)
+    return state
 
 
 class _Orbit(NamedTuple):
@@ -82,16 +81,16 @@ class _Orbit(NamedTuple):
     parabolic: NDArray[np.bool_]
     a: Floats  # of no use for a parabola, like e, E and M
     e: Floats
+    one_minus_e: Floats
     E: Floats  # at the start: F for a hyperbola
     M: Floats
 
 
-def _orbit(r0: Floats, qv: Floats, h2: Floats, beta: Floats, gm: Floats) -> _Orbit:
-    binding = beta * r0 / gm
-    parabolic = binding == 0.0
-    binding = np.where(parabolic, 1.0, binding)
-    e, E, M, _ = anomalies(r0, qv, h2, r0 / binding, binding, gm)
-    return _Orbit(r0, qv, beta, gm, parabolic, r0 / binding, e, E, M)
+def _orbit(motion: Motion) -> _Orbit:
+    parabolic = motion.binding == 0.0
+    shape = Shape.of(motion, parabolic)
+    a, beta = np.where(parabolic, motion.r, shape.a), motion.binding / motion.r * motion.gm
+    return _Orbit(motion.r, motion.qv, beta, motion.gm, parabolic, a, shape.e, shape.one_minus_e, shape.E, shape.M)
 
 
 def stumpff(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -115,7 +114,7 @@ def stumpff(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
 
 def _kepler(orbit: _Orbit, s: Floats) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats, Floats]]:
     """Return the time since the start, r = dt/ds, dr/ds, and G1, G2, G3, at the universal anomaly s."""
-    r0, qv, beta, gm, _, a, e, F, _ = orbit
+    r0, qv, beta, gm, _, a, e, one_minus_e, F, _ = orbit
     c0, c1, c2, c3 = stumpff(beta * s * s)
     G1, G2, G3 = s * c1, s * s * c2, s * s * s * c3
     time = r0 * G1 + qv * G2 + gm * G3
@@ -125,12 +124,13 @@ def _kepler(orbit: _Orbit, s: Floats) -> tuple[Floats, Floats, Floats, tuple[Flo
     # n dt = 2 sinh(x/2) (e cosh(F + x/2) - 1) + (2 sinh(x/2) - x),  r = |a| (e cosh(F + x) - 1),  x = sqrt(-beta) s.
     far = beta * r0 < -0.1 * gm
     F, e, size = np.where(far, F, 0.0), np.where(far, e, 1.0), np.abs(a)
+    e_less_1 = np.where(far, -one_minus_e, 0.0)
     w = np.sqrt(np.where(far, -beta, 0.0))
     half = 0.5 * w * s
     sinh = np.sinh(half)
-    middle = (e - 1.0) + 2.0 * e * np.sinh(0.5 * (F + half)) ** 2
+    middle = e_less_1 + 2.0 * e * np.sinh(0.5 * (F + half)) ** 2
     time_far = 2.0 * (sinh * middle + sinh_minus_angle(half, sinh)) * np.sqrt(size / gm) * size
-    r_far = size * ((e - 1.0) + 2.0 * e * np.sinh(0.5 * F + half) ** 2)
+    r_far = size * (e_less_1 + 2.0 * e * np.sinh(0.5 * F + half) ** 2)
     return (
         np.where(far, time_far, time),
         np.where(far, r_far, r),
@@ -172,7 +172,7 @@ def _universal_anomaly(orbit: _Orbit, dt: Floats, names: Sequence[str] | None) -
 
 def _start(orbit: _Orbit, dt: Floats) -> Floats:
     """Return a starting value of s: from the eccentric anomalies, or from Barker's cubic for a parabola."""
-    r0, qv, _, gm, parabolic, a, e, E, M = orbit
+    r0, qv, _, gm, parabolic, a, e, one_minus_e, E, M = orbit
     # r0 s + qv s^2/2 + gm s^3/6 = dt, a cubic x^3 + 3 A x = 2 B in x = s + qv/gm.
     shift = qv / gm
     A = np.maximum(2.0 * r0 / gm - shift * shift, 0.0)
@@ -185,7 +185,7 @@ def _start(orbit: _Orbit, dt: Floats) -> Floats:
     M = M + root / np.abs(a) * dt
     ellipse = a > 0.0
     s = np.empty_like(r0)
-    reached = eccentric_anomaly(M[ellipse], e[ellipse])
+    reached = eccentric_anomaly(M[ellipse], e[ellipse], one_minus_e[ellipse])
     s[ellipse] = reached + TWO_PI * np.rint((M[ellipse] - reached) / TWO_PI)
-    s[~ellipse] = np.arcsinh(sinh_anomaly(M[~ellipse], e[~ellipse]))
+    s[~ellipse] = np.arcsinh(sinh_anomaly(M[~ellipse], e[~ellipse], one_minus_e[~ellipse]))
     return np.where(parabolic, parabola, (s - E) / root)

@@ -1,0 +1,99 @@
+"""What two-body motion conserves, from a state, without cancellation: the numbers that decide what an orbit is.
+
+2 - r v^2/gm (which is r/a), r v^2/gm - 1 (e cos E), h^2/(gm r) - 1 (e cos f), q.v (e sin E) and q x v are all
+differences. They are formed in double-double arithmetic and rounded once, so each holds all its digits however close
+the orbit is to a circle, a parabola or the reference plane; what is left is how well the state itself is known.
+The state is scaled by powers of two first, which changes no digit, so that no square over- or underflows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.diagnostics import doubledouble as dd
+from orbits.elements.checks import EXTREME, NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, refuse
+from orbits.elements.kepler import Floats
+
+# |q x v|/(|q| |v|) below which rounding alone decides the plane.
+INDISTINCT = 4.0 * np.finfo(np.float64).eps
+# Binary orders of magnitude that v may be away from the circular velocity: its sixth power must be a float.
+MOST_OCTAVES = 160
+
+Exponents = NDArray[np.intc]
+
+
+class Motion(NamedTuple):
+    """A state and its invariants, arrays of one shape (...), in units of its own: 2^length, 2^speed."""
+
+    q: Floats  # (..., 3)
+    v: Floats  # (..., 3)
+    gm: Floats
+    r: Floats
+    qv: Floats
+    h: Floats  # q x v, (..., 3)
+    h_size: Floats
+    p: Floats  # h^2/gm
+    e_cos_f: Floats
+    e_cos_E: Floats  # or e cosh F
+    binding: Floats  # r/a
+    length: Exponents
+    speed: Exponents
+
+    @property
+    def time(self) -> Exponents:
+        """The exponent of the unit of time."""
+        return self.length - self.speed
+
+
+def measured(q: Floats, v: Floats, gm: Floats, t: Floats, names: Sequence[str] | None) -> tuple[Motion, Floats]:
+    """Return the motion of finite states q and v (..., 3) about gm (...), and t, broadcast to its shape.
+
+    Raises InputError, naming the body, for gm <= 0, q = 0 and a rectilinear orbit.
+    """
+    first, _, gm, t = broadcast(names, q=q[..., 0], v=v[..., 0], gm=gm, t=t)
+    q, v = np.broadcast_to(q, (*first.shape, 3)), np.broadcast_to(v, (*first.shape, 3))
+    refuse(gm <= 0.0, NO_MASS, names, gm=gm)
+    largest = np.max(np.abs(q), axis=-1)
+    refuse(largest == 0.0, NO_DISTANCE, names)
+    length = np.frexp(largest)[1]
+    speed = (np.frexp(gm)[1] - length) // 2
+    q, fastest = scaled(q, -length[..., None]), np.max(np.abs(v), axis=-1)
+    refuse(fastest == 0.0, RECTILINEAR, names, h=fastest)
+    octaves = np.frexp(fastest)[1] - speed
+    refuse(np.abs(octaves) > MOST_OCTAVES, EXTREME, names, octaves=octaves)
+    v, gm = scaled(v, -speed[..., None]), scaled(gm, -length - 2 * speed)
+
+    r_, one = _root(dd.dot(q, q)), dd.Pair(np.ones_like(gm), np.zeros_like(gm))
+    gm_ = dd.Pair(gm, np.zeros_like(gm))
+    vis_viva = dd.divide(dd.multiply(r_, dd.dot(v, v)), gm_)
+    h_ = [
+        dd.subtract(dd.two_product(q[..., i], v[..., j]), dd.two_product(q[..., j], v[..., i]))
+        for i, j in ((1, 2), (2, 0), (0, 1))
+    ]
+    x, y, z = (dd.multiply(part, part) for part in h_)
+    p_ = dd.divide(dd.add(dd.add(x, y), z), gm_)
+    r, p, h = r_.rounded(), p_.rounded(), np.stack([part.rounded() for part in h_], axis=-1)
+    h_size = np.sqrt(p * gm)
+    # The size in the caller's units is only for the message, where an overflow to inf does no harm.
+    with np.errstate(over="ignore", under="ignore"):
+        shown = np.ldexp(h_size, length + speed)
+    refuse(h_size <= INDISTINCT * r * np.linalg.norm(v, axis=-1), RECTILINEAR, names, h=shown)
+    e_cos_E = dd.subtract(vis_viva, one).rounded()
+    binding = dd.subtract(dd.Pair(2.0 * one.hi, one.lo), vis_viva).rounded()
+    e_cos_f = dd.subtract(dd.divide(p_, r_), one).rounded()
+    qv = dd.dot(q, v).rounded()
+    return Motion(q, v, gm, r, qv, h, h_size, p, e_cos_f, e_cos_E, binding, length, speed), t
+
+
+def scaled(x: Floats, exponent: ArrayLike) -> Floats:
+    """Return x 2^exponent; infinite or 0 where that is beyond the range of floats."""
+    with np.errstate(over="ignore", under="ignore"):
+        return np.asarray(np.ldexp(x, exponent))
+
+
+def _root(x: dd.Pair) -> dd.Pair:
+    return dd.multiply(x, dd.reciprocal_root(x))
