@@ -37,7 +37,8 @@ class UnitSystem:
     G : the constant of gravitation in length^3/(mass time^2); by default CODATA's in these units
 
     Its methods `*_value` turn a quantity in any fitting unit into float64 in this system's unit, and take plain numbers
-    as being in that unit already. They raise InputError, naming the value, for another kind of unit.
+    as being in that unit already; a bare unit, such as u.M_sun, is one of it. They raise InputError, naming the value,
+    for another kind of unit.
     """
 
     name: str
@@ -140,6 +141,10 @@ class UnitSystem:
         """Return an angle as float64 in radians, which plain numbers are taken to be; `what` names it in errors."""
         return self._value(x, u.rad, what, "angle")
 
+    def rate_value(self, x: Any, what: str = "mean motion") -> Floats:
+        """Return an angle per time as float64 in radians per unit of time; `what` names it in errors."""
+        return self._value(x, u.rad / self.time, what, "angle per time")
+
     def pure_value(self, x: Any, what: str = "number") -> Floats:
         """Return a number without a unit, such as an eccentricity, as float64; `what` names it in errors."""
         return self._value(x, u.dimensionless_unscaled, what, "number")
@@ -177,7 +182,9 @@ def _unit(unit: Any, what: str) -> u.UnitBase:
 
 
 def _gathered(x: Any) -> Any:
-    """Return lists of quantities, to any depth of two, as one quantity, and all else as it is."""
+    """Return lists of quantities, to any depth of two, as one quantity, a bare unit as one of it, else x as it is."""
+    if isinstance(x, u.UnitBase):
+        return u.Quantity(1.0, x)
     if isinstance(x, list | tuple):
         rows = [_gathered(row) for row in x]
         if any(isinstance(row, u.Quantity) for row in rows):

@@ -17,8 +17,8 @@ RECTILINEAR = (
     "ends in a collision. Give it some velocity across"
 )
 EXTREME = (
-    "moves at 2^{octaves:.0f} times the circular velocity of its place; expected a factor within 2^-160 ... 2^160, where "
-    "the elements are floats. Check the units of position, velocity and gm"
+    "moves at 2^{octaves:.0f} times the circular velocity of its place; expected a factor within 2^-160 ... 2^160, "
+    "where the elements are floats. Check the units of position, velocity and gm"
 )
 BEYOND = "{what} of this orbit would be {value}, beyond the range of floats. Choose units of its own size"
 

@@ -122,8 +122,8 @@ def elements_from_state(
     names : names of the bodies, for error messages
 
     Circular, equatorial and parabolic orbits have every element defined (see `Elements`). Raises InputError, naming the
-    body and the value, for non-finite input, gm <= 0, q = 0, a rectilinear orbit (angular momentum zero: it has no plane
-    and ends in a collision), and where an element would be beyond the range of floats.
+    body and the value, for non-finite input, gm <= 0, q = 0, a rectilinear orbit (angular momentum zero: it has no
+    plane and ends in a collision), and where an element would be beyond the range of floats.
     """
     q, v = vectors("position", q, names), vectors("velocity", v, names)
     motion, t = measured(q, v, finite("gm", gm, names), finite("t", t, names), names)

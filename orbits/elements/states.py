@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.elements.checks import BEYOND, NO_MASS, broadcast, finite, numbers, refuse
 from orbits.elements.kepler import Floats, barker_anomaly, eccentric_anomaly, positive_angle, sinh_anomaly
-from orbits.elements.naming import naming
+from orbits.elements.naming import PAL, naming
 
 Plane = tuple[Floats, Floats, Floats, Floats]
 
@@ -99,16 +99,19 @@ def state_from_elements(
         "a": a, "P": P, "n": n, "q": q, "e": e, "inc": inc, "Omega": Omega, "omega": omega, "pomega": pomega, "M": M,
         "f": f, "E": E, "u": u, "l": l, "theta": theta, "T": T, "h": h, "k": k, "ix": ix, "iy": iy,
     }  # fmt: skip
-    given = {key: value for key, value in given.items() if value is not None}
-    way = naming(given, names)
-    floats = {key: _number(key, value, names, may_be_infinite=key == "a" and "q" in given)
-              for key, value in {"gm": gm, "t": t, **given}.items()}  # fmt: skip
+    way = naming([key for key, value in given.items() if value is not None], names)
+    floats = {"gm": finite("gm", gm, names), "t": finite("t", t, names)}
+    floats |= {
+        key: _number(key, value, names, may_be_infinite=key == "a" and len(way.sizes) == 2)
+        for key, value in given.items()
+        if value is not None
+    }
     floats = dict(zip(floats, broadcast(names, **floats), strict=True))
     gm_, t_ = floats.pop("gm"), floats.pop("t")
     zero = np.zeros(gm_.shape)
     refuse(gm_ <= 0.0, NO_MASS, names, gm=gm_)
     if way.pal:
-        floats |= _from_pal(*(floats.get(key, zero) for key in ("h", "k", "ix", "iy")), names)
+        floats |= _from_pal({key: floats.get(key, zero) for key in PAL}, names)
     inc_, Omega_ = floats.get("inc", zero), floats.get("Omega", zero)
     wrong = "inc = {inc} rad; expected 0 ... pi. A negative inclination is the positive one with Omega turned by pi"
     refuse((inc_ < 0.0) | (inc_ > np.pi), wrong, names, inc=inc_)
@@ -145,8 +148,9 @@ def _number(key: str, value: ArrayLike, names: Sequence[str] | None, *, may_be_i
     return array
 
 
-def _from_pal(h: Floats, k: Floats, ix: Floats, iy: Floats, names: Sequence[str] | None) -> dict[str, Floats]:
+def _from_pal(given: dict[str, Floats], names: Sequence[str] | None) -> dict[str, Floats]:
     """Return e, inc, Omega and pomega = Omega + omega, of any inclination, for Pal's elements."""
+    h, k, ix, iy = (given[key] for key in PAL)
     e, half = np.hypot(h, k), 0.5 * np.hypot(ix, iy)
     wrong = "h = {h}, k = {k} make e = {e}; expected h^2 + k^2 < 1: Pal's elements are those of ellipses. Give e itself"
     refuse(e >= 1.0, wrong, names, h=h, k=k, e=e)
@@ -163,8 +167,9 @@ def _conic(gm: Floats, sizes: dict[str, Floats], e: Floats | None, names: Sequen
     for key, what in (("P", "period P"), ("n", "mean motion n"), ("q", "pericentre distance q")):
         if key in sizes:
             refuse(sizes[key] <= 0.0, what + " = {size}; expected > 0", names, size=sizes[key])
-    # The third power of a, by roots of each factor: no square of a huge or a tiny time.
-    third = np.cbrt(gm) * np.cbrt(size / (2.0 * np.pi)) ** 2 if kind == "P" else np.cbrt(gm) / np.cbrt(size) ** 2
+    # By roots of each factor: no square of a huge or a tiny time.
+    third = np.cbrt(gm) * np.cbrt(size / (2.0 * np.pi)) ** 2 if kind == "P" else size
+    third = np.cbrt(gm) / np.cbrt(size) ** 2 if kind == "n" else third
     if len(sizes) == 2:
         a, q = third if kind == "P" else size, sizes["q"]
         refuse(a == 0.0, "a = {a} with q = {q}; expected another number", names, a=a, q=q)
@@ -180,11 +185,11 @@ def _conic(gm: Floats, sizes: dict[str, Floats], e: Floats | None, names: Sequen
     refuse(e < 0.0, "eccentricity e = {e}; expected >= 0", names, e=e)
     one_minus_e = 1.0 - e
     parabola = e == 1.0
-    wrong = (
-        f"e = 1 exactly with {kind}: a parabola has no semi-major axis and no period. Give q, its pericentre distance"
-    )
     if kind in ("a", "P"):
-        refuse(parabola, wrong + ", or q and a together for an orbit next to it", names)
+        wrong = (
+            "e = 1 exactly: a parabola has no semi-major axis and no period. Give its pericentre distance q, or q and a"
+        )
+        refuse(parabola, wrong + " without e for an orbit next to it", names)
     if kind == "a":
         a = size
         refuse((e < 1.0) & (a <= 0.0), "a = {a} with e = {e}; expected a > 0 for an ellipse", names, a=a, e=e)

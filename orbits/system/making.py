@@ -9,8 +9,8 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
-from orbits import ephemeris
 from orbits.errors import EpochError, InputError, UnknownNameError
 from orbits.system import checks
 from orbits.units import UnitSystem, as_epoch
@@ -25,9 +25,13 @@ State = tuple[Floats, Floats]
 
 LENGTHS = ("a", "q")
 TIMES = ("P", "T")
-ANGLES = ("inc", "Omega", "omega", "pomega", "M", "f", "E", "l", "theta")
-ELEMENTS = ("a", "P", "q", "e", *ANGLES, "T")
+ANGLES = ("inc", "Omega", "omega", "pomega", "M", "f", "E", "u", "l", "theta")
+ELEMENTS = ("a", "P", "n", "q", "e", *ANGLES, "T", "h", "k", "ix", "iy")
 OF_A_BODY = ("gm", "mass", "radius")
+
+# What orbits may be around besides a body.
+BARYCENTRIC = ("barycentre", "barycenter")
+JACOBI = "jacobi"
 
 # A Julian date as one float64 resolves 4e-10 d: epochs closer than this are the same.
 SAME_EPOCH_DAYS = 1e-9
@@ -126,19 +130,54 @@ def new_states(
     units = system.units
     given = {key: value for key, value in given.items() if value is not None}
     if "v" in given:
-        return _from_state(system, names, around, frame, given)
+        return _from_state(system, names, gm, around, frame, given)
     _check_keys(names[0], list(given))
-    place = system.index(primary_name(system.names, system.values.gm, around))
-    centre = system.values
-    if centre.gm[place] == 0.0:
+    around = primary_name(system.names, system.values.gm, around)
+    two_body_gm = _two_body_gm(system, names, gm, around)
+    floats = {key: per_body(_element(key, value, names, system), key, names) for key, value in given.items()}
+    q, v = kepler.state_from_elements(two_body_gm, **floats, names=names)
+    frame = default_frame(units) if frame is None else frame
+    return _placed(system, gm, around, kepler.from_frame(q, frame), kepler.from_frame(v, frame))
+
+
+def centre_of_several(names: Sequence[str], around: str) -> str | None:
+    """Return "barycentre", "barycenter" or "jacobi" where that is what `around` says; None where it names a body."""
+    known = around not in names and isinstance(around, str) and around.lower() in (*BARYCENTRIC, JACOBI)
+    return around.lower() if known else None
+
+
+def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) -> Floats:
+    """Return GM of each new body and what it goes around, shape (k,)."""
+    several = centre_of_several(system.names, around)
+    if several is not None:
+        total = system.values.gm.sum()
+        return np.asarray(total + (np.cumsum(gm) if several == JACOBI else np.full(len(gm), gm.sum())))
+    place = system.index(around)
+    if system.values.gm[place] == 0.0:
         raise InputError(
             f"{checks.few(names, 3)}: the primary {system.names[place]!r} has no mass, so nothing goes around it. "
-            f"Choose one of {checks.few(_heavy(system.names, centre.gm))}."
+            f"Choose one of {checks.few(_heavy(system.names, system.values.gm))}."
         )
-    floats = {key: per_body(_element(key, value, names, system), key, names) for key, value in given.items()}
-    q, v = kepler.state_from_elements(centre.gm[place] + gm, **floats, names=names)
-    frame = default_frame(units) if frame is None else frame
-    return centre.q[place] + kepler.from_frame(q, frame), centre.v[place] + kepler.from_frame(v, frame)
+    return np.asarray(system.values.gm[place] + gm)
+
+
+def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> State:
+    """Return positions and velocities (k, 3) in the system for those of new bodies relative to what they go around."""
+    here = system.values
+    several = centre_of_several(system.names, around)
+    if several is None:
+        place = system.index(around)
+        return here.q[place] + q, here.v[place] + v
+    total = here.gm.sum()
+    if several == JACOBI:
+        # Each body shifts the centre that the next one goes around.
+        share = (gm / (total + np.cumsum(gm)))[:, None]
+        shifts = [np.cumsum(share * x, axis=0) - share * x for x in (q, v)]
+    else:
+        # The centre of all: it lies off that of the old ones by the new ones' pull, relative to itself.
+        shifts = [np.broadcast_to(gm @ x / total, x.shape) for x in (q, v)]
+    centre = [diagnostics.centre_of_mass(here.gm, x) for x in (here.q, here.v)]
+    return centre[0] + shifts[0] + q, centre[1] + shifts[1] + v
 
 
 def default_frame(units: UnitSystem) -> str:
@@ -200,7 +239,12 @@ def particle_states(system: System, catalogue: Any, propagate_to_epoch: bool) ->
 
 
 def _from_state(
-    system: System, names: Sequence[str], around: str | None, frame: str | None, given: Mapping[str, Any]
+    system: System,
+    names: Sequence[str],
+    gm: Floats,
+    around: str | None,
+    frame: str | None,
+    given: Mapping[str, Any],
 ) -> State:
     if set(given) != {"q", "v"} or frame is not None:
         extra = [*given, *(["frame"] if frame is not None else [])]
@@ -218,8 +262,7 @@ def _from_state(
         states.append(np.broadcast_to(value, shape))
     if around is None:
         return states[0], states[1]
-    place = system.index(around)
-    return system.values.q[place] + states[0], system.values.v[place] + states[1]
+    return _placed(system, gm, around, states[0], states[1])
 
 
 def _heavy(names: Sequence[str], gm: Floats) -> list[str]:
@@ -230,9 +273,9 @@ def _check_keys(name: str, keys: Sequence[str]) -> None:
     for key in keys:
         if key not in ELEMENTS:
             raise UnknownNameError(
-                f"{name!r} has {key!r}, which is no element here; expected a, P or q (pericentre distance), e, inc, "
-                "Omega, omega or pomega, and one of M, f, E, l, theta or T (or q with v, a position and a velocity); "
-                "besides gm or mass, radius, primary, frame."
+                f"{name!r} has {key!r}, which is no element here; expected a, P, n or q (pericentre distance), e, inc, "
+                "Omega, omega or pomega, and one of M, f, E, u, l, theta or T; or Pal's h, k, ix, iy and l; or q with "
+                "v, a position and a velocity; besides gm or mass, radius, primary, frame."
             )
 
 
@@ -243,6 +286,8 @@ def _element(key: str, value: Any, names: Sequence[str], system: System) -> Floa
         return units.length_value(value, what)
     if key in ANGLES:
         return units.angle_value(value, what)
+    if key == "n":
+        return units.rate_value(value, what)
     if key == "T" and _is_moment(value):
         if system.epoch is None:
             raise EpochError(f"{what} is {value}, but the system has no epoch. Give the system one, or T as a time.")

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 from astropy import units as u
+from astropy.units import Quantity
 from numpy.typing import ArrayLike, NDArray
 
 from orbits import diagnostics
 from orbits.elements import elements_from_state, to_frame
+from orbits.elements.kepler import positive_angle
 from orbits.errors import InputError
 from orbits.system import checks, making, presenting
 from orbits.tables import MOST_ROWS, Labelled, Tabular, Variable, html_table
@@ -19,47 +21,56 @@ from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
 
-BARYCENTRIC = ("barycentre", "barycenter")
-JACOBI = "jacobi"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrbitalElements(Tabular):
     """Osculating elements of k bodies: quantities of shape (k,) for one state, (samples, k) for a run.
 
     names : the bodies, in the order of the last axis; the primary is not among them
-    primary : what the orbits are around: a body, "barycentre" (of the massive bodies) or "jacobi" (of those before)
+    primary : what the orbits are around: a body, "barycentre" (of the massive bodies) or "jacobi" (the centre of mass
+        of the bodies before each)
     frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself)
     t : time of the states since the epoch, of shape () or (samples,)
-    a, e, q, inc, Omega, omega, pomega, M, E, f, l, theta, n, P, T : as defined in `orbits.elements.Elements`; angles
-        in radians, T a time since the epoch
+    a, e, q, inc, Omega, omega, pomega, M, E, f, u, l, theta, n, P, T, h, k, ix, iy : as defined for every conic in
+        `orbits.elements.Elements`; angles in radians, T a time since the epoch
 
-    elements["Ceres"] is that body alone, without the last axis.
+    elements["Ceres"] is that body alone, without the last axis; elements["Ceres"].pal() are its a, l, h, k, ix, iy, as
+    `System.add` takes them.
     """
 
     names: tuple[str, ...]
     primary: str
     frame: str
-    t: u.Quantity
-    a: u.Quantity
-    e: u.Quantity
-    q: u.Quantity
-    inc: u.Quantity
-    Omega: u.Quantity
-    omega: u.Quantity
-    pomega: u.Quantity
-    M: u.Quantity
-    E: u.Quantity
-    f: u.Quantity
-    l: u.Quantity  # noqa: E741 - the mean longitude's own symbol
-    theta: u.Quantity
-    n: u.Quantity
-    P: u.Quantity
-    T: u.Quantity
+    t: Quantity
+    a: Quantity
+    e: Quantity
+    q: Quantity
+    inc: Quantity
+    Omega: Quantity
+    omega: Quantity
+    pomega: Quantity
+    M: Quantity
+    E: Quantity
+    f: Quantity
+    u: Quantity
+    l: Quantity  # noqa: E741 - the mean longitude's own symbol
+    theta: Quantity
+    n: Quantity
+    P: Quantity
+    T: Quantity
+    h: Quantity
+    k: Quantity
+    ix: Quantity
+    iy: Quantity
 
     def keys(self) -> tuple[str, ...]:
         """Return the names of the elements."""
         return tuple(field.name for field in fields(self))[4:]
+
+    def pal(self) -> dict[str, Quantity]:
+        """Return a, l, h, k, ix, iy; l is Omega + omega + M here, as Pal has it, retrograde orbits included."""
+        mean_longitude = Quantity(positive_angle((self.Omega + self.omega + self.M).to_value(u.rad)), u.rad)
+        return {"a": self.a, "l": mean_longitude, "h": self.h, "k": self.k, "ix": self.ix, "iy": self.iy}
 
     def __getitem__(self, name: str) -> OrbitalElements:
         """Return the elements of one body. Raises UnknownNameError, with the names that come close."""
@@ -125,23 +136,21 @@ def osculating(
     """Return the osculating elements of all bodies but the primary.
 
     gm (n,), q and v (..., n, 3), t (...) : floats in `units`; t is the time of the states and enters T alone
-    primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi": each body about the centre
-        of mass of those before it, with the GM of these and its own
+    primary : a body, with the GM of both; "barycentre", the centre of mass of all massive bodies, with the GM of all;
+        or "jacobi": each body about the centre of mass of those before it, with the GM of these and its own
     frame : "ecliptic", "icrf", or None for the ecliptic, and the system's axes where units are dimensionless
 
     Raises UnknownNameError for a primary or a frame that does not exist, InputError, naming the body, for a state
     without elements.
     """
     frame = making.default_frame(units) if frame is None else frame
-    around = primary
-    if primary not in names and str(primary).lower() in (*BARYCENTRIC, JACOBI):
-        around = str(primary).lower()
-    if around in BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
+    around = making.centre_of_several(names, primary) or primary
+    if around in making.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
-    if around == JACOBI:
+    if around == making.JACOBI:
         bodies, centre_gm, centre_q, centre_v = _before(names, gm, q, v)
         two_body_gm = centre_gm + gm[bodies]
-    elif around in BARYCENTRIC:
+    elif around in making.BARYCENTRIC:
         bodies = np.arange(len(names))
         two_body_gm = np.full(len(names), gm.sum())
         centre_q, centre_v = (diagnostics.centre_of_mass(gm, x)[..., None, :] for x in (q, v))
@@ -161,7 +170,8 @@ def osculating(
         t=times[..., None],
         names=chosen,
     )
-    kinds: dict[str, Any] = {"a": units.length, "q": units.length, "e": u.dimensionless_unscaled}
+    kinds: dict[str, Any] = {"a": units.length, "q": units.length}
+    kinds |= dict.fromkeys(("e", "h", "k", "ix", "iy"), u.dimensionless_unscaled)
     kinds |= {"P": units.time, "T": units.time, "n": u.rad / units.time}
     quantities = {key: u.Quantity(found[key], kinds.get(key, u.rad), copy=False) for key in found}
     return OrbitalElements(

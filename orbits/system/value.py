@@ -166,11 +166,14 @@ class System(Tabular):
             system.add("probe", primary="Earth", q=[7000, 0, 0] * u.km, v=[0, 7.5, 0] * u.km / u.s)
 
         name : a name, or k names; each argument is then one value for all or k values
-        primary : the body that the orbit is around; may be left out where only one body has mass
+        primary : the body that the orbit is around; may be left out where only one body has mass. Or "jacobi", the
+            centre of mass of all bodies that are there before, or "barycentre", that of all with the new ones
         gm or mass : 0 by default: a massless particle
-        elements : osculating elements about the primary, with the two-body GM gm(primary) + gm(body):
-            a, P or q (pericentre distance; a < 0 for a hyperbola), e, inc, Omega, omega or pomega, and one of M, f, E,
-            l, theta (angles; plain numbers are radians) or T (pericentre passage: a time since the epoch, or a Time)
+        elements : osculating elements about the primary, with the two-body GM gm(primary) + gm(body) (of all bodies
+            before and its own for "jacobi", of all together for "barycentre"): a, P, n (mean motion) or q (pericentre
+            distance; a < 0 for a hyperbola; a parabola is q with e = 1), e, inc, Omega, omega or pomega, and one of
+            M, f, E, u, l, theta (angles; plain numbers are radians) or T (pericentre passage: a time since the epoch,
+            or a Time); or Pal's a, l, h, k, ix, iy. See `orbits.elements.state_from_elements` for what each means
         frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself); by default
             the ecliptic, and the system's axes where units are dimensionless
         q and v together : instead of elements position and velocity in the system's axes, relative to the primary,
@@ -318,11 +321,13 @@ class System(Tabular):
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies; see `OrbitalElements`.
 
-        primary : a body, "barycentre" or "jacobi"; may be left out where only one body has mass
+        primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi": each body goes around
+            the centre of mass of those before it. The two-body GM is that of the body and of all it goes around. May
+            be left out where only one body has mass
         frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `add`
 
         Raises UnknownNameError for a primary or frame that does not exist, InputError, naming the body, for a state
-        without elements: at the primary's place, moving straight at it, or exactly at the escape velocity.
+        without elements: at the primary's place, or moving straight towards or away from it.
         """
         gm, q, v, _ = self.values
         primary = making.primary_name(self.names, gm, primary)
