@@ -35,9 +35,11 @@ if TYPE_CHECKING:
         StorageError,
         UnknownNameError,
     )
+    from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.flow import DiscretePath, Flow, march
     from orbits.integrators.gauss import Gauss
+    from orbits.integrators.implicit_midpoint import ImplicitMidpoint
     from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
     from orbits.integrators.runge_kutta_4 import RungeKutta4
     from orbits.integrators.stormer_verlet import StormerVerlet
@@ -61,12 +63,14 @@ __all__ = [
     "ArchiveError",
     "Certificate",
     "Check",
+    "Composition",
     "ConvergenceError",
     "DiscretePath",
     "EpochError",
     "ExplicitEuler",
     "Flow",
     "Gauss",
+    "ImplicitMidpoint",
     "InputError",
     "IntegrationError",
     "Interrupted",
@@ -119,9 +123,11 @@ _HOME = {
         "StorageError",
         "UnknownNameError",
     ],
+    "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
     "integrators.flow": ["DiscretePath", "Flow", "march"],
     "integrators.gauss": ["Gauss"],
+    "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
     "integrators.runge_kutta_4": ["RungeKutta4"],
     "integrators.stormer_verlet": ["StormerVerlet"],

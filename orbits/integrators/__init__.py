@@ -6,6 +6,7 @@ import ast
 import dataclasses
 import importlib
 import pkgutil
+import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import lru_cache
@@ -28,39 +29,55 @@ def registry() -> dict[str, type[Integrator]]:
 
 def describe(integrator: Integrator) -> dict[str, Any]:
     """Return {"name": ..., "parameters": {...}}, from which `build` makes an equal integrator."""
-    return {"name": integrator.name, "parameters": dataclasses.asdict(integrator)}
+    values = {f.name: getattr(integrator, f.name) for f in dataclasses.fields(integrator)}
+    return {
+        "name": integrator.name,
+        "parameters": {k: describe(v) if isinstance(v, Integrator) else v for k, v in values.items()},
+    }
 
 
 def build(description: Mapping[str, Any]) -> Integrator:
     """Return the integrator that `describe` described. Raises UnknownNameError or InputError."""
     cls = _find(str(description.get("name")))
+    parameters = description.get("parameters", {})
+    values = {k: build(v) if isinstance(v, Mapping) and "name" in v else v for k, v in parameters.items()}
     try:
-        return cls(**description.get("parameters", {}))
+        return cls(**values)
     except TypeError:
         known = ", ".join(f.name for f in dataclasses.fields(cls)) or "none"
-        given = ", ".join(description.get("parameters", {}))
+        given = ", ".join(parameters)
         raise InputError(f"{cls.name} got the parameters ({given}); it knows: {known}") from None
 
 
 def parse(text: str) -> Integrator:
-    """Return the integrator that a person typed: "gauss", "gauss(stages=4)", "StormerVerlet()".
+    """Return the integrator that a person typed: "gauss", "gauss(stages=4)", "Composition(StormerVerlet(), order=6)".
 
     Raises UnknownNameError for a name that is not registered and InputError for parameters that cannot be read.
     """
     try:
-        tree = ast.parse(text.strip().replace("-", "_"), mode="eval").body
-    except (SyntaxError, ValueError, MemoryError, RecursionError):
-        tree = None
-    if isinstance(tree, ast.Name):
-        return build({"name": tree.id})
-    if isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name) and not tree.args:
-        try:
-            parameters = {str(k.arg): ast.literal_eval(k.value) for k in tree.keywords}
-        except (ValueError, TypeError):
-            parameters = None
-        if parameters is not None:
-            return build({"name": tree.func.id, "parameters": parameters})
+        # A name may be typed with dashes; what stands in quotes is a value and stays as it is.
+        pieces = re.split(r"""('[^']*'|"[^"]*")""", text.strip())
+        pieces[::2] = [re.sub(r"(?<=[A-Za-z])-(?=\w)", "_", piece) for piece in pieces[::2]]
+        read = _read(ast.parse("".join(pieces), mode="eval").body)
+    except (SyntaxError, ValueError, TypeError, MemoryError, RecursionError):
+        read = None
+    if isinstance(read, Integrator):
+        return read
     raise InputError(f'cannot read the integrator {text!r}; write e.g. gauss, "gauss(stages=4)" or stormer-verlet')
+
+
+def _read(node: ast.expr) -> Any:
+    """Return a method that is named or called, or a plain value."""
+    if isinstance(node, ast.Name):
+        return build({"name": node.id})
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        names = [f.name for f in dataclasses.fields(_find(node.func.id))]
+        given = dict(zip(names, map(_read, node.args), strict=False))
+        if len(given) < len(node.args):
+            raise ValueError(node.func.id)
+        given |= {str(k.arg): _read(k.value) for k in node.keywords}
+        return build({"name": node.func.id, "parameters": given})
+    return ast.literal_eval(node)
 
 
 def _find(name: str) -> type[Integrator]:

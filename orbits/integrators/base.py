@@ -90,9 +90,13 @@ class Integrator:
         """Order of convergence."""
         raise NotImplementedError
 
-    def coefficients(self, h: float) -> Array:
-        """Return what the kernels need to know of the method and the step, (rows, 8)."""
+    def coefficients(self, h: float) -> Any:
+        """Return what the kernels need to know of the method and the step; by default one row of eight."""
         return np.zeros((1, WIDTH))
+
+    def coefficients_after(self, before: float, h: float) -> Any:
+        """Return the coefficients of a step of h that follows one of `before`, whose memory it finds."""
+        return self.coefficients(h)
 
     def field_shape(self, size: int) -> tuple[int, int]:
         """Return the shape of one step's record of the positions of `size` coordinates."""

@@ -14,9 +14,9 @@ from orbits.kernels.binding import Tag, kernel_of
 
 
 @lru_cache(maxsize=256)
-def method_tag(advance: Any, advance_canonical: Any) -> Tag:
+def method_tag(advance: Any, advance_canonical: Any, advance_particles: Any = None) -> Tag:
     """Return the tag of a method with these kernels; its name holds a hash of the files that they stand in."""
-    kernels = {"advance": advance, "advance_canonical": advance_canonical}
+    kernels = {"advance": advance, "advance_canonical": advance_canonical, "advance_particles": advance_particles}
     kernels = {name: kernel for name, kernel in kernels.items() if kernel is not None}
     digest = hashlib.sha256()
     for kernel in kernels.values():
@@ -38,6 +38,45 @@ def _advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory,
 
     def call(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, path, steps):
         return compiled(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, path, steps)
+
+    return compiled and call
+
+
+def advance_particles(
+    method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+):
+    """March particles in second-order form, as `Integrator.advance_particles`."""
+    raise NotImplementedError("advance_particles() is for compiled code only")
+
+
+@overload(advance_particles)
+def _advance_particles(
+    method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+):
+    compiled = kernel_of(method, "advance_particles")
+
+    def call(
+        method,
+        tag,
+        parameters,
+        coefficients,
+        h,
+        q,
+        q_lo,
+        v,
+        v_lo,
+        memory,
+        work,
+        field,
+        steps,
+        start,
+        stop,
+        watch,
+        track,
+    ):
+        return compiled(
+            tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+        )
 
     return compiled and call
 

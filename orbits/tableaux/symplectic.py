@@ -35,6 +35,10 @@ FLOAT_TOLERANCE = 2.0**-50
 """The same, for coefficients given as float64."""
 
 
+FAR = 1.5
+"""Up to how many times as long a step may be as the one before, for its stages to be guessed by its polynomial."""
+
+
 @dataclass(frozen=True, eq=False)
 class SymplecticTableau(PartitionedTableau):
     """A symplectic pair, with coefficients that are exactly symplectic in binary floats.
@@ -53,6 +57,18 @@ class SymplecticTableau(PartitionedTableau):
     mu_bar: Array = field(repr=False)
     continuation: Array = field(repr=False)
     symmetric: bool
+
+    def continued(self, ratio: float) -> Array:
+        """Return `continuation` for a next step that is `ratio` times as long, (s, s).
+
+        A polynomial says nothing far from its nodes: past `FAR` steps ahead the values themselves are the guess.
+        """
+        if ratio == 1.0:
+            return self.continuation
+        if not -FAR <= ratio <= FAR:
+            return np.eye(self.stages)
+        with mpmath.workdps(DIGITS):
+            return _continuation(list(self.exact_c), ratio)
 
     def binary_residual(self) -> Fraction:
         """Return the largest defect of eta_ij - eta_ji = c_i - c_j and mu_bar_ij + mu_ji = 1, in exact arithmetic."""
@@ -184,13 +200,13 @@ def _binary_mu(plain: PartitionedTableau, exact_mu: list[list[Any]], symmetric: 
     return mu
 
 
-def _continuation(nodes: list[Any]) -> Array:
-    """Values at 1 + c_i of the polynomial through values at c_j; where nodes coincide, the values themselves."""
+def _continuation(nodes: list[Any], ratio: float = 1.0) -> Array:
+    """Values at 1 + ratio c_i of the polynomial through values at c_j; where nodes coincide, the values themselves."""
     s = range(len(nodes))
     if len({mpmath.nstr(c, 30) for c in nodes}) < len(nodes):
         return np.eye(len(nodes))
     basis = [lagrange_coefficients(nodes, j) for j in s]
-    return np.array([[float(value(basis[j], 1 + nodes[i])) for j in s] for i in s])
+    return np.array([[float(value(basis[j], 1 + ratio * nodes[i])) for j in s] for i in s])
 
 
 def _eta(tableau: PartitionedTableau) -> list[list[Any]]:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from orbits.integrators import registry
+from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.runge_kutta_4 import RungeKutta4
 from orbits.integrators.stormer_verlet import StormerVerlet
@@ -39,6 +40,20 @@ def verlet(gm, q, v, h):
     v = moved(v, accelerations(gm, q), h / 2)
     q = moved(q, v, h)
     return q, moved(v, accelerations(gm, q), h / 2)
+
+
+def chain(method):
+    """Kicks and drifts with their exact lengths, one after the other."""
+    scheme = method._scheme
+
+    def step(gm, q, v, h):
+        v = moved(v, accelerations(gm, q), h * scheme.kicks[0])
+        for k, d in zip(scheme.kicks[1:], scheme.drifts, strict=True):
+            q = moved(q, v, h * d)
+            v = moved(v, accelerations(gm, q), h * k)
+        return q, v
+
+    return step
 
 
 def euler(gm, q, v, h):
@@ -89,14 +104,21 @@ def partitioned(tableau):
     return step
 
 
+OWN_PATH = ("gauss", "stormer-verlet", "composition")
 IMPLICIT = (
     *(Gauss(stages=s) for s in (1, 2, 3, 8)),
-    *(m for name, cls in registry().items() if name not in ("gauss", "stormer-verlet") for m in cls.examples()),
+    *(
+        m
+        for name, cls in registry().items()
+        if name not in ("gauss", "stormer-verlet", "composition")
+        for m in cls.examples()
+    ),
 )
 PLAIN = {
     "stormer-verlet": (StormerVerlet(), verlet),
     "runge-kutta-4": (RungeKutta4(), runge_kutta),
     "explicit-euler": (registry()["explicit-euler"](), euler),
+    **{m.label: (m, chain(m)) for m in Composition.examples()},
     **{m.label: (m, partitioned(m.tableau)) for m in IMPLICIT if m.variational},
 }
 

@@ -16,10 +16,11 @@ ETA, START, MU, MU_BAR, CONTINUATION = 5, 13, 21, 29, 37
 ROWS = 45
 
 
-def in_lanes(tableau: SymplecticTableau, h: float) -> Array:
+def in_lanes(tableau: SymplecticTableau, h: float, ratio: float = 1.0) -> Array:
     """Return (ROWS, 8) for steps of h; lanes past the last stage repeat it with weight 0.
 
     h c is a pair of doubled precision; eta and mu stay unscaled, because h eta would be rounded once more.
+    ratio : h over the step before, from whose stages the iteration starts
     """
     s = tableau.stages
     lane = np.minimum(np.arange(WIDTH), s - 1)
@@ -31,13 +32,14 @@ def in_lanes(tableau: SymplecticTableau, h: float) -> Array:
     out[HB, :s] = h * tableau.b
     out[REST] = tableau.one_minus_nodes[lane]
     out[STAGES] = s
-    ahead = tableau.b[:, None] * tableau.continuation / tableau.b[None, :]
+    continuation = tableau.continued(ratio)
+    ahead = ratio * tableau.b[:, None] * continuation / tableau.b[None, :]
     for first, matrix in (
         (ETA, tableau.eta),
         (START, tableau.eta @ ahead),
         (MU, tableau.mu),
         (MU_BAR, tableau.mu_bar),
-        (CONTINUATION, tableau.continuation),
+        (CONTINUATION, continuation),
     ):
         out[first : first + s] = matrix[lane].T
     return out

@@ -1,0 +1,32 @@
+"""The implicit midpoint rule: the variational integrator of L_d(q, q+; h) = h L((q + q+) / 2, (q+ - q) / h).
+
+It is Gauss collocation with one stage, and is marched as such.
+
+Source: Hairer, Lubich & Wanner (2006), sec. I.1.2, VI.4.1; Marsden & West (2001), sec. 2.6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from orbits.integrators.vprk.family import VariationalRungeKutta
+from orbits.tableaux import SymplecticTableau, gauss
+
+
+@dataclass(frozen=True)
+class ImplicitMidpoint(VariationalRungeKutta):
+    """The implicit midpoint rule, order 2: `Gauss(stages=1)` by the name that is known.
+
+    Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off and all quadratic invariants. For
+    separable Lagrangians `StormerVerlet` costs less.
+    """
+
+    name: ClassVar[str] = "implicit-midpoint"
+    summary: ClassVar[str] = "implicit midpoint rule: variational, order 2; Gauss with one stage"
+    source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. I.1.2, VI.4.1; Marsden & West (2001), sec. 2.6"
+
+    @property
+    def tableau(self) -> SymplecticTableau:
+        """Gauss with one stage."""
+        return gauss(1)
