@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
-from math import frexp
+from math import ceil, frexp, log2
 from typing import Any
 
 import mpmath
@@ -36,6 +36,9 @@ ANY_BASE = {
     "suzuki": "Suzuki (1990), Phys. Lett. A 146, 319",
 }
 """Schemes for symmetric methods of any order, with their sources."""
+
+NOTHING = 1e-50
+"""What is below this in a table of `DIGITS` digits is zero."""
 
 HIGHEST = 8
 """By how much an order may be raised: each two cost a factor of 3 or 5 in steps."""
@@ -94,7 +97,7 @@ class Scheme:
             weights: list[Any] = []
             for x in chain:
                 weights.append(x - (weights[-1] if weights else 0))
-            kept = [(b, k % 2 == 0) for k, b in enumerate(weights) if b != 0]
+            kept = [(b, k % 2 == 0) for k, b in enumerate(weights) if abs(b) > NOTHING]
             b = [w for w, _ in kept]
             zero, s = mpmath.mpf(0), len(b)
             a: list[Any] = []
@@ -115,7 +118,7 @@ def scheme_names(base_order: int, order: int, *, splittings: bool) -> list[str]:
     return sorted([*ANY_BASE, *published])
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=64, typed=True)
 def scheme(base_order: int, order: int, name: str, *, splittings: bool = False) -> Scheme:
     """Return the scheme of that name that raises a symmetric method of `base_order` to `order`.
 
@@ -172,8 +175,8 @@ def _recursive(name: str, base_order: int, order: int) -> Exact:
 def _balanced(values: Exact, h: float) -> Array:
     """Return `values` times h rounded to a grid, mirrored, the one in the middle (or the two) making up for the sum."""
     n = len(values)
-    largest = 2.0 * max(1.0, float(max(abs(x) for x in values)))
-    grid = Fraction(2) ** (frexp(h)[1] + frexp(largest)[1] - 53)
+    bits = ceil(log2(2.0 * max(1.0, float(max(abs(x) for x in values)))))
+    grid = Fraction(2) ** (frexp(h)[1] + bits - 53)
     out = np.empty(n)
     with mpmath.workdps(DIGITS):
         for i in range((n - 1) // 2):

@@ -76,9 +76,7 @@ def test_the_tableau_is_symplectic_and_symmetric_and_has_the_order(base_order, o
     if s.steps and len(s.steps) <= 5 and order == 4:
         assert convergence_order(tableau) == order
     if s.steps:
-        verlet = s.split()
-        assert verlet.symplecticity_residual() < 1e-55
-        assert abs(sum(verlet.exact_b) - 1) < 1e-55
+        assert s.split().symplecticity_residual() < 1e-55
 
 
 def test_every_default_is_a_scheme_of_its_order():
