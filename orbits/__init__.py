@@ -21,7 +21,7 @@ from orbits._version import __version__
 if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate, certify
-    from orbits.ephemeris import asteroids
+    from orbits.ephemeris import asteroids, read_mpcorb, read_sbdb
     from orbits.errors import (
         ArchiveError,
         ConvergenceError,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         Interrupted,
         MissingPackageError,
         OrbitsError,
+        OrbitsWarning,
         SingularityError,
         StorageError,
         UnknownNameError,
@@ -80,6 +81,7 @@ __all__ = [
     "MissingPackageError",
     "Motion",
     "OrbitsError",
+    "OrbitsWarning",
     "RungeKutta4",
     "Scenario",
     "SingularityError",
@@ -102,6 +104,8 @@ __all__ = [
     "kernel",
     "march",
     "propagate",
+    "read_mpcorb",
+    "read_sbdb",
     "resume",
     "to_rebound",
 ]
@@ -109,7 +113,7 @@ __all__ = [
 _HOME = {
     "archive": ["Archive"],
     "certificate": ["Certificate", "certify"],
-    "ephemeris": ["asteroids"],
+    "ephemeris": ["asteroids", "read_mpcorb", "read_sbdb"],
     "errors": [
         "ArchiveError",
         "ConvergenceError",
@@ -119,6 +123,7 @@ _HOME = {
         "Interrupted",
         "MissingPackageError",
         "OrbitsError",
+        "OrbitsWarning",
         "SingularityError",
         "StorageError",
         "UnknownNameError",

@@ -22,11 +22,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.catalogue import Catalogue, asteroids
+from orbits.catalogue import Catalogue, asteroids, read_mpcorb, read_sbdb
 from orbits.errors import EpochError, InputError, UnknownNameError
 from orbits.resources import data_path
 
-__all__ = ["AU_KM", "BODIES", "SOLAR_SYSTEM", "Catalogue", "asteroids", "canonical_name", "gm", "states"]
+__all__ = [
+    "AU_KM",
+    "BODIES",
+    "SOLAR_SYSTEM",
+    "Catalogue",
+    "asteroids",
+    "canonical_name",
+    "gm",
+    "read_mpcorb",
+    "read_sbdb",
+    "states",
+]
 
 AU_KM = 149597870.7
 """The astronomical unit in km (IAU 2012 resolution B2)."""

@@ -44,6 +44,10 @@ class StorageError(OrbitsError):
     """Writing failed while a run was under way: a full disk, a lost device."""
 
 
+class OrbitsWarning(UserWarning):
+    """Something was done that the caller should know of: entries left out, digits missing."""
+
+
 class IntegrationError(OrbitsError):
     """A step could not be taken. What was computed before it stays valid.
 

@@ -1,4 +1,4 @@
-"""How the states of new bodies come about: from elements, from DE440, from the catalogue of asteroids."""
+"""How the states of new bodies come about: from elements, from DE440."""
 
 from __future__ import annotations
 
@@ -32,9 +32,6 @@ OF_A_BODY = ("gm", "mass", "radius")
 # What orbits may be around besides a body.
 BARYCENTRIC = ("barycentre", "barycenter")
 JACOBI = "jacobi"
-
-# A Julian date as one float64 resolves 4e-10 d: epochs closer than this are the same.
-SAME_EPOCH_DAYS = 1e-9
 
 EXAMPLE = "System.from_elements({'Sun': dict(mass=1 * u.M_sun), 'Ceres': dict(a=2.77 * u.au, e=0.08)})"
 
@@ -204,38 +201,6 @@ def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
         )
     gm, q, v = ephemeris.states(names, epoch.jd1, epoch.jd2)
     return {"names": names, "gm": gm, "q": q, "v": v, "epoch": epoch}
-
-
-def particle_states(system: System, catalogue: Any, propagate_to_epoch: bool) -> State:
-    """Return positions and velocities of a catalogue's asteroids in the system's axes and units."""
-    if not isinstance(catalogue, ephemeris.Catalogue):
-        raise InputError(f"add_particles got a {type(catalogue).__name__}; expected orbits.asteroids(...).")
-    units = system.units
-    if system.epoch is None:
-        raise InputError("the system has no epoch, so the asteroids have no place in it. Make it with epoch=...")
-    if "Sun" not in system:
-        raise UnknownNameError(
-            f"the asteroids' elements are heliocentric, but there is no 'Sun' among {checks.few(system.names)}."
-        )
-    sun = system.index("Sun")
-    gm = system.gm[sun].to_value(u.au**3 / u.day**2)
-    angles = {key: getattr(catalogue, key) for key in ("inc", "Omega", "omega", "M")}
-    q, v = kepler.state_from_elements(gm, a=catalogue.a, e=catalogue.e, **angles, names=catalogue.names)
-    days = (system.epoch.jd1 - 2400000.5 - catalogue.epoch) + system.epoch.jd2
-    late = np.abs(days) > SAME_EPOCH_DAYS
-    if late.any():
-        if not propagate_to_epoch:
-            i = int(np.argmax(late))
-            raise EpochError(
-                f"the system's epoch is MJD {system.epoch.mjd:.9g} TDB, but the elements of {catalogue.names[i]!r} are "
-                f"of MJD {catalogue.epoch[i]:.9g} TDB. Make the system at that epoch, or say propagate_to_epoch=True "
-                "to carry them over along two-body orbits."
-            )
-        q, v = kepler.two_body(q, v, gm, days, names=catalogue.names)
-    return (
-        system.values.q[sun] + units.length_value(kepler.from_frame(q, catalogue.frame) * u.au),
-        system.values.v[sun] + units.speed_value(kepler.from_frame(v, catalogue.frame) * (u.au / u.day)),
-    )
 
 
 def _from_state(

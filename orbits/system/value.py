@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits import diagnostics
 from orbits.errors import EpochError, InputError
 from orbits.system import checks, making
+from orbits.system.catalogues import FromCatalogues
 from orbits.system.checks import StateValues
 from orbits.system.osculating import OrbitalElements, osculating
 from orbits.system.presenting import labelled_state, state_html
@@ -21,12 +22,10 @@ from orbits.units import SOLAR, UnitSystem, as_epoch
 if TYPE_CHECKING:
     from astropy.time import Time
 
-    from orbits.ephemeris import Catalogue
-
 Floats = NDArray[np.float64]
 
 
-class System(Tabular):
+class System(FromCatalogues, Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -186,20 +185,6 @@ class System(Tabular):
         gm_new = making.masses(names, gm, mass, self.units)
         q, v = making.new_states(self, names, gm_new, primary, frame, elements)
         return self._extended(names, gm_new, q, v, radius)
-
-    def add_particles(self, catalogue: Catalogue, *, propagate_to_epoch: bool = False) -> Self:
-        """Return this system with the asteroids of a catalogue as massless particles around its body "Sun".
-
-            system.add_particles(orbits.asteroids(1000))
-
-        propagate_to_epoch : carry elements of another epoch to that of the system along their two-body orbits, which
-            leaves out what the planets do in between
-
-        Raises EpochError where epochs differ and `propagate_to_epoch` does not allow it, InputError for a system
-        without an epoch, UnknownNameError for one without "Sun".
-        """
-        q, v = making.particle_states(self, catalogue, propagate_to_epoch)
-        return self._extended(tuple(catalogue.names), np.zeros(len(catalogue)), q, v, None)
 
     def remove(self, *names: str) -> Self:
         """Return this system without the bodies of these names; the others stay where they are.

@@ -118,7 +118,7 @@ def test_classes_of_the_database_add_up_to_the_belt() -> None:
         ({"names": "Nonesuch body"}, UnknownNameError, r"no asteroid 'Nonesuch body' here\. Expected"),
         ({"numbers": [433]}, UnknownNameError, r"number 433 here; the closest are 43\d, 43\d, 43\d"),
         ({"numbers": [0]}, UnknownNameError, r"number 0 here; the closest are 1, 2, 3"),
-        ({"classes": "NEO"}, UnknownNameError, r"no class 'NEO'.*'belt', 'trojan'.*IMB \(inner belt\)"),
+        ({"classes": "NEA"}, UnknownNameError, r"no class 'NEA'.*'belt', 'trojan'.*IMB \(inner belt\)"),
         ({"count": 0}, InputError, "count = 0; expected a whole number"),
         ({"count": 2.5}, InputError, "count = 2.5"),
         ({"count": True}, InputError, "count = True"),

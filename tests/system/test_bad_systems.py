@@ -207,7 +207,7 @@ def test_asteroids_that_do_not_fit_are_refused(
 
 
 def test_particles_that_are_no_catalogue_are_refused() -> None:
-    with pytest.raises(InputError, match=r"add_particles got a list; expected orbits.asteroids"):
+    with pytest.raises(InputError, match=r"the catalogue is a list; expected what orbits.asteroids"):
         System.solar_system("2022-08-09").add_particles(["Ceres"])  # type: ignore[arg-type]
 
 

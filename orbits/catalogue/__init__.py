@@ -1,0 +1,11 @@
+"""Catalogues of small bodies: the bundled one, and readers of the user's own downloads."""
+
+from __future__ import annotations
+
+from orbits.catalogue.bundled import EPOCH_MJD, asteroids
+from orbits.catalogue.classes import CLASSES
+from orbits.catalogue.mpcorb import read_mpcorb
+from orbits.catalogue.sbdb import read_sbdb
+from orbits.catalogue.value import Catalogue
+
+__all__ = ["CLASSES", "EPOCH_MJD", "Catalogue", "asteroids", "read_mpcorb", "read_sbdb"]

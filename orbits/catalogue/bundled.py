@@ -1,0 +1,91 @@
+"""Asteroids of the main belt and Jupiter's Trojans, from JPL's Small-Body Database.
+
+    asteroids(1000)                                  # the thousand brightest
+    asteroids(classes="belt", brighter_than=10)      # the belt without the Trojans
+    asteroids(names=["Ceres", "Vesta"])
+    asteroids(numbers=range(1, 11))
+
+2,284 of the belt and 497 Trojans, all with absolute magnitude H < 12, osculating elements at MJD 59800 TDB. No masses.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from functools import cache
+
+import numpy as np
+
+from orbits.catalogue.names import parts, rows_by_name
+from orbits.catalogue.value import Catalogue, Floats, choose
+from orbits.resources import data_path
+
+FILE = "jpl_sbdb_belt_and_trojans.csv"
+EPOCH_MJD = 59800.0
+"""The epoch of the elements, MJD TDB (2022-08-09), of all but two asteroids, which are given only when named."""
+
+
+def asteroids(
+    count: int | None = None,
+    *,
+    names: str | Iterable[str] | None = None,
+    numbers: int | Iterable[int] | None = None,
+    classes: str | Iterable[str] | None = None,
+    brighter_than: float | None = None,
+) -> Catalogue:
+    """Return real asteroids with their osculating elements, the brightest first.
+
+    count : no more than the brightest `count` of those that the other arguments leave
+    names : these alone, in this order: "Ceres", "1 Ceres" or a designation such as "2000 SN209"; case does not matter
+    numbers : these alone, in this order, after those called by name
+    classes : "belt", "trojan", or codes of the Small-Body Database: "MBA", "OMB", "IMB", "MCA", "TJN"
+    brighter_than : absolute magnitudes H below this
+
+    Two asteroids have elements of another epoch and are left out unless they are called by name.
+    Raises UnknownNameError for a name, number or class that is not there, with close matches; InputError for a count
+    that is not a positive integer or is more than there are.
+    """
+    table, ways = _table()
+    brightest = [row for row in np.argsort(table.H, kind="stable").tolist() if table.epoch[row] == EPOCH_MJD]
+    return choose(
+        table,
+        ways,
+        rows=brightest,
+        count=count,
+        names=names,
+        numbers=numbers,
+        classes=classes,
+        brighter_than=brighter_than,
+    )
+
+
+@cache
+def _table() -> tuple[Catalogue, dict[str, int]]:
+    """Return the whole catalogue in the order of the file, and the rows by every way to call an asteroid.
+
+    Those are "ceres", "1 ceres", "1", "a801 aa" and "1 ceres a801 aa".
+    """
+    with data_path(FILE).open(encoding="ascii", newline="") as stream:
+        next(stream)  # the line that says where the file is from
+        header, *rows = csv.reader(stream)
+    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    known = [parts(full) for full in columns["full_name"]]
+
+    def floats(column: str) -> Floats:
+        return np.array(columns[column], dtype=np.float64)
+
+    table = Catalogue(
+        names=tuple(name for _, name, _ in known),
+        numbers=np.array([number for number, _, _ in known], dtype=np.int64),
+        a=floats("a"),
+        e=floats("e"),
+        inc=np.radians(floats("i")),
+        Omega=np.radians(floats("om")),
+        omega=np.radians(floats("w")),
+        M=np.radians(floats("ma")),
+        epoch=floats("epoch_mjd"),
+        H=floats("H"),
+        classes=columns["class"],
+        source="all of the belt or Trojans, H < 12",
+    )
+    return table, rows_by_name(columns["full_name"], known)

@@ -1,0 +1,46 @@
+"""What becomes of entries that cannot be read: the first one is an error, or they are left out and counted aloud."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+from orbits.errors import InputError, OrbitsWarning
+
+SHOWN = 3
+
+
+class Report:
+    """Raises InputError at the first bad entry (errors="raise"), or counts them and keeps the first few ("skip")."""
+
+    def __init__(self, errors: Any, name: str) -> None:
+        if errors not in ("raise", "skip"):
+            raise InputError(
+                f"errors = {errors!r}; expected 'raise', to stop at the first entry that cannot be read, or 'skip'"
+            )
+        self.skips = errors == "skip"
+        self.name = name
+        self.count = 0
+        self._first: list[str] = []
+
+    def bad(self, where: str, problem: str) -> None:
+        """Note a bad entry; raise InputError unless such entries are to be left out."""
+        if not self.skips:
+            raise InputError(
+                f"{self.name}, {where}: {problem}. Mend it, or say errors='skip' to leave such entries out"
+            )
+        self.count += 1
+        if len(self._first) < SHOWN:
+            self._first.append(f"{where}: {problem}")
+
+    def close(self, read: int) -> None:
+        """Warn of what was left out; raise InputError where that was all there is."""
+        if self.count and not read:
+            raise InputError(f"{self.name}: none of its {self.count} entries can be read. {self._first[0]}")
+        if self.count:
+            some = "; ".join(self._first) + ("; ..." if self.count > len(self._first) else "")
+            warnings.warn(
+                f"{self.name}: {self.count} of {self.count + read} entries cannot be read and were left out: {some}",
+                OrbitsWarning,
+                stacklevel=3,
+            )

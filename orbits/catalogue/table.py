@@ -1,0 +1,98 @@
+"""A catalogue from tables of orbits, piece by piece."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from orbits.catalogue.choice import Choice, Ways
+from orbits.catalogue.classes import orbit_classes
+from orbits.catalogue.names import is_comet, parts, plain
+from orbits.catalogue.orbit_columns import Columns, Orbits
+from orbits.catalogue.report import Report
+from orbits.catalogue.value import Catalogue, choose, joined
+from orbits.errors import InputError, OrbitsWarning
+
+AU_KM = 149597870.7
+SECONDS_A_DAY = 86400.0
+FEW_DIGITS = 6
+LONGEST_NAME = 128
+
+
+def catalogue_of_tables(pieces: Iterable[Columns], choice: Choice, report: Report, what: str) -> Catalogue:
+    """Return what is chosen of tables of orbits; raise InputError where there is none in them."""
+    pieces_read: list[dict[str, Any]] = []
+    called: list[Ways] = []
+    read = digits = 0
+    for columns in pieces:
+        orbits = Orbits(columns)
+        piece, ways, good = _piece(columns, orbits, choice, report)
+        digits = max(digits, orbits.digits())
+        read += good
+        pieces_read.append(piece)
+        called += ways
+        if choice.is_complete:
+            break
+    if not read and not report.count:
+        raise InputError(f"{report.name} has no row with an orbit; expected {what}")
+    report.close(read)
+    choice.check_found(f"the {read} bodies of {report.name}")
+    if digits < FEW_DIGITS:
+        warnings.warn(
+            f"{report.name} gives the sizes of orbits with {digits} digits at most, so that places are no better than "
+            f"{10.0 ** (1 - digits):g} of the distance. Ask for full precision: full-prec=1 of the APIs, a mark in the "
+            "query tool",
+            OrbitsWarning,
+            stacklevel=4,
+        )
+    table = joined(pieces_read, report.name, report.count)
+    order = choice.ordered(table.numbers, called)
+    return choose(table, {}, rows=order, count=choice.count, names=None, numbers=None, classes=None, brighter_than=None)
+
+
+def _piece(columns: Columns, orbits: Orbits, choice: Choice, report: Report) -> tuple[dict[str, Any], list[Ways], int]:
+    """Return the columns of the chosen bodies of a piece, the ways to call them, and how many rows could be read."""
+    full = (
+        orbits.texts("name")
+        if "name" in columns.place
+        else [f"row {columns.first + i}" for i in range(len(columns.rows))]
+    )
+    known = [parts(name) for name in full]
+    for i, (_, name, _) in enumerate(known):
+        if not orbits.problems[i] and not 0 < len(name) <= LONGEST_NAME:
+            orbits.problems[i] = f"the name has {len(name)} characters; expected 1 to {LONGEST_NAME}"
+    for i, problem in enumerate(orbits.problems):
+        if problem:
+            report.bad(f"row {columns.first + i}" + (f" ({full[i]})" if full[i] else ""), problem)
+    good = np.array([i for i, problem in enumerate(orbits.problems) if not problem], dtype=np.int64)
+    values: dict[str, Any] = {what: value[good] for what, value in orbits.values.items()}
+    names = [known[i][1] for i in good.tolist()]
+    numbers = [known[i][0] for i in good.tolist()]
+    comets = np.array([is_comet(name) for name in names], dtype=bool)
+    derived = orbit_classes(values["a"], values["e"], comets)
+    given = orbits.texts("class")
+    values["classes"] = [given[i] or derived[k] for k, i in enumerate(good.tolist())]
+    values["numbers"] = np.array(numbers, dtype=np.int64)
+    ways = [
+        tuple(dict.fromkeys(plain(way) for way in (name, full[i], known[i][2], *_numbered(number, name)) if way))
+        for i, name, number in zip(good.tolist(), names, numbers, strict=True)
+    ]
+    keep = choice.rows(values, ways)
+    rows = good[keep]
+    piece = {
+        what: values[what][keep] for what in ("a", "e", "inc", "Omega", "omega", "M", "epoch", "H", "q", "T", "numbers")
+    }
+    piece["by_perihelion"] = orbits.by_perihelion[rows]
+    piece["gm"] = np.nan_to_num(values["gm"][keep]) * (SECONDS_A_DAY**2 / AU_KM**3)
+    piece["radius"] = np.nan_to_num(values["diameter"][keep]) * (0.5 / AU_KM)
+    piece["names"] = [names[k] for k in keep.tolist()]
+    piece["classes"] = [values["classes"][k] for k in keep.tolist()]
+    piece["details"] = {name: column[rows] for name, column in orbits.others().items()}
+    return piece, [ways[k] for k in keep.tolist()], len(good)
+
+
+def _numbered(number: int, name: str) -> tuple[str, ...]:
+    return (str(number), f"{number} {name}") if number else ()
