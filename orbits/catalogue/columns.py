@@ -46,18 +46,22 @@ def decimals(columns: Bytes) -> tuple[Floats, Bools]:
 
 
 def lines(block: Bytes, width: int) -> tuple[Bytes, NDArray[np.int64], NDArray[np.int64]]:
-    """Return the lines of a block of text that ends with a line's end, cut or filled with blanks to `width` bytes.
+    """Return the lines of a block that ends with a line's end, cut or filled with blanks to `width` bytes.
 
-    And where each begins, and how long it is without its end; shapes (n, width), (n,), (n,).
+    And the length of each without its end, and how many lines are before it; shapes (n, width), (n,), (n,). Lines that
+    are blank are left out.
     """
     ends = np.flatnonzero(block == NEWLINE)
     starts = np.concatenate([[0], ends[:-1] + 1])
     lengths = ends - starts
     lengths -= (lengths > 0) & (block[ends - 1] == RETURN)
+    number = np.flatnonzero(lengths)
+    starts, lengths = starts[number], lengths[number]
     filled = np.concatenate([block, np.full(width, BLANK, dtype=np.uint8)])
     rows = np.lib.stride_tricks.sliding_window_view(filled, width)[starts]
     short = np.flatnonzero(lengths < width)
     tails = rows[short]
     tails[np.arange(width) >= lengths[short, None]] = BLANK
     rows[short] = tails
-    return rows, starts, lengths
+    some = (rows != BLANK).any(axis=1)
+    return rows[some], lengths[some], number[some]

@@ -26,7 +26,8 @@ from orbits.errors import InputError
 
 BLOCK = 2**22
 """Bytes that are taken at a time: memory is what the chosen bodies need, whatever the length of the file."""
-MOST_BYTES = 2**32
+# Ten times what there is today.
+MOST_LINES = 20_000_000
 WIDTH = 202
 LEAST = 103
 HEADER_ENDS = b"-" * 20
@@ -124,12 +125,9 @@ def read_mpcorb(
 
 def _blocks(stream: BinaryIO, name: str) -> Iterator[tuple[Bytes, int]]:
     """Yield whole lines as bytes, some megabytes at a time, and the number of the first; without the header."""
-    rest, line, total = b"", 1, 0
+    rest, line = b"", 1
     while True:
         data = stream.read(BLOCK)
-        total += len(data)
-        if total > MOST_BYTES:
-            raise InputError(f"{name} holds more than {MOST_BYTES // 2**30} GB unpacked; expected {WHAT}")
         if not data and not rest.strip():
             return
         text, newline, rest = (rest + (data or b"\n")).rpartition(b"\n")
@@ -145,6 +143,8 @@ def _blocks(stream: BinaryIO, name: str) -> Iterator[tuple[Bytes, int]]:
         if text:
             yield np.frombuffer(text, dtype=np.uint8), line
         line += text.count(b"\n")
+        if line > MOST_LINES:
+            raise InputError(f"{name} has more than {MOST_LINES:,} lines; expected {WHAT}")
 
 
 def _header(text: bytes) -> int:
@@ -159,10 +159,8 @@ def _header(text: bytes) -> int:
 
 def _piece(block: Bytes, line: int, choice: Choice, report: Report) -> tuple[dict[str, Any], int]:
     """Return the columns of the chosen bodies of a block, and how many lines of it could be read."""
-    rows, _, lengths = lines(block, WIDTH)
-    number = line + np.arange(len(rows))
-    filled = (rows != ord(" ")).any(axis=1)
-    rows, lengths, number = rows[filled], lengths[filled], number[filled]
+    rows, lengths, number = lines(block, WIDTH)
+    number += line
     faults = Faults(rows, lengths, number)
     values = _elements(rows, faults)
     values["numbers"] = packed.numbers(rows[:, :7])

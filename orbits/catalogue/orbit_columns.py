@@ -136,7 +136,7 @@ class Orbits:
 
     def digits(self) -> int:
         """Return the largest number of significant digits that sizes are given with; 0 where there is none."""
-        texts = [_text(value) for what in ("a", "q") for value in self._given(what)]
+        texts = [_text(value) for what in ("a", "q", "n", "P") for value in self._given(what)]
         return max((len(re.sub(r"[eE].*|[^0-9]", "", text).lstrip("0")) for text in texts), default=0)
 
     def _given(self, ours: str) -> Sequence[Any]:
@@ -187,14 +187,15 @@ class Orbits:
             degrees = "0 to 180" if what == "inc" else "-360 to 360"
             wrong = ~(np.abs(v[what]) <= 2.0 * np.pi) if what != "inc" else ~((v[what] >= 0.0) & (v[what] <= np.pi))
             self._refuse(what, wrong, f"is {{}} rad; expected {degrees} degrees")
-        self._refuse("q", ~((q > 0.0) & np.isfinite(q)), "follows as {}; expected a perihelion distance > 0")
-        orbit = np.where(e < 1.0, a > 0.0, np.where(e > 1.0, a < 0.0, True)) & ~np.isnan(a)
-        self._refuse("a", ~orbit, "is {}; expected > 0 for an ellipse, < 0 for a hyperbola")
+        self._refuse("M", (e == 1.0) & np.isnan(v["T"]), "cannot place a parabola; expected tp")
+        self._refuse(
+            "a", np.isnan(a) | ((1.0 - e) * a < 0.0), "is {}; expected > 0 for an ellipse, < 0 for a hyperbola"
+        )
+        self._refuse("q", ~((q > 0.0) & np.isfinite(q)), "is {}; expected a perihelion distance > 0")
         # Values of three digits agree no better than this; columns that were mixed up do not agree at all.
         apart = np.isfinite(a) & (np.abs(q - a * (1.0 - e)) > 0.01 * (np.abs(q) + np.abs(a)))
         self._refuse("q", apart, "is {}, which contradicts a and e; expected a (1 - e)")
         self._refuse("M", np.isnan(v["M"]) & np.isnan(v["T"]), "is missing; expected ma, or tp")
-        self._refuse("M", (e == 1.0) & np.isnan(v["T"]), "cannot place a parabola; expected tp")
         wide = np.isinf(v["M"]) | ((e < 1.0) & (np.abs(v["M"]) > 2.0 * np.pi)) | np.isinf(v["T"])
         self._refuse("M", wide, "is {} rad; expected -360 to 360 degrees")
         for what in ("gm", "diameter"):

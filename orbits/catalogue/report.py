@@ -8,6 +8,7 @@ from typing import Any
 from orbits.errors import InputError, OrbitsWarning
 
 SHOWN = 3
+MOST = 100_000
 
 
 class Report:
@@ -30,6 +31,11 @@ class Report:
                 f"{self.name}, {where}: {problem}. Mend it, or say errors='skip' to leave such entries out"
             )
         self.count += 1
+        if self.count > MOST:
+            raise InputError(
+                f"{self.name}: more than {MOST:,} entries cannot be read, so it is hardly such a catalogue at all. "
+                f"{self._first[0]}"
+            )
         if len(self._first) < SHOWN:
             self._first.append(f"{where}: {problem}")
 

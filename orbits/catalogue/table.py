@@ -40,7 +40,7 @@ def catalogue_of_tables(pieces: Iterable[Columns], choice: Choice, report: Repor
         raise InputError(f"{report.name} has no row with an orbit; expected {what}")
     report.close(read)
     choice.check_found(f"the {read} bodies of {report.name}")
-    if digits < FEW_DIGITS:
+    if 0 < digits < FEW_DIGITS:
         warnings.warn(
             f"{report.name} gives the sizes of orbits with {digits} digits at most, so that places are no better than "
             f"{10.0 ** (1 - digits):g} of the distance. Ask for full precision: full-prec=1 of the APIs, a mark in the "
