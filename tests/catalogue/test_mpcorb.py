@@ -49,7 +49,7 @@ def any_line(draw: Any) -> Line:
     )
 
 
-@campaign(60, 3000, drawn=st.lists(any_line(), min_size=1, max_size=5), end=st.sampled_from(["\n", "\r\n"]))
+@campaign(60, 1500, drawn=st.lists(any_line(), min_size=1, max_size=5), end=st.sampled_from(["\n", "\r\n"]))
 def test_what_is_printed_is_read_to_the_last_digit(drawn: list[Line], end: str) -> None:
     catalogue = read_mpcorb("\n" + end.join(map(str, drawn)) + end)
     for i, line in enumerate(drawn):
@@ -220,7 +220,7 @@ def test_a_source_that_is_no_file_and_no_text_is_refused(source: Any) -> None:
 
 @campaign(
     80,
-    4000,
+    1500,
     text=st.just(f"{CERES}\n{VESTA}\n{PALLAS_2024}\n".encode()),
     changes=st.lists(st.tuples(st.integers(0, 608), st.integers(0, 255)), min_size=1, max_size=4),
     keep=st.integers(0, 610),
@@ -236,7 +236,7 @@ def test_flipped_bytes_and_truncation_give_a_catalogue_or_an_error_in_words(
     check_read(bytes(damaged[:keep]), errors)
 
 
-@campaign(60, 3000, data=st.binary(max_size=700), errors=st.sampled_from(["raise", "skip"]))
+@campaign(60, 1500, data=st.binary(max_size=700), errors=st.sampled_from(["raise", "skip"]))
 def test_random_bytes_give_a_catalogue_or_an_error_in_words(data: bytes, errors: str) -> None:
     check_read(data, errors)
     check_read(b"\x1f\x8b" + data, errors)

@@ -134,7 +134,7 @@ def test_what_is_missing_is_derived(drop: tuple[str, ...]) -> None:
         assert getattr(eros, what)[0] == pytest.approx(getattr(full, what)[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("e", [0.2, 0.95, 0.9999999, 1.0000001, 1.5, 40.0])
+@pytest.mark.parametrize("e", [0.2, 0.95, 0.9999999, 1.0, 1.0000001, 1.5, 40.0])
 @pytest.mark.parametrize("days", [-400.0, 0.0, 33.0])
 def test_comets_of_every_conic_are_where_their_perihelion_puts_them(e: float, days: float) -> None:
     row = ["C/2000 A1 (Test)", 59800.0 + days, e, 0.7, 30.0, 40.0, 50.0, 59800.0]
@@ -287,7 +287,7 @@ junk = st.one_of(
 
 @campaign(
     80,
-    4000,
+    1500,
     cells=st.lists(st.tuples(st.integers(0, len(FIELDS) - 1), junk), max_size=4),
     header=st.lists(st.tuples(st.integers(0, len(FIELDS) - 1), junk), max_size=1),
     errors=st.sampled_from(["raise", "skip"]),
@@ -302,7 +302,7 @@ def test_any_cell_gives_a_catalogue_or_an_error_in_words(cells: list[Any], heade
     check_read(as_csv(row, BORISOV, fields=[str(field) for field in fields]), errors)
 
 
-@campaign(80, 4000, answer=st.recursive(junk, lambda x: st.lists(x) | st.dictionaries(
+@campaign(80, 1500, answer=st.recursive(junk, lambda x: st.lists(x) | st.dictionaries(
     st.sampled_from(["fields", "data", "object", "orbit", "elements", "name", "value", "epoch", "list", "message"]), x
 ), max_leaves=12), errors=st.just("skip"))  # fmt: skip
 def test_any_json_gives_a_catalogue_or_an_error_in_words(answer: Any, errors: str) -> None:
@@ -312,7 +312,7 @@ def test_any_json_gives_a_catalogue_or_an_error_in_words(answer: Any, errors: st
 
 @campaign(
     80,
-    4000,
+    1500,
     kind=st.sampled_from(["json", "csv", "lookup", "zipped"]),
     changes=st.lists(st.tuples(st.integers(0, 5000), st.integers(0, 255)), max_size=4),
     keep=st.integers(0, 3000),
@@ -327,7 +327,7 @@ def test_flipped_bytes_and_truncation_give_a_catalogue_or_an_error_in_words(
     check_read(bytes(data[:keep]), "skip")
 
 
-@campaign(60, 3000, data=st.binary(max_size=300))
+@campaign(60, 1500, data=st.binary(max_size=300))
 def test_random_bytes_give_a_catalogue_or_an_error_in_words(data: bytes) -> None:
     check_read(data, "raise")
 
