@@ -64,7 +64,8 @@ def scenario_page(name: str, path: Path) -> str:
     if picture(name):
         lines += [f".. image:: /{picture(name)}", f"    :alt: {said.splitlines()[0]}", ""]
     source = f"{path.parent.name}/{path.name}"
-    lines += [*heading("The file", "-"), f"``{source}``, whole:", "", f".. literalinclude:: ../../../{source}", ""]
+    lines += [*heading("The file", "-"), f"``{source}``, whole:", ""]
+    lines += [f".. literalinclude:: ../../../{source}", "    :language: python", ""]
     return "\n".join(lines)
 
 

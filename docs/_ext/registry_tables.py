@@ -1,8 +1,9 @@
-"""Directives that show what is registered: `scenario-gallery`, `integrator-tables`, `command-line`, `public-names`."""
+"""Directives that show what is registered: one each for scenarios, integrators, commands, names."""
 
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Iterable
 
 from docutils import nodes
@@ -13,6 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from orbits.integrators import registry
+from orbits.integrators.base import Integrator
 from orbits.scenario import bundled
 
 
@@ -27,7 +29,7 @@ class RegistryDirective(SphinxDirective):
         return made
 
     def markdown(self) -> list[str]:
-        """Return what the directive stands for, in parts: what has headings begins with one."""
+        """Return what the directive stands for, in parts: what has headings begins with one, and comes first."""
         raise NotImplementedError
 
 
@@ -47,34 +49,49 @@ class ScenarioGallery(RegistryDirective):
         ]
 
 
-class IntegratorTables(RegistryDirective):
-    """A table of all registered integrators, then a section for each: its discrete Lagrangian, as its file has it."""
+class IntegratorTable(RegistryDirective):
+    """A table of all registered integrators: order, what is declared, the paper and the file."""
 
     def markdown(self) -> list[str]:
-        """Return table and sections."""
-        rows = ["| method | order | declares | discrete Lagrangian | source |", "| --- | --- | --- | --- | --- |"]
-        sections = []
-        for cls in sorted(registry().values(), key=lambda cls: (not cls.variational, cls.name)):
+        """Return the table."""
+        rows = ["| method | order | variational | declares | source | file |", "| --- | --- | --- | --- | --- | --- |"]
+        for cls in methods():
             examples = cls.examples()
             orders = ", ".join(str(order) for order in sorted({method.order for method in examples}))
             declares = ", ".join(sorted(set.intersection(*(set(m.declares) for m in examples)))) or "nothing"
-            kind = "yes" if cls.variational else "none"
-            rows.append(f"| [`{cls.__name__}`](#{cls.name}) | {orders} | {declares} | {kind} | {cls.source} |")
-            sections.append(self.section(cls))
-        return ["\n".join(rows), "\n".join(sections)]
+            kind = "yes" if cls.variational else "no"
+            head = f"[`{cls.__name__}`](#{cls.name}) | {orders} | {kind} | {declares}"
+            rows.append(f"| {head} | {cell(cls.source)} | {listing(cls, below='orbits/integrators/')} |")
+        return ["\n".join(rows)]
 
-    def section(self, cls: type) -> str:
+
+class IntegratorSections(RegistryDirective):
+    """A section for each registered integrator: its discrete Lagrangian, as its file has it."""
+
+    def markdown(self) -> list[str]:
+        """Return the sections."""
+        return ["\n".join(self.section(cls) for cls in methods())]
+
+    def section(self, cls: type[Integrator]) -> str:
         """Return the section of one method."""
-        module = inspect.getmodule(cls)
-        file = "orbits/" + inspect.getsourcefile(cls).rpartition("/orbits/")[2]
-        listing = f"_modules/{module.__name__.replace('.', '/')}.html"
-        rst = "\n".join(to_rst(module.__doc__ or ""))
+        rst = "\n".join(to_rst(sys.modules[cls.__module__].__doc__ or ""))
         examples = ", ".join(f"`{method.label}`" for method in cls.examples())
         return (
             f"## {cls.name}\n\n{{py:class}}`orbits.{cls.__name__}`: {cls.summary}. For example {examples}.\n\n"
-            f"````{{eval-rst}}\n{rst}\n````\n\n"
-            f'File: <a href="{listing}"><code>{file}</code></a>\n'
+            f"````{{eval-rst}}\n{rst}\n````\n\nFile: {listing(cls)}\n"
         )
+
+
+def methods() -> list[type[Integrator]]:
+    """Return the registered integrators, the variational ones first."""
+    return sorted(registry().values(), key=lambda cls: (not cls.variational, cls.name))
+
+
+def listing(cls: type[Integrator], below: str = "") -> str:
+    """Return a link to the source of the module of a method, shown as its path below a folder."""
+    file = "orbits/" + inspect.getfile(cls).rpartition("/orbits/")[2]
+    shown = cell(file.removeprefix(below))
+    return f'<a href="_modules/{cls.__module__.replace(".", "/")}.html"><code>{shown}</code></a>'
 
 
 class CommandLine(RegistryDirective):
@@ -114,7 +131,7 @@ class PublicNames(RegistryDirective):
                 if entry.page == page:
                     role = {"compiled": "func", "function": "func", "exception": "exc"}.get(entry.kind, entry.kind)
                     parts.append(f"| {{py:{role}}}`{entry.full_name}` | {cell(entry.summary)} |")
-        return [contents(f"api/{page}" for page in api_pages()), "\n".join(parts).strip()]
+        return ["\n".join(parts).strip(), contents(f"api/{page}" for page in api_pages())]
 
 
 def contents(pages: Iterable[str]) -> str:
@@ -132,7 +149,8 @@ def cell(text: str) -> str:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Add the directives."""
     app.add_directive("scenario-gallery", ScenarioGallery)
-    app.add_directive("integrator-tables", IntegratorTables)
+    app.add_directive("integrator-table", IntegratorTable)
+    app.add_directive("integrator-sections", IntegratorSections)
     app.add_directive("command-line", CommandLine)
     app.add_directive("public-names", PublicNames)
     return {"parallel_read_safe": True}
