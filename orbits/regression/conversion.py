@@ -2,111 +2,228 @@
 
 from __future__ import annotations
 
+import os
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import ArchiveError, EpochError, InputError
+from orbits.regression import snapshot as snapshots
 from orbits.regression.peers import Start, simulation
+from orbits.regression.snapshot import Particles
 from orbits.system import System
-from orbits.units import DIMENSIONLESS, UnitSystem
+from orbits.system.checks import few
+from orbits.trajectory import Trajectory
+from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:
     import rebound
     from astropy.time import Time
 
-_EVERY_BODY = np.iinfo(np.uintp).max  # REBOUND's N_active when all particles attract
+GRAVITIES = ("basic", "compensated", "tree", "mercurius", "jacobi")
+"""REBOUND's ways to sum the same Newtonian gravity."""
+
+SOLAR_UNITS = ("au", "d", "massist")
+"""REBOUND's names of the units of `SOLAR`, in which GM is the mass; "massist" is its unit of mass that makes G = 1."""
 
 
-def to_rebound(system: System) -> rebound.Simulation:
+def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulation:
     """A `rebound.Simulation` that holds exactly the floats of `system`.
 
-    G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch. Names and the
-    softening length are kept, radii where the system has them. Massless bodies are test particles (`N_active`,
-    `testparticle_type = 0`); REBOUND wants them last, so massive bodies come first, otherwise in the system's order.
-    Integrator and step are REBOUND's defaults.
+    system : a state, or a run, of which `sample` is taken, by default the last
+
+    G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch, and in a run the time
+    since then. Names and the softening length are kept, radii where the system has them. The units of `SOLAR` are
+    named, ("au", "d", "massist"). Massless bodies are test particles (`N_active`, `testparticle_type = 0`); REBOUND
+    wants them last, so massive bodies come first, otherwise in the system's order. Integrator and step are REBOUND's
+    defaults.
     """
-    gm, q, v, softening = system.values
+    time = 0.0
+    if isinstance(system, Trajectory):
+        state: System = system[sample]
+        time = float(system.times[sample])
+    elif isinstance(system, System):
+        state = system
+    else:
+        raise InputError(f"to_rebound got a {type(system).__name__}; expected a System or a Trajectory.")
+    gm, q, v, softening = state.values
     order = np.argsort(gm == 0, kind="stable")
-    names = [system.names[i] for i in order]
+    names = [state.names[i] for i in order]
     sim = simulation(Start(gm[order], q[order], v[order], float(softening)), names)
-    if system.radii is not None:
-        radii = system.units.length_value(system.radii, what="radii")
+    if state.units == SOLAR:
+        sim.update_units(SOLAR_UNITS)
+        sim.G = 1.0  # to the last bit; from the units' own values it would be 26 units in the last place less
+    sim.t = time
+    if state.radii is not None:
+        radii = state.radii.value
         for particle, radius in zip(sim.particles, radii[order].tolist(), strict=True):
             particle.r = radius
     return sim
 
 
 def from_rebound(
-    sim: rebound.Simulation, *, units: UnitSystem | None = None, epoch: Time | str | float | None = None
+    source: rebound.Simulation | rebound.Simulationarchive | str | os.PathLike[str],
+    *,
+    units: UnitSystem | None = None,
+    epoch: Time | str | float | None = None,
+    zero: Time | str | float | None = None,
+    snapshot: int = -1,
+    time: float | None = None,
 ) -> System:
-    """A `System` with the particles of `sim`: gm = G m, the same positions, velocities, softening and radii.
+    """A `System` with the particles of a REBOUND simulation: gm = G m, the same q, v, softening and radii.
 
-    units : the unit system that the numbers are in. By default `sim.units` where they are set, and otherwise pure
-        numbers: `DIMENSIONLESS` when G is 1, else its like with the simulation's G. A simulation made by `to_rebound`
-        carries no units, so say `units=orbits.SOLAR` to come back to the system it was made from, bit for bit.
-    epoch : the epoch of the state that the simulation is in now; REBOUND knows none.
-    Particles without a name are called "particle 0", "particle 1", ... by their index. A simulation whose steps are
-    not synchronized is synchronized on a copy; `sim` itself is left as it is.
+    source : a Simulation, a Simulationarchive, or the path of its file
+    units : the unit system that the numbers are in. By default the simulation's own where they are set, and otherwise
+        pure numbers: `DIMENSIONLESS` when G is 1, else its like with the simulation's G. ("au", "d", "massist") with
+        G = 1 are `SOLAR`
+    epoch : the epoch of the state; REBOUND knows none
+    zero : instead, the epoch of t = 0: that of the state is then `zero` and the simulation's t
+    snapshot : of an archive its number, by default the last;  time : instead, the t of a snapshot
 
-    Raises InputError for what a System cannot be: test particles with mass (beyond `N_active`), no gravity, forces or
-    boundaries other than Newton's, and for whatever `System` refuses.
+    Softening is the same formula, -gm/sqrt(r^2 + eps^2). Particles without a name are called "particle 0",
+    "particle 1", ... by their index. Radii that are all 0 are none. A simulation whose steps are not synchronized is
+    synchronized on a copy; it is left as it is.
+
+    Test particles (beyond `N_active`) of type 0 attract nothing: they are massless here, and a UserWarning names those
+    with a mass. Of type 1 they attract active particles but not each other, which is a System only when they have no
+    mass, or when there is a single one, which is then like any other body. Collisions are not looked for here, and
+    functions of the user are not in files: a UserWarning says so where a simulation had them.
+
+    Raises InputError for what a System cannot be: other forces, gravity or boundaries than Newton's in open space,
+    variational particles, several test particles of type 1 with mass, and whatever `System` refuses; ArchiveError for
+    a file that is missing, foreign, damaged or of another REBOUND, or does not have the snapshot. A file is opened in a
+    process of its own, so that a damaged one cannot end this one.
     """
-    if not sim.is_synchronized:
-        sim = sim.copy()
-        sim.integrator.keep_unsynchronized = 0
-        sim.synchronize()
-    n = int(sim.N)
-    m, radii, q, v = np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 3))
-    if n:
-        sim.serialize_particle_data(m=m, r=radii, xyz=q, vxvyvz=v)
-    names = [particle.name or f"particle {i}" for i, particle in enumerate(sim.particles)]
-    _refuse(sim, m, names)
+    found = _particles(source, snapshot, time)
+    names = [name or f"particle {i}" for i, name in enumerate(found.names)]
+    _refuse(found)
+    attracting = found.m.copy()
+    attracting[_massless(found, names) :] = 0.0
     if units is None:
-        units = _units_of(sim)
+        units = _units_of(found)
     return System(
         names=tuple(names),
-        gm=float(sim.G) * m,
-        q=q,
-        v=v,
-        epoch=epoch,
+        gm=found.G * attracting,
+        q=found.q,
+        v=found.v,
+        epoch=_epoch(found, units, epoch, zero),
         units=units,
-        radii=radii if np.any(radii) else None,
-        softening=float(sim.softening),
+        radii=found.r if np.any(found.r) else None,
+        softening=found.softening,
     )
 
 
-def _refuse(sim: Any, m: np.ndarray, names: list[str]) -> None:
-    active = min(int(sim.N_active), len(m)) if int(sim.N_active) != _EVERY_BODY else len(m)
-    heavy = [i for i in range(active, len(m)) if m[i] != 0.0]
-    if heavy:
+def _particles(source: Any, index: int, time: float | None) -> Particles:
+    import rebound
+
+    if isinstance(source, rebound.Simulation):
+        if index != -1 or time is not None:
+            raise InputError("a Simulation has one state only; snapshot= and time= choose from a Simulationarchive.")
+        return snapshots.of_simulation(source)
+    if isinstance(index, bool) or not isinstance(index, int):
+        raise InputError(
+            f"snapshot is {index!r}; expected the number of a snapshot, -1 for the last (time= takes a t)."
+        )
+    if time is not None and index != -1:
+        raise InputError("snapshot and time are both given; expected one of them.")
+    if time is not None:
+        time = float(time)
+    try:
+        if isinstance(source, rebound.Simulationarchive):
+            return snapshots.of_archive(source, index=index, time=time)
+        if isinstance(source, str | os.PathLike):
+            return snapshots.of_file(source, index=index, time=time)
+    except snapshots.UnreadableError as error:
+        what = source if isinstance(source, str | os.PathLike) else "the Simulationarchive"
+        raise ArchiveError(f"{what}: {error}.") from error
+    raise InputError(
+        f"from_rebound got a {type(source).__name__}; expected a rebound.Simulation, a rebound.Simulationarchive or "
+        "the path of its file."
+    )
+
+
+def _refuse(found: Particles) -> None:
+    if found.functions:
+        what = " and ".join(name.replace("_", " ") for name in found.functions)
+        raise InputError(f"the simulation has {what}; a System knows Newton's gravity only. Remove them.")
+    if found.gravity not in GRAVITIES or found.integrator == "sei":
+        what = f"gravity is {found.gravity!r}" if found.gravity not in GRAVITIES else "integrator is 'sei'"
+        raise InputError(f"the simulation's {what}; a System has Newton's. Set 'basic' (or another integrator).")
+    if found.boundary != "none":
+        raise InputError(f"the simulation's boundary is {found.boundary!r}; a System lives in open space. Set 'none'.")
+    if found.variations:
+        raise InputError(
+            f"the simulation has {found.variations} variational particles; a System has bodies only. Convert a "
+            "simulation without them."
+        )
+    if found.forgotten:
+        _warn(
+            "the simulation was saved with functions of its own, such as forces, which its file does not hold; the "
+            "System has Newton's gravity only."
+        )
+    if found.collision != "none":
+        _warn(f"the simulation looks for collisions ({found.collision!r}); bodies of a System pass through each other.")
+
+
+def _massless(found: Particles, names: list[str]) -> int:
+    """Return from which particle on none attracts."""
+    n = len(found.m)
+    heavy = [i for i in range(found.active, n) if found.m[i] != 0.0]
+    if found.test_type == 0:
+        if heavy:
+            _warn(
+                f"{few([names[i] for i in heavy])}: test particles with mass, which attract nothing in REBOUND; here "
+                "they are massless (gm = 0)."
+            )
+        return found.active
+    if heavy and n - found.active > 1:
         i = heavy[0]
         raise InputError(
-            f"{names[i]!r} is a test particle (index {i}, N_active = {active}) with mass {float(m[i])!r}; here a body "
-            "that attracts nothing has no mass. Set its mass to 0, or let it attract by raising N_active."
+            f"{names[i]!r} is a test particle (index {i}, N_active = {found.active}) of type 1 with mass "
+            f"{float(found.m[i])!r}: it attracts active particles but none of the other {n - found.active - 1} test "
+            "particles, which no System does. Set testparticle_type to 0, or raise N_active to let it attract all."
         )
-    if sim.gravity not in ("basic", "compensated", "tree", "jacobi"):
-        raise InputError(f"the simulation's gravity is {sim.gravity!r}; a System has Newton's. Set 'basic'.")
-    if sim.boundary != "none":
-        raise InputError(f"the simulation's boundary is {sim.boundary!r}; a System lives in open space. Set 'none'.")
-    if sim._additional_forces:
-        raise InputError("the simulation has additional forces; a System knows Newton's gravity only. Remove them.")
+    return n
 
 
-def _units_of(sim: Any) -> UnitSystem:
-    named = sim.units
-    if all(named.values()):
-        from astropy import units as u
-        from rebound import units as table
+def _warn(message: str) -> None:
+    warnings.warn(message, UserWarning, stacklevel=4)
 
-        return UnitSystem(
-            name="REBOUND " + ", ".join(named[kind] for kind in ("length", "time", "mass")),
-            length=u.Unit(table.lengths_SI[named["length"]] * u.m),
-            time=u.Unit(table.times_SI[named["time"]] * u.s),
-            mass=u.Unit(table.masses_SI[named["mass"]] * u.kg),
-            G=float(sim.G),
-        )
-    if sim.G == 1.0:
-        return DIMENSIONLESS
-    plain = DIMENSIONLESS
-    return UnitSystem(name=f"G = {sim.G!r}", length=plain.length, time=plain.time, mass=plain.mass, G=float(sim.G))
+
+def _epoch(found: Particles, units: UnitSystem, epoch: Any, zero: Any) -> Time | None:
+    if zero is None:
+        return None if epoch is None else as_epoch(epoch)
+    if epoch is not None:
+        raise EpochError("epoch and zero are both given; expected that of the state or that of t = 0.")
+    if not units.is_physical:
+        raise EpochError(f"zero is {zero}, but {units.name} has no unit of time. Leave it out, or say units=...")
+    from astropy import units as u
+
+    return as_epoch(zero, "zero") + u.Quantity(found.t, units.time)
+
+
+def _units_of(found: Particles) -> UnitSystem:
+    if found.units is None:
+        plain = DIMENSIONLESS
+        if found.G == 1.0:
+            return plain
+        return UnitSystem(name=f"G = {found.G!r}", length=plain.length, time=plain.time, mass=plain.mass, G=found.G)
+    if found.units == SOLAR_UNITS and found.G == 1.0:
+        return SOLAR
+    from astropy import units as u
+    from rebound import units as table
+
+    length, time, mass = found.units
+    return UnitSystem(
+        name="REBOUND " + ", ".join(found.units),
+        length=_unit(table.lengths_SI[length], u.m, (u.m, u.cm, u.km, u.au)),
+        time=_unit(table.times_SI[time], u.s, (u.s, u.hr, u.day, u.yr)),
+        mass=_unit(table.masses_SI[mass], u.kg, (u.kg, u.g)),
+        G=found.G,
+    )
+
+
+def _unit(size: float, si: Any, known: tuple[Any, ...]) -> Any:
+    """Return the unit of that size, one with a name where it is exactly that."""
+    return next((unit for unit in known if unit.to(si) == size), size * si)

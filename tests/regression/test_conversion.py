@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import rebound
 from astropy import units as u
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import orbits
-from orbits.errors import InputError
+from orbits.errors import EpochError, InputError
 
 NAMES = ["probe", "Sun", "Jupiter", "a grain"]
 GM = [0.0, 2.9591220828411956e-4, 2.8253458252257923e-7, 0.0]
@@ -89,9 +91,42 @@ def plain():
     return sim
 
 
-def with_heavy_test_particle():
+def with_two_heavy_test_particles_of_type_1():
     sim = plain()
-    sim.N_active = 1
+    sim.add(m=0.0, x=2.0)
+    sim.N_active, sim.testparticle_type = 1, 1
+    return sim
+
+
+def with_variations():
+    sim = plain()
+    sim.add_variation()
+    return sim
+
+
+def with_modifications():
+    sim = plain()
+    sim.post_timestep_modifications = lambda _: None
+    return sim
+
+
+def in_a_shearing_sheet():
+    sim = plain()
+    sim.integrator = "sei"
+    return sim
+
+
+def with_another_G_than_its_units():
+    sim = rebound.Simulation()
+    sim.units = ("AU", "yr", "Msun")
+    sim.G = 1.0
+    sim.add(m=1.0)
+    return sim
+
+
+def with_a_name_twice():
+    sim = plain()
+    sim.add(x=3.0, name="planet")
     return sim
 
 
@@ -116,13 +151,136 @@ def without_gravity():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (with_heavy_test_particle, "'planet' is a test particle .* with mass 0.001"),
+        (with_two_heavy_test_particles_of_type_1, "'planet' is a test particle .* of type 1 with mass 0.001"),
         (with_forces, "additional forces"),
         (with_boundary, "periodic"),
         (without_gravity, "none"),
+        (with_variations, "2 variational particles"),
+        (with_modifications, "post timestep modifications"),
+        (in_a_shearing_sheet, "'sei'"),
+        (with_another_G_than_its_units, "G = 1.0, but G is 39.4"),
+        (with_a_name_twice, "both called 'planet'"),
         (rebound.Simulation, "without bodies"),
     ],
 )
 def test_what_a_system_cannot_be_is_refused_in_words(make, message):
     with pytest.raises(InputError, match=message):
         orbits.from_rebound(make())
+
+
+def test_what_is_no_simulation_is_refused_in_words():
+    with pytest.raises(InputError, match="got a int; expected a rebound"):
+        orbits.from_rebound(7)
+    with pytest.raises(InputError, match="one state only"):
+        orbits.from_rebound(plain(), snapshot=3)
+    with pytest.raises(InputError, match="got a int; expected a System"):
+        orbits.to_rebound(7)
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+lengths = st.floats(0, 1e300)
+text = st.text("aZ09 äλ星🪐<&'\"\\", min_size=1, max_size=30).map(str.strip).filter(bool)
+
+
+@st.composite
+def systems(draw):
+    n = draw(st.integers(1, 6))
+    massive = draw(st.integers(1, n))
+    column = st.lists(numbers, min_size=3 * n, max_size=3 * n)
+    gm = [*draw(st.lists(st.floats(5e-324, 1e300), min_size=massive, max_size=massive)), *[0.0] * (n - massive)]
+    radii = draw(st.none() | st.lists(lengths, min_size=n, max_size=n).filter(any))
+    units = draw(st.sampled_from([orbits.SOLAR, orbits.DIMENSIONLESS]))
+    epoch = draw(st.none() | st.floats(2.4e6, 2.5e6)) if units is orbits.SOLAR else None
+    names = draw(st.lists(text, min_size=n, max_size=n, unique=True))
+    q, v = (np.reshape(draw(column), (n, 3)) for _ in "qv")
+    softening = draw(st.floats(5e-324, 1e300))  # > 0, so that bodies may share a place
+    return orbits.System(names, gm, q, v, epoch=epoch, units=units, radii=radii, softening=softening)
+
+
+@settings(max_examples=50, deadline=None, derandomize=True)
+@given(systems())
+def test_there_and_back_keeps_every_bit_of_any_system(system):
+    back = orbits.from_rebound(orbits.to_rebound(system), epoch=system.epoch)
+    assert back == system
+    for mine, theirs in zip(system.values[:3], back.values[:3], strict=True):
+        assert mine.tobytes() == theirs.tobytes()  # the sign of a zero, too
+
+
+def test_a_solar_simulation_names_its_units_with_G_1_to_the_bit():
+    sim = orbits.to_rebound(orbits.System(NAMES, GM, Q, V))
+    assert (sim.G, sim.units) == (1.0, {"length": "au", "time": "d", "mass": "massist"})
+    # REBOUND's own unit agrees with DE440's GM of the Sun: a solar mass in it.
+    assert rebound.units.masses_SI["msun"] / rebound.units.masses_SI["massist"] == pytest.approx(GM[1], rel=1e-10)
+
+
+def test_a_sample_of_a_run_goes_over_with_its_time_and_comes_back_with_its_epoch():
+    system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"])
+    run = orbits.propagate(system, orbits.Gauss(stages=4), dt=20, duration=200, samples=3)
+    assert orbits.from_rebound(orbits.to_rebound(run), zero=system.epoch) == run[-1]
+    sim = orbits.to_rebound(run, 1)
+    assert sim.t == 100.0
+    assert orbits.from_rebound(sim, epoch=run[1].epoch) == orbits.from_rebound(sim, zero="2022-08-09") == run[1]
+    with pytest.raises(EpochError, match="both given"):
+        orbits.from_rebound(sim, epoch="2022-08-09", zero="2022-08-09")
+    with pytest.raises(EpochError, match="no unit of time"):
+        orbits.from_rebound(plain(), zero="2022-08-09")
+
+
+def test_si_units_and_a_gaussian_constant():
+    sim = rebound.Simulation()
+    sim.units = ("m", "s", "kg")
+    sim.add(m=2e30)
+    system = orbits.from_rebound(sim)
+    assert (system.units.length, system.units.time, system.units.mass) == (u.m, u.s, u.kg)
+    assert system.values.gm[0] == sim.G * 2e30
+    sim = plain()
+    sim.G = 0.01720209895**2
+    assert orbits.from_rebound(sim, units=orbits.SOLAR).gm[0] == 0.01720209895**2 * u.au**3 / u.day**2
+
+
+def test_a_test_particle_of_type_0_is_massless_and_its_mass_is_told():
+    sim = plain()
+    sim.N_active = 1
+    with pytest.warns(UserWarning, match="planet: test particles with mass, which attract nothing"):
+        system = orbits.from_rebound(sim)
+    assert system.values.gm.tolist() == [1.0, 0.0]
+
+
+def with_one_heavy_test_particle_of_type_1():
+    sim = plain()
+    sim.N_active, sim.testparticle_type = 1, 1
+    return sim
+
+
+def softened():
+    sim = plain()
+    sim.softening = 0.3
+    return sim
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("make", [with_one_heavy_test_particle_of_type_1, softened])
+def test_what_is_taken_over_moves_as_in_rebound(make):
+    sim = make()
+    sim.particles["planet"].m = 0.3
+    system = orbits.from_rebound(sim)
+    assert system.values.gm.tolist() == [1.0, 0.3]
+    sim.integrate(5.0)
+    run = orbits.propagate(system, orbits.Gauss(stages=8), dt=0.05, duration=5.0, samples=2)
+    # Both are exact to round-off; reached is 2e-16.
+    assert np.abs(run.q[-1].value - [p.xyz for p in sim.particles]).max() < 4e-15
+
+
+@pytest.mark.filterwarnings("error")
+def test_massless_test_particles_of_type_1_are_massless():
+    sim = plain()
+    sim.add(x=2.0)
+    sim.N_active, sim.testparticle_type = 2, 1
+    assert orbits.from_rebound(sim).values.gm.tolist() == [1.0, 1e-3, 0.0]
+
+
+def test_collisions_are_told():
+    sim = plain()
+    sim.collision = "direct"
+    with pytest.warns(UserWarning, match="pass through each other"):
+        orbits.from_rebound(sim)

@@ -1,0 +1,229 @@
+"""What a REBOUND simulation holds, as plain values; from a file it is read in a process of its own.
+
+REBOUND trusts its files: a damaged one can end the process that opens it. So a file is opened by a child, which runs
+this module as a script and hands over numbers. It imports nothing of this package.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MAGIC = b"REBOUND Binary File. Version: "
+EVERY_BODY = int(np.iinfo(np.uintp).max)
+"""REBOUND's N_active when all particles attract."""
+
+SECONDS = 60.0
+BYTES_A_SECOND = 2e6
+CHILD_MEMORY = 8 * 2**30
+"""A child that needs longer, or more memory, is reading nonsense."""
+
+SAME_TIME = 1e-9
+"""A snapshot is at the time asked for when they differ by no more than this part of the archive's span."""
+
+DAMAGE = ("corrupted", "does not match", "not match particle number")
+
+
+class Particles(NamedTuple):
+    """A simulation at one time, in its own units.
+
+    m, r : (n,);  q, v : (n, 3);  names : None for a particle without
+    active : how many attract, the first ones;  test_type : REBOUND's testparticle_type
+    units : names of the units of length, time and mass, or None where none are set
+    variations : how many variational particles there are
+    functions : functions of the user that take part in the motion
+    forgotten : whether it was saved with functions that its file does not hold
+    """
+
+    m: Array
+    r: Array
+    q: Array
+    v: Array
+    names: tuple[str | None, ...]
+    t: float
+    G: float
+    softening: float
+    active: int
+    test_type: int
+    units: tuple[str, str, str] | None
+    integrator: str
+    gravity: str
+    boundary: str
+    collision: str
+    variations: int
+    functions: tuple[str, ...]
+    forgotten: bool = False
+
+
+ARRAYS = ("m", "r", "q", "v")
+PLAIN = tuple(field for field in Particles._fields if field not in ARRAYS)
+FUNCTIONS = ("additional_forces", "pre_timestep_modifications", "post_timestep_modifications")
+
+
+class UnreadableError(Exception):
+    """A file, or a snapshot of it, that cannot be had; in words."""
+
+
+def of_simulation(sim: Any, *, forgotten: bool = False) -> Particles:
+    """Return what a simulation holds. One that is not synchronized is synchronized on a copy, and left as it is."""
+    if not sim.is_synchronized:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of functions that the copy does not have
+            copy = sim.copy()
+        copy.integrator.keep_unsynchronized = 0
+        copy.synchronize()
+    else:
+        copy = sim
+    n = int(sim.N)
+    m, r, q, v = np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 3))
+    if n:
+        copy.serialize_particle_data(m=m, r=r, xyz=q, vxvyvz=v)
+    units = tuple(sim.units[kind] for kind in ("length", "time", "mass"))
+    return Particles(
+        *(m, r, q, v),
+        names=tuple(_name(particle) for particle in sim.particles[:n]),
+        t=float(sim.t),
+        G=float(sim.G),
+        softening=float(sim.softening),
+        active=n if int(sim.N_active) == EVERY_BODY else min(int(sim.N_active), n),
+        test_type=int(sim.testparticle_type),
+        units=units if all(units) else None,
+        integrator=str(sim.integrator),
+        gravity=str(sim.gravity),
+        boundary=str(sim.boundary),
+        collision=str(sim.collision),
+        variations=int(sim.N_var),
+        functions=tuple(name for name in FUNCTIONS if getattr(sim, f"_{name}")),
+        forgotten=forgotten,
+    )
+
+
+def of_archive(archive: Any, *, index: int = -1, time: float | None = None) -> Particles:
+    """Return a snapshot of an opened Simulationarchive. Raises UnreadableError for one that is not there or damaged."""
+    times = np.ctypeslib.as_array(archive.t, (len(archive),))
+    if time is not None:
+        index = _at(times, time)
+    if not -len(times) <= index < len(times):
+        raise UnreadableError(f"it has {len(times)} snapshots, so there is no snapshot {index}")
+    with _messages() as said:
+        sim = archive[index]
+    return of_simulation(sim, forgotten=any("function pointers" in message for message in said))
+
+
+def of_file(path: str | os.PathLike[str], *, index: int = -1, time: float | None = None) -> Particles:
+    """Return a snapshot of a file, opened in a child process. Raises UnreadableError, in words."""
+    place = Path(path)
+    try:
+        with place.open("rb") as file:
+            begin = file.read(len(MAGIC))
+        size = place.stat().st_size
+    except OSError as error:
+        raise UnreadableError(f"it cannot be read ({error.strerror})") from error
+    if begin != MAGIC:
+        raise UnreadableError("it is no Simulationarchive of REBOUND, which begins with its name and version")
+    with tempfile.TemporaryDirectory() as folder:
+        # REBOUND takes paths in ASCII only.
+        link, result = Path(folder) / "archive.bin", Path(folder) / "particles.npz"
+        link.symlink_to(place.resolve())
+        try:
+            child = subprocess.run(
+                [sys.executable, "-P", __file__, str(link), str(result), json.dumps([index, time])],
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                capture_output=True,
+                timeout=SECONDS + size / BYTES_A_SECOND,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise UnreadableError(f"REBOUND did not come to an end of it in {error.timeout:.0f} s") from error
+        if child.returncode or not result.exists():
+            raise UnreadableError(f"REBOUND crashed reading it (status {child.returncode}): it is damaged")
+        with np.load(result) as found:
+            known = json.loads(found["plain"].item())
+            if "error" in known:
+                raise UnreadableError(known["error"])
+            values = {key: found[key] for key in ARRAYS}
+    values |= {key: tuple(known[key]) if isinstance(known[key], list) else known[key] for key in PLAIN}
+    return Particles(**values)
+
+
+def _at(times: Array, time: float) -> int:
+    """Return the snapshot at a time."""
+    nearest = int(np.argmin(np.abs(times - time)))
+    if not abs(times[nearest] - time) <= SAME_TIME * float(np.ptp(times)):
+        raise UnreadableError(
+            f"it has no snapshot at t = {time!r}; the nearest is snapshot {nearest}, at t = {float(times[nearest])!r}"
+        )
+    return nearest
+
+
+def _name(particle: Any) -> str | None:
+    try:
+        name: str | None = particle.name
+    except UnicodeDecodeError:
+        raise UnreadableError("it has a particle whose name is no text") from None
+    return name
+
+
+@contextlib.contextmanager
+def _messages() -> Iterator[list[str]]:
+    """Collect what REBOUND warns about; raise UnreadableError for damage."""
+    said: list[str] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield said
+    # REBOUND raises RuntimeError, AttributeError, ValueError and others for what it cannot make sense of.
+    except UnreadableError:
+        raise
+    except Exception as error:
+        raise UnreadableError(f"REBOUND cannot read it ({str(error).strip().rstrip('.')})") from error
+    said += [str(warning.message) for warning in caught]
+    for message in said:
+        if any(sign in message for sign in DAMAGE):
+            raise UnreadableError(
+                f"it is damaged: REBOUND says {message.rstrip('.')!r}. To have what is whole, open it with "
+                "rebound.Simulationarchive(path), check it and give that, with snapshot="
+            )
+
+
+def _child(path: str, result: str, which: str) -> None:
+    """Read a snapshot and leave it in a file; the parent waits for it."""
+    with contextlib.suppress(ImportError):
+        import resource
+
+        limit = CHILD_MEMORY + 20 * os.path.getsize(path)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    index, time = json.loads(which)
+    try:
+        import rebound
+
+        with _messages():
+            archive = rebound.Simulationarchive(path, process_warnings=True)
+        major = int(archive._reb_version_major)
+        if major != int(rebound.__version__.partition(".")[0]):
+            raise UnreadableError(
+                f"it was written by REBOUND {major}, and {rebound.__version__} is installed, which may read it "
+                "wrongly. Open it with the version that wrote it, or check rebound.Simulation(path) and give that"
+            )
+        found = of_archive(archive, index=index, time=time)._asdict()
+    except UnreadableError as error:
+        found = {**dict.fromkeys(ARRAYS, np.empty(0)), "error": str(error)}
+    arrays = {key: found.pop(key) for key in ARRAYS}
+    np.savez(result, plain=np.array(json.dumps(found)), **arrays)
+
+
+if __name__ == "__main__":
+    _child(*sys.argv[1:])

@@ -1,0 +1,166 @@
+"""Files of REBOUND become systems; those that are damaged become errors and never end the process."""
+
+from __future__ import annotations
+
+import random
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rebound
+
+import orbits
+from orbits.errors import ArchiveError, InputError, OrbitsError
+
+TIMES = [0.0, 1.0, 2.5, 4.0]
+
+
+def simulation() -> rebound.Simulation:
+    sim = rebound.Simulation()
+    sim.add(m=1.0, name="star", r=0.005)
+    sim.add(m=1e-3, a=1.0, e=0.1, name="Čert")
+    sim.add(a=2.0)
+    sim.N_active = 2
+    return sim
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("rebound") / "archive.bin"
+    sim = simulation()
+    for t in TIMES:
+        sim.integrate(t)
+        sim.save_to_file(str(path))
+    return path
+
+
+def test_the_last_snapshot_of_a_file_is_the_simulation_itself(archive):
+    sim = simulation()
+    for t in TIMES:
+        sim.integrate(t)
+    expected = orbits.from_rebound(sim)
+    assert expected.names == ("star", "Čert", "particle 2")
+    assert orbits.from_rebound(archive) == expected
+    assert orbits.from_rebound(str(archive), snapshot=3) == expected
+
+
+def test_snapshots_are_chosen_by_number_or_time_in_files_and_opened_archives(archive):
+    opened = rebound.Simulationarchive(str(archive))
+    expected = [orbits.from_rebound(opened[k]) for k in range(len(TIMES))]
+    for k, t in enumerate(TIMES):
+        assert orbits.from_rebound(opened, snapshot=k) == expected[k]
+        assert orbits.from_rebound(opened, time=t) == expected[k]
+    assert orbits.from_rebound(archive, time=2.5) == orbits.from_rebound(archive, snapshot=-2) == expected[2]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"snapshot": 4}, "4 snapshots, so there is no snapshot 4"),
+        ({"snapshot": -5}, "no snapshot -5"),
+        ({"time": 2.4}, r"no snapshot at t = 2\.4; the nearest is snapshot 2, at t = 2\.5"),
+        ({"time": float("nan")}, "no snapshot at t = nan"),
+        ({"snapshot": 1.0}, "expected the number of a snapshot"),
+        ({"snapshot": 1, "time": 1.0}, "both given"),
+    ],
+)
+def test_a_snapshot_that_is_not_there_is_refused_in_words(archive, options, message):
+    with pytest.raises(InputError, match=message):
+        orbits.from_rebound(rebound.Simulationarchive(str(archive)), **options)
+
+
+def test_the_epoch_of_a_snapshot_counts_from_that_of_t_0(tmp_path):
+    system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"])
+    sim = orbits.to_rebound(system)
+    sim.integrate(100.0)
+    path = tmp_path / "räume und zeit.bin"  # REBOUND itself takes ASCII only
+    path.write_bytes(saved(sim, tmp_path))
+    found = orbits.from_rebound(path, zero="2022-08-09")
+    assert found.units == orbits.SOLAR
+    assert abs((found.epoch - system.epoch).to_value("day") - 100.0) < 1e-12
+    assert found == orbits.from_rebound(sim, epoch=found.epoch)
+
+
+def saved(sim: rebound.Simulation, folder: Path) -> bytes:
+    sim.save_to_file(str(folder / "saved.bin"), delete_file=True)
+    return (folder / "saved.bin").read_bytes()
+
+
+def test_a_file_saved_with_forces_is_told(tmp_path):
+    sim = simulation()
+    sim.additional_forces = lambda _: None
+    saved(sim, tmp_path)
+    with pytest.warns(UserWarning, match="saved with functions of its own"):
+        orbits.from_rebound(tmp_path / "saved.bin")
+
+
+def test_files_that_are_none_of_rebounds_are_refused_in_words(archive, tmp_path):
+    path = tmp_path / "file.bin"
+    with pytest.raises(ArchiveError, match="No such file"):
+        orbits.from_rebound(path)
+    with pytest.raises(ArchiveError, match="cannot be read"):
+        orbits.from_rebound(tmp_path)
+    whole = archive.read_bytes()
+    for content in (b"", b"\x89HDF\r\n", whole[:20]):
+        path.write_bytes(content)
+        with pytest.raises(ArchiveError, match="no Simulationarchive of REBOUND"):
+            orbits.from_rebound(path)
+    path.write_bytes(whole.replace(b"Version: 5.", b"Version: 4."))
+    with pytest.raises(ArchiveError, match="written by REBOUND 4"):
+        orbits.from_rebound(path)
+    path.write_bytes(whole[:64])
+    with pytest.raises(ArchiveError):
+        orbits.from_rebound(path)
+
+
+def damaged(whole: bytes, seed: int) -> bytes:
+    """A file cut short, or with some bits turned, behind its header."""
+    rng = random.Random(seed)
+    if seed % 4 == 0:
+        return whole[: rng.randrange(64, len(whole))]
+    content = bytearray(whole)
+    for _ in range(1 + seed % 5):
+        content[rng.randrange(64, len(content))] ^= 1 << rng.randrange(8)
+    return bytes(content)
+
+
+def outcome(path: Path) -> str:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a bit may switch collisions on
+        try:
+            system = orbits.from_rebound(path)
+        except OrbitsError:
+            return "refused"
+    assert np.isfinite(system.values.q).all()
+    return "read"
+
+
+# Each file is read in a process of its own, a third of a second. REBOUND 5.2.2 ends that process for seeds 7 and 9.
+QUICK = (0, 2, 3, 7, 9, 10)
+SEEDS = [*QUICK, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(200) if seed not in QUICK)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_damaged_file_is_read_or_refused_and_nothing_crashes(archive, tmp_path, seed):
+    path = tmp_path / "damaged.bin"
+    path.write_bytes(damaged(archive.read_bytes(), seed))
+    assert outcome(path) in ("read", "refused")
+
+
+def test_a_file_that_ends_the_process_of_its_reader_is_refused(archive, monkeypatch, tmp_path):
+    # The child in place of REBOUND: whatever a release of it does with a file, a child that dies is a refusal.
+    script = tmp_path / "dies.py"
+    script.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    monkeypatch.setattr("orbits.regression.snapshot.__file__", str(script))
+    with pytest.raises(ArchiveError, match="REBOUND crashed reading it"):
+        orbits.from_rebound(archive)
+
+
+def test_a_file_that_is_never_read_to_its_end_is_refused(archive, monkeypatch, tmp_path):
+    script = tmp_path / "hangs.py"
+    script.write_text("import time\ntime.sleep(60)\n")
+    monkeypatch.setattr("orbits.regression.snapshot.__file__", str(script))
+    monkeypatch.setattr("orbits.regression.snapshot.SECONDS", 0.2)
+    with pytest.raises(ArchiveError, match="did not come to an end"):
+        orbits.from_rebound(archive)
