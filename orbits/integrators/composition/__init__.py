@@ -26,7 +26,10 @@ from orbits.tableaux import PartitionedTableau
 from orbits.tableaux.compositions import Scheme, scheme, scheme_names
 
 DEFAULTS = {4: "suzuki", 6: "sofroniou-spaletta", 8: "sofroniou-spaletta", 10: "sofroniou-spaletta"}
-"""The scheme taken for a method of order 2 where none is asked for, by the order of the whole."""
+"""The scheme for a base of order 2 where none is asked for, by the order of the whole; see docs/compositions.md."""
+
+CHAIN_DEFAULTS = {**DEFAULTS, 4: "blanes-moan", 6: "blanes-moan-11"}
+"""The same for `StormerVerlet`, whose kicks and drifts may be arranged anew."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ class Composition(Integrator):
         _ = self._scheme
 
     def _default(self) -> str:
-        return DEFAULTS.get(self.order, "suzuki") if self.base.order == 2 else "suzuki"
+        best = CHAIN_DEFAULTS if self._chain else DEFAULTS
+        return best.get(self.order, "suzuki") if self.base.order == 2 else "suzuki"
 
     @property
     def _scheme(self) -> Scheme:
@@ -169,7 +173,7 @@ class Composition(Integrator):
 
     @classmethod
     def examples(cls) -> tuple[Composition, ...]:
-        """Return Störmer–Verlet composed to order 4, and kicks and drifts of order 6."""
+        """Return Störmer–Verlet composed to order 4, and kicks and drifts of order 6 that begin with a drift."""
         return cls(order=4, scheme="suzuki"), cls(order=6, scheme="blanes-moan")
 
 
