@@ -23,7 +23,10 @@ from orbits.propagation import run as run_module
 from orbits.scenario import bundled, load, perform
 from orbits.scenario.values import quantity
 
-STUDIES = ["arenstorf", "discrete_kepler", "liouville", "pendulum"]
+STUDIES = [
+    *("arenstorf", "brouwer", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum"),
+    "pleiades",
+]
 SHORT = {
     "kepler": {"duration": 3.0, "samples": 21},
     "solar_system": {"duration": 2 * u.yr, "samples": 11},

@@ -16,7 +16,7 @@ from orbits.lagrangians.pendulum import pendulum
 from orbits.scenario import Study, StudyResult, Table, bundled, load, perform
 from orbits.scenario.certifying import certify_scenario
 
-STUDIES = ["arenstorf", "discrete_kepler", "liouville", "pendulum"]
+STUDIES = ["arenstorf", "discrete_kepler", "liouville", "outer_solar_system", "pendulum", "pleiades"]
 
 
 def study(**changes):
@@ -46,6 +46,43 @@ def test_each_bundled_study_gives_all_that_it_demands(name, tmp_path):
     width, height = struct.unpack(">II", (tmp_path / f"{name}.png").read_bytes()[16:24])
     assert width >= 1300
     assert height >= 800
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "pictures"),
+    [("figure_eight", {"figure_eight.png", "three_body_orbits.png"}), ("brouwer", {"brouwer.png"})],
+)
+def test_each_bundled_study_that_takes_long_gives_all_that_it_demands(name, pictures, tmp_path):
+    outcome = perform(load(name), out=tmp_path)
+    assert outcome.ok, outcome.failures
+    assert {path.name for path in outcome.files} == {*pictures, "report.json"}
+
+
+def test_the_figure_eight_is_judged_by_closure_and_energy(tmp_path, monkeypatch):
+    """With two of the other orbits, and a quarter of the steps for them."""
+    scenario = load("figure_eight")
+    monkeypatch.setitem(scenario.experiment.__globals__, "PER_TIME", 2500)
+    everything = {name.split()[0] for name, *_ in scenario.experiment.__globals__["published"]()}
+    monkeypatch.setitem(scenario.experiment.__globals__, "LEFT_OUT", everything - {"I.B.1", "I.B.4"})
+    outcome = perform(scenario, out=tmp_path, plot=False)
+    # Moth III closes to four digits of its closure with so few steps only: the check sees it.
+    assert [failure.split(" closes")[0] for failure in outcome.failures] == ["I.B.4 moth III"]
+    assert len(outcome.result.tables[1].rows) == 2
+    assert any("Gauss(stages=2) closes the eight in q" in check.claim for check in outcome.checks)
+
+
+def test_brouwers_law_over_a_short_time_tells_rounded_coefficients_from_exact_ones(tmp_path, monkeypatch):
+    scenario = load("brouwer")
+    names = scenario.experiment.__globals__
+    monkeypatch.setitem(names, "STARTS", 8)
+    monkeypatch.setitem(names, "MARKS", names["MARKS"][:6])  # to 260 periods
+    outcome = perform(scenario, out=tmp_path, plot=False)
+    powers = {(row[0], row[1]): float(row[2].split()[0]) for row in outcome.result.tables[0].rows}
+    assert 0.2 < powers[names["EXACT"], "energy"] < 0.8
+    assert 0.8 < powers[names["ROUNDED"], "energy"] < 1.2
+    assert powers[names["ROUNDED"], "phase"] > 1.75
+    assert powers[names["EXACT"], "phase"] < powers[names["ROUNDED"], "phase"] - 0.2
 
 
 def test_the_foils_of_the_pictures_are_judged_to_fail(tmp_path):
