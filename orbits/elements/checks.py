@@ -68,11 +68,17 @@ def finite(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
     return array
 
 
-def vectors(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
-    """Return `value` as a float64 array of shape (..., 3); raise InputError otherwise, or where it is not finite."""
+def shaped(what: str, value: ArrayLike) -> Floats:
+    """Return `value` as a new float64 array of shape (..., 3); raise InputError otherwise."""
     array = numbers(what, value, "an array of numbers of shape (..., 3)")
     if array.ndim == 0 or array.shape[-1] != 3:
         raise InputError(f"{what} has shape {array.shape}; expected (..., 3). Put x, y, z on the last axis")
+    return array
+
+
+def vectors(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
+    """Return `value` as a float64 array of shape (..., 3); raise InputError otherwise, or where it is not finite."""
+    array = shaped(what, value)
     bad = ~np.isfinite(array).all(axis=-1)
     if np.any(bad):
         index = tuple(int(i) for i in np.argwhere(bad)[0])

@@ -12,8 +12,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.elements.checks import shaped
 from orbits.elements.kepler import Floats
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import UnknownNameError
 
 OBLIQUITY = math.radians(84381.448 / 3600.0)
 """The obliquity of the ecliptic at J2000, radians."""
@@ -37,7 +38,7 @@ def to_frame(x: ArrayLike, frame: str) -> Floats:
 
     Raises UnknownNameError for any other frame.
     """
-    return icrf_to_ecliptic(x) if checked_frame(frame) == "ecliptic" else np.array(x, dtype=np.float64)
+    return icrf_to_ecliptic(x) if checked_frame(frame) == "ecliptic" else shaped("a vector", x)
 
 
 def from_frame(x: ArrayLike, frame: str) -> Floats:
@@ -45,7 +46,7 @@ def from_frame(x: ArrayLike, frame: str) -> Floats:
 
     Raises UnknownNameError for any other frame.
     """
-    return ecliptic_to_icrf(x) if checked_frame(frame) == "ecliptic" else np.array(x, dtype=np.float64)
+    return ecliptic_to_icrf(x) if checked_frame(frame) == "ecliptic" else shaped("a vector", x)
 
 
 def checked_frame(frame: str) -> str:
@@ -59,8 +60,6 @@ def checked_frame(frame: str) -> str:
 
 
 def _rotated_about_x(x: ArrayLike, cosine: float, sine: float) -> Floats:
-    x = np.asarray(x, dtype=np.float64)
-    if x.ndim == 0 or x.shape[-1] != 3:
-        raise InputError(f"vectors to rotate have shape {x.shape}; expected (..., 3). Put x, y, z on the last axis")
+    x = shaped("a vector", x)
     y, z = x[..., 1], x[..., 2]
     return np.stack([x[..., 0], cosine * y - sine * z, sine * y + cosine * z], axis=-1)

@@ -25,6 +25,8 @@ Floats: TypeAlias = NDArray[np.float64]
 TWO_PI = 2.0 * np.pi
 # 2 pi = TWO_PI + TWO_PI_REST to 33 digits: reduces angles of many turns without losing what their floats still know.
 TWO_PI_REST = 2.4492935982947064e-16
+# Above this the number of turns is no float any more; sines know the angle all the same.
+MOST_COUNTED = 2.0**53
 
 # Below this argument x - sin x and sinh x - x come from their series; above it, subtraction loses one bit at most.
 SERIES_BELOW = 1.6
@@ -36,7 +38,10 @@ HALLEY_ROUNDS = 3
 
 
 def reduced_angle(x: Floats) -> Floats:
-    """Return x minus the nearest multiple of 2 pi, in [-pi, pi], any shape, radians."""
+    """Return x minus the nearest multiple of 2 pi, in [-pi, pi], any shape and size, radians."""
+    far = np.abs(x) > MOST_COUNTED
+    if np.any(far):
+        return np.where(far, np.arctan2(np.sin(x), np.cos(x)), reduced_angle(np.where(far, 0.0, x)))
     rest = np.fmod(x, TWO_PI)
     turns = np.rint((x - rest) / TWO_PI)
     rest = rest - turns * TWO_PI_REST
@@ -78,7 +83,9 @@ def _mikkola_root(M: Floats, e: Floats, one_minus_e: Floats) -> Floats:
     """Return the root s of s^3 + 3 alpha s = 2 beta, Mikkola's auxiliary cubic; M >= 0."""
     alpha = np.abs(one_minus_e) / (4.0 * e + 0.5)
     beta = 0.5 * M / (4.0 * e + 0.5)
-    z = np.cbrt(beta + np.hypot(beta, alpha * np.sqrt(alpha)))
+    root = np.sqrt(alpha)
+    # z >= root; said for an alpha whose power 3/2 underflows.
+    z = np.maximum(np.cbrt(beta + np.hypot(beta, alpha * root)), root)
     # The textbook's z - alpha/z, without its cancellation at small M.
     return np.asarray(2.0 * beta / (z * z + alpha + (alpha / z) ** 2))
 
