@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.propagation import propagate, resume
-    from orbits.regression import compare, from_rebound, to_rebound
+    from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
     from orbits.trajectory import Trajectory
@@ -107,6 +107,7 @@ __all__ = [
     "read_mpcorb",
     "read_sbdb",
     "resume",
+    "run_from_rebound",
     "to_rebound",
 ]
 
@@ -142,7 +143,7 @@ _HOME = {
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
     "propagation": ["propagate", "resume"],
-    "regression": ["compare", "from_rebound", "to_rebound"],
+    "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
     "trajectory": ["Trajectory"],

@@ -112,6 +112,18 @@ class Catalogue:
             f"{self.frame} of J2000, epoch MJD {when} TDB"
         )
 
+    def _repr_html_(self) -> str:
+        from orbits.tables import MOST_ROWS, html_table
+
+        head = ("body", "a [au]", "e", "inc [deg]", "Omega [deg]", "omega [deg]", "M [deg]", "epoch [MJD]", "H")
+        angles = np.degrees([self.inc, self.Omega, self.omega, self.M])
+        columns = (self.a, self.e, *angles, self.epoch, self.H)
+        rows = [
+            [name, *(f"{float(column[i]):.9g}" if column is self.epoch else f"{column[i]:.6g}" for column in columns)]
+            for i, name in enumerate(self.names[:MOST_ROWS])
+        ]
+        return html_table(repr(self), head, rows, len(self) - len(rows))
+
     def _kinds(self) -> str:
         trojans = self.classes.count("TJN")
         belt = sum(self.classes.count(code) for code in GROUPS["belt"])

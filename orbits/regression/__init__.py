@@ -6,7 +6,7 @@ This folder is the only place that imports `rebound`, and it does so when a func
 from __future__ import annotations
 
 from orbits.regression.comparison import compare
-from orbits.regression.conversion import from_rebound, to_rebound
+from orbits.regression.conversion import from_rebound, run_from_rebound, to_rebound
 from orbits.regression.peers import PEERS
 
-__all__ = ["PEERS", "compare", "from_rebound", "to_rebound"]
+__all__ = ["PEERS", "compare", "from_rebound", "run_from_rebound", "to_rebound"]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from orbits.errors import ArchiveError, EpochError, InputError
+from orbits.errors import ArchiveError, EpochError, InputError, OrbitsWarning
 from orbits.regression import snapshot as snapshots
 from orbits.regression.peers import Start, simulation
-from orbits.regression.snapshot import Particles
+from orbits.regression.snapshot import Array, Particles
 from orbits.system import System
 from orbits.system.checks import few
 from orbits.trajectory import Trajectory
@@ -20,6 +22,8 @@ from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem, as_epoch
 if TYPE_CHECKING:
     import rebound
     from astropy.time import Time
+
+T = TypeVar("T")
 
 GRAVITIES = ("basic", "compensated", "tree", "mercurius", "jacobi")
 """REBOUND's ways to sum the same Newtonian gravity."""
@@ -85,17 +89,60 @@ def from_rebound(
     "particle 1", ... by their index. Radii that are all 0 are none. A simulation whose steps are not synchronized is
     synchronized on a copy; it is left as it is.
 
-    Test particles (beyond `N_active`) of type 0 attract nothing: they are massless here, and a UserWarning names those
-    with a mass. Of type 1 they attract active particles but not each other, which is a System only when they have no
-    mass, or when there is a single one, which is then like any other body. Collisions are not looked for here, and
-    functions of the user are not in files: a UserWarning says so where a simulation had them.
+    Test particles (beyond `N_active`) of type 0 attract nothing: they are massless here, and an OrbitsWarning names
+    those with a mass. Of type 1 they attract active particles but not each other, which is a System only when they
+    have no mass, or when there is a single one, which is then like any other body. Collisions are not looked for here,
+    and functions of the user are not in files: an OrbitsWarning says so where a simulation had them.
 
     Raises InputError for what a System cannot be: other forces, gravity or boundaries than Newton's in open space,
     variational particles, several test particles of type 1 with mass, and whatever `System` refuses; ArchiveError for
     a file that is missing, foreign, damaged or of another REBOUND, or does not have the snapshot. A file is opened in a
     process of its own, so that a damaged one cannot end this one.
     """
-    found = _particles(source, snapshot, time)
+    return _system(_particles(source, snapshot, time), units, epoch, zero)
+
+
+def run_from_rebound(
+    source: rebound.Simulationarchive | str | os.PathLike[str],
+    *,
+    units: UnitSystem | None = None,
+    zero: Time | str | float | None = None,
+) -> Trajectory:
+    """A `Trajectory` of all snapshots of a REBOUND Simulationarchive, to be looked at like a run of one's own.
+
+    source, units, zero : as of `from_rebound`; times of the run count from the first snapshot
+
+    Its integrator is only a label, such as "REBOUND ias15": what needs the method itself, `run.at` and `run.to_spk`,
+    is refused. `run.dt` is REBOUND's step at the first snapshot.
+
+    Raises as `from_rebound` does, and ArchiveError where particles come, go or change their masses, or time turns.
+    """
+    import rebound
+
+    def read() -> tuple[Particles, Array, Array, Array]:
+        if isinstance(source, rebound.Simulationarchive):
+            return snapshots.all_of_archive(source)
+        if isinstance(source, str | os.PathLike):
+            return snapshots.all_of_file(source)
+        raise InputError(
+            f"run_from_rebound got a {type(source).__name__}; expected a rebound.Simulationarchive or the path of its "
+            "file."
+        )
+
+    found, times, q, v = _readable(read, source)
+    system = _system(found, units, None, zero)
+    made_by = MadeByRebound(f"REBOUND {found.integrator}")
+    return Trajectory(system, times - times[0], q, v, step=found.dt, integrator=cast(Any, made_by))
+
+
+@dataclass(frozen=True)
+class MadeByRebound:
+    """Stands for the method of a run that REBOUND made; it has a label and cannot step."""
+
+    label: str
+
+
+def _system(found: Particles, units: UnitSystem | None, epoch: Any, zero: Any) -> System:
     names = [name or f"particle {i}" for i, name in enumerate(found.names)]
     _refuse(found)
     attracting = found.m.copy()
@@ -129,18 +176,23 @@ def _particles(source: Any, index: int, time: float | None) -> Particles:
         raise InputError("snapshot and time are both given; expected one of them.")
     if time is not None:
         time = float(time)
-    try:
-        if isinstance(source, rebound.Simulationarchive):
-            return snapshots.of_archive(source, index=index, time=time)
-        if isinstance(source, str | os.PathLike):
-            return snapshots.of_file(source, index=index, time=time)
-    except snapshots.UnreadableError as error:
-        what = source if isinstance(source, str | os.PathLike) else "the Simulationarchive"
-        raise ArchiveError(f"{what}: {error}.") from error
+    if isinstance(source, rebound.Simulationarchive):
+        return _readable(lambda: snapshots.of_archive(source, index=index, time=time), source)
+    if isinstance(source, str | os.PathLike):
+        return _readable(lambda: snapshots.of_file(source, index=index, time=time), source)
     raise InputError(
         f"from_rebound got a {type(source).__name__}; expected a rebound.Simulation, a rebound.Simulationarchive or "
         "the path of its file."
     )
+
+
+def _readable(read: Callable[[], T], source: Any) -> T:
+    """Return what is read; raise ArchiveError, naming the file, for what cannot be."""
+    try:
+        return read()
+    except snapshots.UnreadableError as error:
+        what = source if isinstance(source, str | os.PathLike) else "the Simulationarchive"
+        raise ArchiveError(f"{what}: {error}.") from error
 
 
 def _refuse(found: Particles) -> None:
@@ -188,7 +240,7 @@ def _massless(found: Particles, names: list[str]) -> int:
 
 
 def _warn(message: str) -> None:
-    warnings.warn(message, UserWarning, stacklevel=4)
+    warnings.warn(message, OrbitsWarning, stacklevel=5)
 
 
 def _epoch(found: Particles, units: UnitSystem, epoch: Any, zero: Any) -> Time | None:

@@ -54,6 +54,7 @@ class Particles(NamedTuple):
     v: Array
     names: tuple[str | None, ...]
     t: float
+    dt: float
     G: float
     softening: float
     active: int
@@ -69,6 +70,9 @@ class Particles(NamedTuple):
 
 
 ARRAYS = ("m", "r", "q", "v")
+THE_SAME = ("m", "names", "G", "softening", "active", "test_type", "units", "boundary", "variations")
+"""What does not change in the course of a run."""
+
 PLAIN = tuple(field for field in Particles._fields if field not in ARRAYS)
 FUNCTIONS = ("additional_forces", "pre_timestep_modifications", "post_timestep_modifications")
 
@@ -96,6 +100,7 @@ def of_simulation(sim: Any, *, forgotten: bool = False) -> Particles:
         *(m, r, q, v),
         names=tuple(_name(particle) for particle in sim.particles[:n]),
         t=float(sim.t),
+        dt=float(sim.dt),
         G=float(sim.G),
         softening=float(sim.softening),
         active=n if int(sim.N_active) == EVERY_BODY else min(int(sim.N_active), n),
@@ -123,8 +128,42 @@ def of_archive(archive: Any, *, index: int = -1, time: float | None = None) -> P
     return of_simulation(sim, forgotten=any("function pointers" in message for message in said))
 
 
+def all_of_archive(archive: Any) -> tuple[Particles, Array, Array, Array]:
+    """Return the first snapshot, and times (n,), positions and velocities (n, particles, 3) of all.
+
+    Raises UnreadableError where particles are not those of the first, or times do not go one way.
+    """
+    first = of_archive(archive, index=0)
+    times = np.ctypeslib.as_array(archive.t, (len(archive),)).copy()
+    turn = np.flatnonzero(np.diff(times) * np.sign(times[-1] - times[0]) <= 0.0)
+    if turn.size:
+        k = int(turn[0])
+        raise UnreadableError(
+            f"t goes from {float(times[k])!r} to {float(times[k + 1])!r} between snapshots {k} and {k + 1}; expected "
+            "times in order"
+        )
+    q, v = np.empty((2, len(times), *first.q.shape))
+    q[0], v[0] = first.q, first.v
+    for k in range(1, len(times)):
+        found = of_archive(archive, index=k)
+        if not all(np.array_equal(getattr(found, key), getattr(first, key)) for key in THE_SAME):
+            raise UnreadableError(f"particles, their masses or G change between snapshots 0 and {k}, as a run cannot")
+        q[k], v[k] = found.q, found.v
+    return first, times, q, v
+
+
 def of_file(path: str | os.PathLike[str], *, index: int = -1, time: float | None = None) -> Particles:
     """Return a snapshot of a file, opened in a child process. Raises UnreadableError, in words."""
+    return _by_child(path, {"index": index, "time": time})[0]
+
+
+def all_of_file(path: str | os.PathLike[str]) -> tuple[Particles, Array, Array, Array]:
+    """Return what `all_of_archive` does of a file, opened in a child process. Raises UnreadableError, in words."""
+    first, found = _by_child(path, None)
+    return first, found["all_t"], found["all_q"], found["all_v"]
+
+
+def _by_child(path: str | os.PathLike[str], which: dict[str, Any] | None) -> tuple[Particles, dict[str, Array]]:
     place = Path(path)
     try:
         with place.open("rb") as file:
@@ -140,7 +179,7 @@ def of_file(path: str | os.PathLike[str], *, index: int = -1, time: float | None
         link.symlink_to(place.resolve())
         try:
             child = subprocess.run(
-                [sys.executable, "-P", __file__, str(link), str(result), json.dumps([index, time])],
+                [sys.executable, "-P", __file__, str(link), str(result), json.dumps(which)],
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
                 capture_output=True,
                 timeout=SECONDS + size / BYTES_A_SECOND,
@@ -154,9 +193,10 @@ def of_file(path: str | os.PathLike[str], *, index: int = -1, time: float | None
             known = json.loads(found["plain"].item())
             if "error" in known:
                 raise UnreadableError(known["error"])
-            values = {key: found[key] for key in ARRAYS}
+            arrays = {key: found[key] for key in found.files if key != "plain"}
+    values: dict[str, Any] = {key: arrays.pop(key) for key in ARRAYS}
     values |= {key: tuple(known[key]) if isinstance(known[key], list) else known[key] for key in PLAIN}
-    return Particles(**values)
+    return Particles(**values), arrays
 
 
 def _at(times: Array, time: float) -> int:
@@ -206,7 +246,8 @@ def _child(path: str, result: str, which: str) -> None:
 
         limit = CHILD_MEMORY + 20 * os.path.getsize(path)
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-    index, time = json.loads(which)
+    chosen = json.loads(which)
+    more: dict[str, Array] = {}
     try:
         import rebound
 
@@ -218,11 +259,16 @@ def _child(path: str, result: str, which: str) -> None:
                 f"it was written by REBOUND {major}, and {rebound.__version__} is installed, which may read it "
                 "wrongly. Open it with the version that wrote it, or check rebound.Simulation(path) and give that"
             )
-        found = of_archive(archive, index=index, time=time)._asdict()
+        if chosen is None:
+            first, more["all_t"], more["all_q"], more["all_v"] = all_of_archive(archive)
+            found = first._asdict()
+        else:
+            found = of_archive(archive, **chosen)._asdict()
     except UnreadableError as error:
         found = {**dict.fromkeys(ARRAYS, np.empty(0)), "error": str(error)}
     arrays = {key: found.pop(key) for key in ARRAYS}
-    np.savez(result, plain=np.array(json.dumps(found)), **arrays)
+    everything: dict[str, Any] = {"plain": np.array(json.dumps(found)), **arrays, **more}
+    np.savez(result, **everything)
 
 
 if __name__ == "__main__":

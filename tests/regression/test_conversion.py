@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import orbits
-from orbits.errors import EpochError, InputError
+from orbits.errors import EpochError, InputError, OrbitsWarning
 
 NAMES = ["probe", "Sun", "Jupiter", "a grain"]
 GM = [0.0, 2.9591220828411956e-4, 2.8253458252257923e-7, 0.0]
@@ -241,7 +241,7 @@ def test_si_units_and_a_gaussian_constant():
 def test_a_test_particle_of_type_0_is_massless_and_its_mass_is_told():
     sim = plain()
     sim.N_active = 1
-    with pytest.warns(UserWarning, match="planet: test particles with mass, which attract nothing"):
+    with pytest.warns(OrbitsWarning, match="planet: test particles with mass, which attract nothing"):
         system = orbits.from_rebound(sim)
     assert system.values.gm.tolist() == [1.0, 0.0]
 
@@ -282,5 +282,5 @@ def test_massless_test_particles_of_type_1_are_massless():
 def test_collisions_are_told():
     sim = plain()
     sim.collision = "direct"
-    with pytest.warns(UserWarning, match="pass through each other"):
+    with pytest.warns(OrbitsWarning, match="pass through each other"):
         orbits.from_rebound(sim)

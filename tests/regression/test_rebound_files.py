@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import random
 import warnings
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 import rebound
 
 import orbits
-from orbits.errors import ArchiveError, InputError, OrbitsError
+from orbits.errors import ArchiveError, InputError, OrbitsError, OrbitsWarning
 
 TIMES = [0.0, 1.0, 2.5, 4.0]
 
@@ -91,8 +92,51 @@ def test_a_file_saved_with_forces_is_told(tmp_path):
     sim = simulation()
     sim.additional_forces = lambda _: None
     saved(sim, tmp_path)
-    with pytest.warns(UserWarning, match="saved with functions of its own"):
+    with pytest.warns(OrbitsWarning, match="saved with functions of its own"):
         orbits.from_rebound(tmp_path / "saved.bin")
+
+
+def test_all_snapshots_are_a_run(archive):
+    opened = rebound.Simulationarchive(str(archive))
+    expected = [orbits.from_rebound(opened[k]) for k in range(len(TIMES))]
+    for source in (archive, opened):
+        run = orbits.run_from_rebound(source)
+        assert [run[k] for k in range(len(run))] == expected
+        assert run.times.tolist() == TIMES
+        assert repr(run).startswith("Trajectory(3 bodies, 4 samples, t = 0 ... 4; REBOUND ias15, dt = ")
+        # IAS15 keeps the energy of this orbit to round-off; reached is 0.
+        assert run.drift().energy.max_fraction < 1e-15
+        assert np.array_equal(run.to_xarray().q[-1], expected[-1].q.value)
+        assert pickle.loads(pickle.dumps(run)).elements("star").a.shape == (4, 2)
+        with pytest.raises(InputError, match="integrator must be a method"):
+            run.at(1.7)
+
+
+def test_a_run_keeps_the_epoch_of_t_0_and_goes_backwards(tmp_path):
+    sim = orbits.to_rebound(orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"]))
+    for t in (-10.0, -20.0):
+        sim.integrate(t)
+        sim.save_to_file(str(tmp_path / "back.bin"))
+    run = orbits.run_from_rebound(tmp_path / "back.bin", zero="2022-08-09")
+    assert run.times.tolist() == [0.0, -10.0]
+    assert run.epochs.isot.tolist() == ["2022-07-30T00:00:00.000", "2022-07-20T00:00:00.000"]
+
+
+def test_an_archive_whose_particles_change_is_no_run(archive, tmp_path):
+    sim, path = simulation(), tmp_path / "more.bin"
+    sim.save_to_file(str(path))
+    sim.integrate(1.0)
+    sim.add(x=5.0)
+    sim.save_to_file(str(path))
+    with pytest.raises(ArchiveError, match="change between snapshots 0 and 1"):
+        orbits.run_from_rebound(path)
+    sim.remove(3)
+    sim.t = 0.5
+    sim.save_to_file(str(path))
+    with pytest.raises(ArchiveError, match=r"t goes from 1\.0 to 0\.5 between snapshots 1 and 2"):
+        orbits.run_from_rebound(path)
+    with pytest.raises(InputError, match="got a Simulation;"):
+        orbits.run_from_rebound(sim)
 
 
 def test_files_that_are_none_of_rebounds_are_refused_in_words(archive, tmp_path):
@@ -127,7 +171,7 @@ def damaged(whole: bytes, seed: int) -> bytes:
 
 def outcome(path: Path) -> str:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a bit may switch collisions on
+        warnings.simplefilter("ignore", OrbitsWarning)  # a bit may switch collisions on
         try:
             system = orbits.from_rebound(path)
         except OrbitsError:

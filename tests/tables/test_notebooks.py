@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -61,8 +62,20 @@ def report() -> Report:
     return Report((row,), np.arange(2.0), "d", "km", ("a",), ("a",), NASTY, None, {"title": NASTY}, (NASTY,))
 
 
-VALUES = [system, lambda: system().elements("body 1"), run, lambda: run().elements("body 1"), certificate, report]
-KINDS = ["system", "elements", "run", "elements of a run", "certificate", "report"]
+def catalogue() -> orbits.ephemeris.Catalogue:
+    return replace(orbits.asteroids(1), names=(NASTY,))
+
+
+VALUES = [
+    system,
+    lambda: system().elements("body 1"),
+    run,
+    lambda: run().elements("body 1"),
+    certificate,
+    report,
+    catalogue,
+]
+KINDS = ["system", "elements", "run", "elements of a run", "certificate", "report", "catalogue"]
 
 
 @pytest.mark.parametrize("make", VALUES, ids=KINDS)
@@ -79,6 +92,7 @@ def test_a_thousand_bodies_make_no_larger_table_than_twenty():
     assert seen.tags.count("tr") == 22
     assert seen.texts[-1] == "... and 980 more"
     assert Texts(system(20)._repr_html_()).tags.count("tr") == 21
+    assert Texts(orbits.asteroids(1000)._repr_html_()).texts[-1] == "... and 980 more"
     assert Texts(system(1000).elements("body 1")._repr_html_()).texts[-1] == "... and 979 more"
 
 
