@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         OrbitsError,
         OrbitsWarning,
         SingularityError,
+        StepWarning,
         StorageError,
         UnknownNameError,
     )
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.propagation import propagate, resume
+    from orbits.propagation.stopping import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
@@ -64,11 +66,14 @@ __all__ = [
     "ArchiveError",
     "Certificate",
     "Check",
+    "CloserThan",
     "Composition",
     "ConvergenceError",
     "DiscretePath",
+    "EnergyErrorAbove",
     "EpochError",
     "ExplicitEuler",
+    "FartherThan",
     "Flow",
     "Gauss",
     "ImplicitMidpoint",
@@ -85,6 +90,7 @@ __all__ = [
     "RungeKutta4",
     "Scenario",
     "SingularityError",
+    "StepWarning",
     "StorageError",
     "StormerVerlet",
     "Study",
@@ -96,6 +102,7 @@ __all__ = [
     "Trajectory",
     "UnitSystem",
     "UnknownNameError",
+    "WallTimeOver",
     "__version__",
     "asteroids",
     "certify",
@@ -126,6 +133,7 @@ _HOME = {
         "OrbitsError",
         "OrbitsWarning",
         "SingularityError",
+        "StepWarning",
         "StorageError",
         "UnknownNameError",
     ],
@@ -144,6 +152,7 @@ _HOME = {
     "lagrangians.symmetry": ["Symmetry"],
     "propagation": ["propagate", "resume"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
+    "propagation.stopping": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
     "trajectory": ["Trajectory"],

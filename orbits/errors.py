@@ -36,6 +36,10 @@ class MissingPackageError(OrbitsError, ImportError):
     exit_code = 2
 
 
+class StepWarning(OrbitsWarning):
+    """The step is too long for what happens in a run, before it starts or after it was seen."""
+
+
 class ArchiveError(InputError):
     """A file that is not a readable archive, or that must not be overwritten."""
 

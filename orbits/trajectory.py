@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
+    from orbits.propagation.approaches import Approach, Approaches
+    from orbits.propagation.stopping import Stop
     from orbits.spk import SpkFile
 
 Array = NDArray[np.float64]
@@ -108,6 +110,7 @@ class Trajectory(Tabular):
     complete : whether every sample that was asked for is there
     path : the archive it reads from, if it does
     certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
+    stopped : why and where a condition or a callback ended the run, or None
 
     run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample.
     """
@@ -125,6 +128,8 @@ class Trajectory(Tabular):
         complete: bool = True,
         path: str | None = None,
         certificate: Certificate | None = None,
+        stopped: Stop | None = None,
+        approaches: Callable[[], Array] | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         expected = (len(times), len(system), 3)
@@ -139,6 +144,8 @@ class Trajectory(Tabular):
         self.path = path
         self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
+        self.stopped = stopped
+        self._approaches = approaches
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -303,6 +310,25 @@ class Trajectory(Tabular):
             t=self.times,
         )
 
+    def closest_approaches(self) -> Approaches:
+        """Return how close bodies came to one another between the start and the last step, and when.
+
+        Raises InputError for a trajectory that was not made by `propagate` or `resume`.
+        """
+        from orbits.propagation.approaches import Approaches
+
+        return Approaches(self.system, self._record())
+
+    def unresolved(self) -> list[Approach]:
+        """Return the close passages that the step could not resolve, worst first: what comes after is not to be
+        trusted. `propagate` warns of them.
+
+        A passage counts if the method, tried on this passage alone, gets more than a tenth of its turn wrong.
+        """
+        from orbits.propagation.approaches import unresolved
+
+        return unresolved(self.system, self.integrator, self.step, self._record())
+
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
         from orbits.plotting import plot_trajectory
@@ -355,6 +381,17 @@ class Trajectory(Tabular):
         for start in range(0, len(self), rows):
             block = slice(start, min(start + rows, len(self)))
             yield block, self._q[block, columns], self._v[block, columns]
+
+    def _record(self) -> Array:
+        from orbits.propagation.approaches import in_units, recorded
+
+        if self._approaches is not None:
+            return in_units(self._approaches(), self.system, self.step)
+        if self.path is None:
+            raise InputError(
+                f"{self!r} was not made by orbits.propagate, so nobody looked at its approaches; expected a run."
+            )
+        return in_units(recorded(self), self.system, self.step)
 
     def _gm(self) -> Array:
         return self.system.values.gm[self.system.massive]

@@ -11,15 +11,16 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import lru_cache
 from itertools import pairwise
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
-from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, Watch
+from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, Watch, note_end
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.stopping import first_energy_error, look_at_bodies, path_energy
 from orbits.lagrangians.base import Lagrangian
@@ -93,7 +94,7 @@ class Marcher:
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._coefficients = {self.h: integrator.coefficients(self.h)}
+        self._coefficients = {self.h: _coefficients(integrator, self.h)}
         self._state = {
             "q": _vector(q[self._massive]),
             "q_lo": np.zeros(padded(3 * n)),
@@ -217,6 +218,15 @@ class Marcher:
         self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
 
+    def approaches(self) -> Array:
+        """Return the closest approaches up to now, (4, 2, rows + padding), see `orbits.kernels.encounters`."""
+        record = self._state["approaches"].copy()
+        watch = self._watch(self._state)._replace(record=record)
+        self._path[: watch.stride], self._path[watch.stride : 2 * watch.stride] = self._state["q"], self._state["v"]
+        q, v = self._state["particle_q"], self._state["particle_v"]
+        note_end(watch, self._tracks[0], q, v, len(self._particles))
+        return record
+
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to go on bit for bit; the arrays are copies."""
         counts = np.array([self.step, self.evaluations, self.particle_evaluations], dtype=np.int64)
@@ -233,8 +243,11 @@ class Marcher:
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
-        with suppress(IntegrationError):
-            self.state_after(self.h)
+        kind = (self.integrator.advance, self.lagrangian.tag.name, bool(self._tasks))
+        if kind not in _COMPILED:
+            with suppress(IntegrationError):
+                self.state_after(self.h)
+            _COMPILED.add(kind)
 
     def close(self) -> None:
         """Release the threads."""
@@ -244,7 +257,7 @@ class Marcher:
     def _march_block(self, state: dict[str, Array], h: float, count: int) -> None:
         method = self.integrator
         if h not in self._coefficients:
-            self._coefficients = {self.h: self._coefficients[self.h], h: method.coefficients(h)}
+            self._coefficients = {self.h: self._coefficients[self.h], h: _coefficients(method, h)}
         arguments = (self.lagrangian.tag, self.parameters, self._coefficients[h], h)
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         watching = "approaches" in state
@@ -371,6 +384,23 @@ class Marcher:
             x[self._particles] = state[f"particle_{name}"][:, :m].T
             out.append(x)
         return out[0], out[1]
+
+
+_COMPILED: set[tuple[Any, str, bool]] = set()
+"""Methods with Lagrangians, with and without particles, that are ready in this process."""
+
+
+def _coefficients(integrator: Integrator, h: float) -> Array:
+    """Return the coefficients of a step, from the last ones made where the method can be hashed."""
+    try:
+        return _known_coefficients(integrator, h)
+    except TypeError:
+        return integrator.coefficients(h)
+
+
+@lru_cache(maxsize=256)
+def _known_coefficients(integrator: Integrator, h: float) -> Array:
+    return integrator.coefficients(h)
 
 
 def _vector(x: Array) -> Array:

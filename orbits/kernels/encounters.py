@@ -202,12 +202,23 @@ def _passage(watch, track, row, j, begin, end, h, both):
 
 
 @kernel
-def note_start(watch, track, row):
-    """Enter the distances of a row from all bodies at the start of a run."""
+def _note_state(watch, track, row, time):
+    """Enter the distances of a row from all bodies at the beginning of a block."""
     for j in range(watch.bodies):
         if j != row:
             x, y, z, u, v, w = relative(watch, track, row, j, 0)
-            _note(watch, row, j, x * x + y * y + z * z, 0.0, u * u + v * v + w * w)
+            _note(watch, row, j, x * x + y * y + z * z, time, u * u + v * v + w * w)
+
+
+@kernel
+def note_end(watch, track, q, v, particles):
+    """Enter all distances where a run ends: the bodies' state is the first of `path`, q and v are the particles'."""
+    for i in range(watch.bodies):
+        _note_state(watch, track, i, 1.0 * watch.first)
+    for p in range(particles):
+        for k in range(3):
+            track[k, p % WIDTH], track[3 + k, p % WIDTH] = q[k, p], v[k, p]
+        _note_state(watch, track, watch.bodies + p, 1.0 * watch.first)
 
 
 @kernel(inline=True)
@@ -231,7 +242,7 @@ def follow_bodies(watch, track, h, steps):
     """
     if watch.first == 0:
         for i in range(watch.bodies):
-            note_start(watch, track, i)
+            _note_state(watch, track, i, 0.0)
     n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
     for i in range(n - 1):
         for start in range(i + 1, n, WIDTH):
@@ -285,7 +296,7 @@ def follow_particles(watch, track, h, steps, start, stop):
     annuli, dominant = watch.annuli, watch.dominant
     if watch.first == 0:
         for p in range(start, stop):
-            note_start(watch, track, n + p)
+            _note_state(watch, track, n + p, 0.0)
     valid = full(0.0)
     for p in range(start, stop):
         valid = valid + unit(p - start)

@@ -15,13 +15,20 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
 from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.propagation.stopping import Conditions
 from orbits.system import System
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
 """Entries of the provenance that must agree for a resumed run to give the same bits."""
 
 
-def bound(system: System, integrator: Integrator, h: float, threads: int | None = None) -> Marcher:
+def bound(
+    system: System,
+    integrator: Integrator,
+    h: float,
+    threads: int | None = None,
+    conditions: Conditions | None = None,
+) -> Marcher:
     """Return `system` bound to `integrator` with step h, massive bodies and massless particles told apart.
 
     Raises InputError if the integrator cannot serve the Lagrangian.
@@ -43,6 +50,8 @@ def bound(system: System, integrator: Integrator, h: float, threads: int | None 
         h,
         names=system.names,
         threads=threads or available_threads(),
+        stops=None if conditions is None else conditions.stops,
+        energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
     )
 
 

@@ -115,7 +115,10 @@ def split(times: Array, h: float) -> tuple[NDArray[np.int64], Array]:
 
 def single_number(value: Any, what: str) -> float:
     """Return a scalar as float. Raises InputError, naming it, for an array."""
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} must be a single real number, got {value!r}") from None
     if array.ndim:
         raise InputError(f"{what} must be a single number or quantity, got an array of shape {array.shape}")
     return float(array)

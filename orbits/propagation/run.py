@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import integrators
 from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
+from orbits.propagation import approaches, guidance
 from orbits.propagation.binding import bound, differences, provenance
 from orbits.propagation.grid import MOST_SAMPLES, checked_duration, checked_until, sample_times, signed_step, split
+from orbits.propagation.guidance import parsed_step
 from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
+from orbits.propagation.stopping import Condition, Conditions, Stop
 from orbits.system import System
 from orbits.trajectory import Statistics, Trajectory
 
@@ -27,6 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Path = str | PathLike[str]
+Callback = Callable[[u.Quantity, System], object]
 
 CHUNK_BYTES = 16 * 1024 * 1024
 """Samples kept in memory before they are written."""
@@ -48,6 +55,9 @@ def propagate(
     archive: Path | None = None,
     overwrite: bool = False,
     certificate: bool | Certificate = False,
+    stop: Condition | Sequence[Condition] = (),
+    callback: Callback | None = None,
+    check_step: bool = True,
     progress: bool | None = None,
     threads: int | None = None,
 ) -> Trajectory:
@@ -55,8 +65,8 @@ def propagate(
 
     system : a `System`; bodies with GM = 0 are massless particles in the field of the others
     integrator : e.g. `Gauss(stages=8)`
-    dt : step > 0, a quantity or a number in the system's time unit; rounded to 24 significant bits (`run.dt` is the
-        step used)
+    dt : step > 0, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a fraction of the
+        shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used)
     duration : how far to go; negative for backwards in time
     samples : a count that includes both ends, or an array of times since the epoch; off the grid of steps a sample is
         a partial step on a copy, so that sampling never changes the run
@@ -64,6 +74,11 @@ def propagate(
     overwrite : whether an existing archive may be replaced
     certificate : True measures what the integrator declares on this system with this step before the run, as
         `orbits.certify` does, and stores it in the archive; or a certificate that is there already
+    stop : conditions that end the run early, such as `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, one or a
+        list; `run.stopped` then says which one and holds the state. An archive can be resumed past it.
+    callback : called after each sample with the time since the epoch and the `System` there; True ends the run
+    check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage that is ahead, and
+        after it of close passages that the step could not resolve (see `run.closest_approaches()`)
     progress : None or True draws a bar on a terminal, False never
     threads : for massless particles; None takes all processors. The result does not depend on it, to the last bit.
 
@@ -73,13 +88,19 @@ def propagate(
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
     length = checked_duration(system.units, duration)
-    h = signed_step(system.units, dt, length)
+    h = signed_step(system.units, parsed_step(system, dt, length), length)
     times = sample_times(system.units, samples, length)
-    marcher = bound(system, integrator, h, threads)
+    conditions = Conditions(system, stop)
+    if callback is not None and not callable(callback):
+        raise InputError(f"callback is {callback!r}; expected a function of the time and the system, or None.")
+    marcher = bound(system, integrator, h, threads, conditions)
+    if check_step:
+        guidance.check_step(system, integrator, h, length)
+    watch = _Watch(conditions, callback, check_step)
     if archive is None:
         if certificate:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        return _march(system, integrator, marcher, times, 0, None, progress)
+        return _march(system, integrator, marcher, times, 0, None, progress, watch)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import certify
 
@@ -96,7 +117,7 @@ def propagate(
         certificate=measured.to_json() if measured else "",
         overwrite=overwrite,
     )
-    return _march(system, integrator, marcher, times, 0, writer, progress)
+    return _march(system, integrator, marcher, times, 0, writer, progress, watch)
 
 
 def resume(
@@ -137,7 +158,8 @@ def resume(
         return Trajectory.open(path)
     marcher.restore(checkpoint)
     writer = ArchiveWriter.reopen(path) if target is None else extended(path, times)
-    return _march(system, integrator, marcher, times, committed, writer, progress)
+    watch = _Watch(Conditions(system, ()), None, True)
+    return _march(system, integrator, marcher, times, committed, writer, progress, watch)
 
 
 def _extended_times(old: Archive, target: float) -> Array:
@@ -172,6 +194,7 @@ def _march(
     first: int,
     writer: ArchiveWriter | None,
     progress: bool | None,
+    watch: _Watch,
 ) -> Trajectory:
     """March from sample `first` to the last one; every way out leaves the archive closed and readable."""
     begun = time.perf_counter()
@@ -186,7 +209,7 @@ def _march(
                 progress, label=integrator.label, total=float(times[-1]), unit=str(system.units.time), steps=last_step
             )
             try:
-                _sample(marcher, times, first, keeper, bar, stop)
+                _sample(system, marcher, times, first, keeper, bar, stop, watch)
             except IntegrationError as error:
                 failure = error
             finally:
@@ -204,10 +227,14 @@ def _march(
         if writer is not None:
             writer.close()
     trajectory = _result(system, integrator, marcher.h, times, keeper, writer, statistics)
+    trajectory.stopped = watch.stopped
+    trajectory._approaches = marcher.approaches().copy
+    if watch.check_step:
+        approaches.warn(trajectory.unresolved(), integrator, marcher.h, system.units.time)
     if failure is not None:
         failure.trajectory = trajectory
         raise failure
-    if stop.name and not trajectory.complete:
+    if stop.name and not trajectory.complete and watch.stopped is None:
         at = f"{marcher.step * marcher.h:,.6g} of {times[-1]:,.6g} {system.units.time}".rstrip()
         how = (
             f"go on with: orbits resume {writer.path}"
@@ -245,18 +272,64 @@ def _result(
     )
 
 
-def _sample(marcher: Marcher, times: Array, first: int, keeper: _Keeper, bar: Progress, stop: StopRequest) -> None:
+@dataclass
+class _Watch:
+    """What may end a run early, and what did."""
+
+    conditions: Conditions
+    callback: Callback | None
+    check_step: bool
+    stopped: Stop | None = None
+    begun: float = 0.0
+
+    def ended(self, system: System, marcher: Marcher) -> bool:
+        """Note whether a condition holds that ends the run."""
+        found = None if marcher.met is None else self.conditions.met(*marcher.met)
+        found = found or self.conditions.overdue(time.perf_counter() - self.begun)
+        if found is not None:
+            self.note(system, marcher, *found)
+        return found is not None
+
+    def note(self, system: System, marcher: Marcher, reason: str, condition: Condition | None) -> None:
+        """Keep the reason and the state."""
+        at = _moved(system, marcher.step * marcher.h, *marcher.state())
+        t = u.Quantity(marcher.step * marcher.h, system.units.time)
+        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
+
+
+def _moved(system: System, t: float, q: Array, v: Array) -> System:
+    epoch = None if system.epoch is None else system.epoch + u.Quantity(t, system.units.time)
+    return system.replaced(q=q, v=v, epoch=epoch)
+
+
+def _sample(
+    system: System,
+    marcher: Marcher,
+    times: Array,
+    first: int,
+    keeper: _Keeper,
+    bar: Progress,
+    stop: StopRequest,
+    watch: _Watch,
+) -> None:
     """Visit every sample from `first` on, or as many as there are before a stop is asked for."""
+    watch.begun = time.perf_counter()
     steps, remainders = split(times, marcher.h)
     for index in range(first, len(times)):
         while marcher.step < steps[index]:
             marcher.advance(min(marcher.block, int(steps[index]) - marcher.step))
             bar.update(marcher.step * marcher.h)
-            if stop.name:
+            if stop.name or watch.ended(system, marcher):
                 return
             if keeper.overdue:
                 keeper.commit(marcher)
-        keeper.add(*marcher.state_after(float(remainders[index])))
+        state = marcher.state_after(float(remainders[index]))
+        keeper.add(*state)
+        if watch.callback is not None:
+            t = float(times[index])
+            if watch.callback(u.Quantity(t, system.units.time), _moved(system, t, *state)):
+                watch.note(system, marcher, "the callback ended the run", None)
+                return
         if keeper.full:
             keeper.commit(marcher)
         if stop.name:

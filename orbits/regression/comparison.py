@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits import integrators as methods
-from orbits.errors import InputError, IntegrationError, Interrupted
+from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import available_threads
 from orbits.propagation import propagate
@@ -210,15 +211,26 @@ def _run(
     started = perf_counter()
     short = np.copysign((_WARM_UP_STEPS + 0.5) * grid.dt, grid.duration)
     with contextlib.suppress(IntegrationError):  # the run itself fails in the same way, and says so
-        propagate(system, method, dt=grid.dt, duration=short, samples=2, threads=threads, progress=False)
+        propagate(
+            system, method, dt=grid.dt, duration=short, samples=2, threads=threads, progress=False, check_step=False
+        )
     compile_s = perf_counter() - started
     try:
-        run = propagate(
-            system, method, dt=grid.dt, duration=grid.duration, samples=grid.times, threads=threads, progress=progress
-        )
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", StepWarning)
+            run = propagate(
+                system,
+                method,
+                dt=grid.dt,
+                duration=grid.duration,
+                samples=grid.times,
+                threads=threads,
+                progress=progress,
+            )
     except IntegrationError as error:
         return Sampled(method.label, "ours", compile_s=compile_s, note=str(error))
-    return _finished(run, method, compile_s)
+    note = " ".join(str(warning.message) for warning in caught)
+    return replace(_finished(run, method, compile_s), note=note)
 
 
 def _finished(run: Trajectory, method: Integrator, compile_s: float | None = None) -> Sampled:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError
+from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, StepWarning
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -180,16 +181,20 @@ def _runs(
             if unfinished:
                 runs[method.label] = resume(archive, progress=progress)
             else:
-                runs[method.label] = propagate(
-                    system,
-                    method,
-                    dt=scenario.dt,
-                    duration=scenario.duration,
-                    samples=scenario.samples,
-                    archive=replaceable(archive) if first else None,
-                    overwrite=True,
-                    progress=progress,
-                )
+                with warnings.catch_warnings(record=True) as caught:
+                    warnings.simplefilter("always", StepWarning)
+                    runs[method.label] = propagate(
+                        system,
+                        method,
+                        dt=scenario.dt,
+                        duration=scenario.duration,
+                        samples=scenario.samples,
+                        archive=replaceable(archive) if first else None,
+                        overwrite=True,
+                        progress=progress,
+                    )
+                for warning in caught:
+                    say(f"mind: {warning.message}")
         except IntegrationError as error:
             if error.trajectory is None or not len(error.trajectory):
                 raise

@@ -1,0 +1,64 @@
+"""The fastest passage that is ahead of a system: what decides how long a step may be.
+
+Each body is paired with the massive one that rules it at the moment, that of the largest GM/r^3, and their two-body
+orbit is followed to its pericentre, unless that lies beyond the time span.
+"""
+
+from __future__ import annotations
+
+import math
+
+from orbits.kernels.compile import kernel
+
+TWO_PI = 2.0 * math.pi
+
+
+@kernel
+def fastest_passage(gm, softening, q, v, massive, span):
+    """Return what passes fastest within the time `span`, whose sign is the direction: (row, partner, distance, speed,
+    eccentricity, shortest period of any body); row -1 where there is no pair.
+
+    gm : (n,); q, v : (n, 3); massive : indices of the bodies with GM > 0
+    """
+    fastest, row, partner, distance, speed, eccentricity, period = -1.0, -1, -1, 0.0, 0.0, 0.0, math.inf
+    forwards = 1.0 if span >= 0.0 else -1.0
+    for i in range(q.shape[0]):
+        ruler, strongest = -1, -1.0
+        for k in range(massive.shape[0]):
+            j = massive[k]
+            if j == i:
+                continue
+            dx, dy, dz = q[i, 0] - q[j, 0], q[i, 1] - q[j, 1], q[i, 2] - q[j, 2]
+            r2 = dx * dx + dy * dy + dz * dz
+            mu = gm[i] + gm[j]
+            pull = mu * mu / (r2 * r2 * r2)
+            if pull > strongest:
+                ruler, strongest = j, pull
+        if ruler < 0:
+            continue
+        x, y, z = q[i, 0] - q[ruler, 0], q[i, 1] - q[ruler, 1], q[i, 2] - q[ruler, 2]
+        u, v_y, w = v[i, 0] - v[ruler, 0], v[i, 1] - v[ruler, 1], v[i, 2] - v[ruler, 2]
+        mu = gm[i] + gm[ruler]
+        r2, speed2, rv = x * x + y * y + z * z, u * u + v_y * v_y + w * w, (x * u + y * v_y + z * w) * forwards
+        r = math.sqrt(r2)
+        inverse_a = 2.0 / r - speed2 / mu
+        parameter = max(r2 * speed2 - rv * rv, 0.0) / mu
+        e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
+        nearest = parameter / (1.0 + e)
+        if inverse_a > 0.0:
+            motion = math.sqrt(mu * inverse_a) * inverse_a
+            period = min(period, TWO_PI / motion)
+            anomaly = math.atan2(rv * math.sqrt(inverse_a / mu), 1.0 - r * inverse_a)
+            mean = anomaly - rv * math.sqrt(inverse_a / mu)
+            wait = (-mean if mean <= 0.0 else TWO_PI - mean) / motion
+        else:
+            wait = math.inf if rv >= 0.0 else -r2 / rv
+        if not (wait <= abs(span) and nearest < r):
+            nearest, reached2 = r, speed2
+        else:
+            reached2 = mu * (2.0 / nearest - inverse_a) if nearest > 0.0 else math.inf
+        rate2 = reached2 / (nearest * nearest + softening * softening)
+        if not rate2 <= fastest:
+            fastest, row, partner = rate2, i, ruler
+            distance, speed, eccentricity = nearest, math.sqrt(reached2), e
+    return row, partner, distance, speed, eccentricity, period

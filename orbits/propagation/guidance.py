@@ -1,0 +1,181 @@
+"""Is the step short enough? A method is tried on a single passage of two bodies, and what it gets wrong is measured.
+
+A passage is known by its eccentricity e and by the angle h v/d that a step covers at the pericentre, distance d and
+speed v. It is marched with the method itself, from a quarter of a period or the time of ten radians before the
+pericentre to as long after, and compared with the exact orbit: the error is that of the velocity, as a share of what
+the passage turns the velocity by.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orbits.elements.two_body import two_body
+from orbits.errors import InputError, IntegrationError, StepWarning
+from orbits.integrators.base import Integrator
+from orbits.integrators.marcher import Marcher
+from orbits.kernels.passages import fastest_passage
+from orbits.lagrangians.newtonian import newtonian, parameters
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+TOO_LONG = 1e-2
+"""Error of the fastest passage above which a step is called too long before a run."""
+
+UNRESOLVED = 0.1
+"""Error above which a passage was not resolved."""
+
+QUIET = 2e-3
+"""Angle of a step below which every method of order 2 or more is far below `TOO_LONG`."""
+
+ALWAYS = 0.1
+"""Angle of a step below which every method of order 2 or more resolves every passage."""
+
+RADIANS = 10.0
+GRID = 8
+"""Angles and eccentricities are rounded up, to so many values an octave: what was tried need not be tried again."""
+
+
+def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> tuple[float, float]:
+    """Return (error as a share of the turn, turn as a share of the speed) of a passage; the error is at most 1.
+
+    eccentricity : of the two-body orbit, >= 0; angle : step x speed / distance at the pericentre, in radians
+    """
+    rounded = 2.0 ** (math.ceil(GRID * math.log2(angle)) / GRID)
+    if eccentricity < 0.97:
+        e = 1.0 - 2.0 ** (math.floor(GRID / 2 * math.log2(1.0 - eccentricity)) / (GRID / 2))
+    else:
+        e = max(1.0, 2.0 ** (math.ceil(GRID / 2 * math.log2(eccentricity)) / (GRID / 2)))
+    try:
+        return _tried(integrator, e, rounded)
+    except TypeError:  # a method whose fields cannot be hashed
+        return _tried.__wrapped__(integrator, e, rounded)
+
+
+@lru_cache(maxsize=4096)
+def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float]:
+    speed = math.sqrt(1.0 + e)
+    half = RADIANS / speed
+    if e < 1.0:
+        half = min(half, 0.5 * math.pi / math.sqrt((1.0 - e) ** 3))
+    h = angle / speed
+    steps = max(2, math.ceil(2.0 * half / h))
+    worst, turn = 0.0, 0.0
+    for shift in (0.0, 0.5):  # the pericentre at a step, and between two
+        begin = -(steps // 2 + shift) * h
+        q, v = two_body([1.0, 0.0, 0.0], [0.0, speed, 0.0], 1.0, [begin, begin + steps * h])
+        march = Marcher(
+            newtonian,
+            integrator,
+            parameters(np.array([0.5, 0.5]), 0.0),
+            np.array([True, True]),
+            np.array([-0.5 * q[0], 0.5 * q[0]]),
+            np.array([-0.5 * v[0], 0.5 * v[0]]),
+            h,
+        )
+        turn = float(np.linalg.norm(v[1] - v[0])) / speed
+        try:
+            while march.step < steps:
+                march.advance(min(march.block, steps - march.step))
+        except IntegrationError:
+            return 1.0, turn
+        _, end = march.state()
+        worst = max(worst, float(np.linalg.norm(end[1] - end[0] - v[1])) / speed)
+    return min(worst / max(turn, 1e-300), 1.0), turn
+
+
+def check_step(system: System, integrator: Integrator, h: float, span: float) -> None:
+    """Warn, with `StepWarning`, if steps of h are too long for the fastest passage within `span` from now on."""
+    row, partner, distance, speed, e = _fastest(system, span)[:5]
+    if row < 0:
+        return
+    softening = system.values.softening
+    angle = abs(h) * speed / math.sqrt(distance**2 + softening**2) if distance + softening > 0.0 else math.inf
+    if angle < QUIET:
+        return
+    units, name, other = system.units, system.names[row], system.names[partner]
+    if system.values.gm[row] > system.values.gm[partner]:
+        name, other = other, name
+    if not math.isfinite(angle) or angle > 1e6:
+        warnings.warn(
+            f"{name} falls straight into {other}: no step resolves that. Give a softening, or other starting values.",
+            StepWarning,
+            stacklevel=3,
+        )
+        return
+    error = passage_error(integrator, e, angle)[0]
+    if error <= TOO_LONG:
+        return
+    trials = (angle / 2 ** (k / 2) for k in range(1, 40))
+    enough = next((shorter for shorter in trials if passage_error(integrator, e, shorter)[0] <= TOO_LONG), 0.0)
+    remedy = f"dt <= {_with_unit(abs(h) * enough / angle, units.time, 2)} keeps that below 1 %"
+    if not enough:
+        remedy = "no step that is practical keeps that below 1 %: use another method"
+    warnings.warn(
+        f"dt = {_with_unit(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
+        f"{_with_unit(distance, units.length)}, a full turn would take {2 * math.pi / angle:.2g} steps, and the method "
+        f"gets {percent(error)} of the turn wrong; {remedy}.",
+        StepWarning,
+        stacklevel=3,
+    )
+
+
+def parsed_step(system: System, dt: Any, span: float) -> Any:
+    """Return dt, where a text such as "P/20" or "6 d" is turned into a number or a quantity; P is the shortest period.
+
+    Raises InputError for a text that is neither, and for "P/..." where nothing is bound.
+    """
+    if not isinstance(dt, str):
+        return dt
+    match = re.fullmatch(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*", dt)
+    if match is None:
+        from astropy import units as u
+
+        try:
+            return u.Quantity(dt)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"dt = {dt!r}; expected a quantity (6 * u.day), a number in {system.units.time or 'units of time'}, "
+                'a text with a unit ("6 d"), or a fraction of the shortest period ("P/20").'
+            ) from None
+    period, parts = _fastest(system, span)[5], float(match[1])
+    if not (math.isfinite(period) and period > 0.0):
+        raise InputError(
+            f"dt = {dt!r}: P is the shortest orbital period, and no body is bound to another. Give a time."
+        )
+    if not parts > 0.0:
+        raise InputError(f"dt = {dt!r}; expected P divided by a number above 0.")
+    return period / parts
+
+
+def bold_angle(integrator: Integrator) -> float:
+    """Return an angle of a step below which a method resolves every passage."""
+    angle = 4.0
+    for e in (0.0, 0.5, 0.9, 1.0, 4.0, 100.0, 1e4):
+        while angle > ALWAYS and passage_error(integrator, e, angle)[0] > UNRESOLVED:
+            angle /= 2.0
+    return angle
+
+
+def percent(share: float) -> str:
+    """Return a share in percent."""
+    return f"{100 * share:.2g} %" if share < 0.995 else "all"
+
+
+def _fastest(system: System, span: float) -> tuple[int, int, float, float, float, float]:
+    values = system.values
+    found: tuple[int, int, float, float, float, float] = fastest_passage(
+        values.gm, values.softening, values.q, values.v, np.flatnonzero(values.gm > 0.0), span
+    )
+    return found
+
+
+def _with_unit(x: float, unit: Any, digits: int = 4) -> str:
+    return f"{x:.{digits}g} {unit}".rstrip()

@@ -1,0 +1,113 @@
+"""Conditions and callbacks that end a run, through `propagate`."""
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+
+GAUSS = orbits.Gauss(stages=8)
+
+
+@pytest.fixture(scope="module")
+def system():
+    return orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(3))
+
+
+def test_a_run_ends_where_two_bodies_are_close_and_says_so(system):
+    stop = orbits.CloserThan(0.3 * u.au, "Venus", "Earth-Moon barycenter")
+    run = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=20 * u.yr, samples=[3000.0, 7000.0], stop=stop)
+    assert run.stopped.condition is stop
+    assert "came closer than 0.3 AU to" in run.stopped.reason
+    assert not run.complete
+    assert len(run) == 0
+    at = run.stopped.system
+    apart = np.linalg.norm(at.q[at.names.index("Venus")] - at.q[at.names.index("Earth-Moon barycenter")])
+    assert apart.to_value(u.au) < 0.3
+    assert at.epoch == system.epoch + run.stopped.time
+    before = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=run.stopped.time - 6 * u.day, samples=2)
+    apart = np.linalg.norm(before["Venus"].q[-1] - before["Earth-Moon barycenter"].q[-1])
+    assert apart.to_value(u.au) > 0.3
+    plain = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=run.stopped.time, samples=2)
+    assert np.array_equal(plain.q[-1], at.q)  # to the last bit
+
+
+def test_a_stopped_archive_goes_on_to_the_bits_of_a_run_that_was_not_stopped(system, tmp_path):
+    options = {"dt": 6 * u.day, "duration": 3 * u.yr, "samples": 7}
+    stop = [orbits.FartherThan(2.95 * u.au, "Ceres", "Sun"), orbits.EnergyErrorAbove(1e-3)]
+    run = orbits.propagate(system, GAUSS, archive=tmp_path / "stopped.h5", stop=stop, **options)
+    assert run.stopped.condition is stop[0]
+    assert 0 < len(run) < 7
+    resumed = orbits.resume(tmp_path / "stopped.h5")
+    straight = orbits.propagate(system, GAUSS, **options)
+    assert resumed.complete
+    assert np.array_equal(resumed.q, straight.q)
+
+
+def test_any_pair_will_do(system):
+    run = orbits.propagate(
+        system, GAUSS, dt=6 * u.day, duration=3 * u.yr, samples=2, stop=orbits.CloserThan(0.3075 * u.au)
+    )
+    assert run.stopped.reason.startswith("Mercury came closer than 0.3075 AU to Sun")
+
+
+def test_a_run_ends_when_its_energy_error_exceeds_a_bound(system):
+    run = orbits.propagate(
+        system, orbits.RungeKutta4(), dt=6 * u.day, duration=9 * u.yr, stop=orbits.EnergyErrorAbove(1e-6)
+    )
+    assert run.stopped.reason.startswith("the energy error exceeded 1e-06")
+    change = abs(run.stopped.system.energy() / system.energy() - 1)
+    assert 1e-6 < change < 1.2e-6
+
+
+def test_a_run_ends_when_the_clock_says_so(system):
+    run = orbits.propagate(
+        system, GAUSS, dt=6 * u.day, duration=1e6 * u.yr, samples=2, stop=orbits.WallTimeOver(0.05 * u.s)
+    )
+    assert run.stopped.reason.startswith("it took longer than 0.05 s")
+
+
+def test_the_callback_sees_every_sample_and_may_end_the_run(system):
+    seen = []
+
+    def watch(t, state):
+        seen.append((t, state))
+        return len(seen) == 3
+
+    run = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=300 * u.day, samples=11, callback=watch)
+    assert [t.to_value(u.day) for t, _ in seen] == [0.0, 30.0, 60.0]
+    assert np.array_equal(seen[2][1].q, run.q[2])
+    assert seen[2][1].epoch == system.epoch + 60 * u.day
+    assert len(run) == 3
+    assert run.stopped.reason.startswith("the callback ended the run at t = 60")
+    assert run.stopped.condition is None
+
+
+@pytest.mark.parametrize(
+    ("stop", "message"),
+    [
+        ("soon", "expected conditions"),
+        ([1], "expected conditions"),
+        (orbits.CloserThan(0.0, "Venus"), "above 0"),
+        (orbits.CloserThan(np.nan * u.au), "above 0"),
+        (orbits.CloserThan(1 * u.kg), "length in AU"),
+        (orbits.CloserThan("near"), "real numbers"),
+        (orbits.CloserThan(0.1, "Vulcan"), "Vulcan"),
+        (orbits.CloserThan(0.1, "Venus", "Venus"), "two bodies"),
+        (orbits.CloserThan(0.1, "Ceres", "Vesta"), "massless particles"),
+        (orbits.CloserThan(9 * u.au, "Venus", "Sun"), "at the start already"),
+        (orbits.FartherThan(0.1 * u.au, "Venus", "Sun"), "at the start already"),
+        (orbits.EnergyErrorAbove(-1.0), "above 0"),
+        (orbits.EnergyErrorAbove("little"), "real number"),
+        ([orbits.EnergyErrorAbove(1e-3), orbits.EnergyErrorAbove(1e-2)], "at most one"),
+        (orbits.WallTimeOver(1 * u.au), "expected a time"),
+    ],
+)
+def test_what_cannot_end_a_run_is_refused(system, stop, message):
+    with pytest.raises(orbits.InputError, match=message):
+        orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, stop=stop)
+
+
+def test_a_callback_must_be_a_function(system):
+    with pytest.raises(orbits.InputError, match="callback"):
+        orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, callback=3)
