@@ -36,10 +36,6 @@ class MissingPackageError(OrbitsError, ImportError):
     exit_code = 2
 
 
-class StepWarning(OrbitsWarning):
-    """The step is too long for what happens in a run, before it starts or after it was seen."""
-
-
 class ArchiveError(InputError):
     """A file that is not a readable archive, or that must not be overwritten."""
 
@@ -50,6 +46,10 @@ class StorageError(OrbitsError):
 
 class OrbitsWarning(UserWarning):
     """Something was done that the caller should know of: entries left out, digits missing."""
+
+
+class StepWarning(OrbitsWarning):
+    """The step is too long for what happens in a run, before it starts or after it was seen."""
 
 
 class IntegrationError(OrbitsError):
