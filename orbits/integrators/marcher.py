@@ -390,7 +390,7 @@ _COMPILED: set[tuple[Any, str, bool]] = set()
 """Methods with Lagrangians, with and without particles, that are ready in this process."""
 
 
-def _coefficients(integrator: Integrator, h: float) -> Array:
+def _coefficients(integrator: Integrator, h: float) -> Any:
     """Return the coefficients of a step, from the last ones made where the method can be hashed."""
     try:
         return _known_coefficients(integrator, h)
@@ -399,7 +399,7 @@ def _coefficients(integrator: Integrator, h: float) -> Array:
 
 
 @lru_cache(maxsize=256)
-def _known_coefficients(integrator: Integrator, h: float) -> Array:
+def _known_coefficients(integrator: Integrator, h: float) -> Any:
     return integrator.coefficients(h)
 
 
