@@ -59,6 +59,8 @@ def parse(text: str) -> Integrator:
         pieces = re.split(r"""('[^']*'|"[^"]*")""", text.strip())
         pieces[::2] = [re.sub(r"(?<=[A-Za-z])-(?=\w)", "_", piece) for piece in pieces[::2]]
         read = _read(ast.parse("".join(pieces), mode="eval").body)
+    except InputError:
+        raise
     except (SyntaxError, ValueError, TypeError, MemoryError, RecursionError):
         read = None
     if isinstance(read, Integrator):
