@@ -175,9 +175,10 @@ class Flow:
         )
         error: ConvergenceError | SingularityError
         if status == NOT_CONVERGED:
+            tried = "neither by fixed point nor by Newton's method" if self._has_canonical else "by fixed point"
             error = ConvergenceError(
-                f"{where}: the stages of {self.integrator.label} did not converge, neither by fixed point nor by "
-                "Newton's method; the result would not be symplectic. Use a smaller dt.",
+                f"{where}: the stages of {self.integrator.label} did not converge, {tried}; the result would not be "
+                "symplectic. Use a smaller dt.",
                 step=done,
                 time=time,
             )

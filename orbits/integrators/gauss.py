@@ -14,16 +14,19 @@ from typing import ClassVar
 
 from orbits.errors import InputError
 from orbits.integrators.vprk.family import VariationalRungeKutta
-from orbits.kernels.lanes import WIDTH
 from orbits.tableaux import SymplecticTableau, gauss
+
+MOST = 32
+"""Stages in four registers: with more, the fixed point has long stopped converging for the steps that they are for."""
 
 
 @dataclass(frozen=True)
 class Gauss(VariationalRungeKutta):
-    """Gauss collocation with 1 ... 8 stages, order 2s: the method of choice when accuracy matters.
+    """Gauss collocation with 1 ... 32 stages, order 2s: the method of choice when accuracy matters.
 
     stages : s; 8 stages (order 16) fill one register. Fewer save nothing: a step is evaluated for eight lanes all the
-        same, and its iteration starts from a poorer guess
+        same, and its iteration starts from a poorer guess. More take several registers, for long steps of separable
+        Lagrangians
 
     Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off. With 8 stages, 15 steps
     for a nearly circular orbit leave nothing but round-off; eccentric ones want more. A step whose iteration does not
@@ -37,8 +40,8 @@ class Gauss(VariationalRungeKutta):
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.1.3, VIII.6; Marsden & West (2001), sec. 2.6"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.stages, int) or isinstance(self.stages, bool) or not 1 <= self.stages <= WIDTH:
-            raise InputError(f"Gauss needs stages between 1 and {WIDTH}, got {self.stages!r}; use e.g. Gauss(stages=8)")
+        if not isinstance(self.stages, int) or isinstance(self.stages, bool) or not 1 <= self.stages <= MOST:
+            raise InputError(f"Gauss needs stages between 1 and {MOST}, got {self.stages!r}; use e.g. Gauss(stages=8)")
 
     @property
     def tableau(self) -> SymplecticTableau:

@@ -59,7 +59,7 @@ def combine(coefficients, first, rows, k):
 
 
 @kernel(inline=True)
-def _moved(h, q, q_lo, v, v_lo, drift):
+def moved(h, q, q_lo, v, v_lo, drift):
     """Return (q, q_lo) + h (v, v_lo) + drift, drift being of the size of h v."""
     p, e = two_product(v, h)
     s, f = two_sum(p, fma(v_lo, h, e + drift))
@@ -132,7 +132,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
         for block in range(blocks):
             k = WIDTH * block
             v_now, v_rest = load(v, k), load(v_lo, k)
-            x, x_rest = _moved(h, load(q, k), load(q_lo, k), v_now, v_rest, h * load(history, blocks + block))
+            x, x_rest = moved(h, load(q, k), load(q_lo, k), v_now, v_rest, h * load(history, blocks + block))
             store(q, k, x)
             store(q_lo, k, x_rest)
             v_now, v_rest = add_compensated(v_now, v_rest + load(base, block), load(history, block))
@@ -199,7 +199,7 @@ def advance_particles(
                 return NOT_FINITE, step, particle, evaluations
             for k in range(3):
                 speed, speed_lo = v[k, particle], v_lo[k, particle]
-                q[k, particle], q_lo[k, particle] = _moved(
+                q[k, particle], q_lo[k, particle] = moved(
                     h, q[k, particle], q_lo[k, particle], speed, speed_lo, h * drifts[k]
                 )
                 v[k, particle], v_lo[k, particle] = add_compensated(speed, speed_lo, kicks[k])

@@ -1,0 +1,111 @@
+"""Gauss with more stages than one register holds: by the same tests as all methods, and against the fast kernel."""
+
+from dataclasses import dataclass
+
+import mpmath
+import numpy as np
+import pytest
+
+import orbits
+from orbits.integrators.vprk import wide
+from orbits.kernels.lanes import WIDTH
+from orbits.tableaux import gauss
+
+from ..contracts import test_integrators as contract
+from ..contracts.problems import march, particles_around, three_bodies
+from .test_orders import kepler_orbit, one_step
+
+TWELVE = orbits.Gauss(stages=12)
+
+
+@dataclass(frozen=True)
+class ByTheGeneralKernel(orbits.Gauss):
+    """Gauss with stages that would fit one register, by the kernel for several."""
+
+    advance = staticmethod(wide.advance)
+    advance_particles = staticmethod(wide.advance_particles)
+    advance_canonical = None
+
+    def coefficients_after(self, before, h):
+        return wide.in_registers(self.tableau, h, h / before)
+
+    def work_shape(self, size):
+        return wide.work_rows(size, self.registers), WIDTH
+
+
+def with_particles():
+    gm, q, v = three_bodies()
+    x, w = particles_around(11)
+    return np.append(gm, np.zeros(11)), np.vstack([q, x]), np.vstack([v, w])
+
+
+@pytest.mark.parametrize("stages", [3, 8])
+def test_the_kernel_for_many_stages_and_the_fast_one_agree(stages):
+    start = with_particles()
+    fast = march(orbits.Gauss(stages=stages), *start, 0.15, 40)
+    general = march(ByTheGeneralKernel(stages=stages), *start, 0.15, 40)
+    for a, b in zip(fast, general, strict=True):
+        assert np.abs(a - b).max() < 1e-15  # sums in another order; 2.2e-16 was reached
+
+
+@pytest.mark.parametrize("stages", [9, 12, 16, 32])
+def test_the_exactly_symplectic_form_holds_for_any_number_of_stages(stages):
+    tableau = gauss(stages)
+    assert tableau.binary_residual() == 0
+    assert tableau.binary_asymmetry() == 0
+    assert tableau.rounding_residual() < 4
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        contract.test_symplectic_if_and_only_if_declared,
+        contract.test_each_particle_fibre_is_symplectic_if_and_only_if_declared,
+        contract.test_symmetric_if_and_only_if_declared,
+        contract.test_momentum_maps_conserved_if_and_only_if_declared,
+        contract.test_a_massless_particle_moves_as_a_body_without_mass_would,
+        contract.test_a_checkpoint_continues_bit_for_bit,
+        contract.test_a_partial_step_leaves_the_march_untouched,
+    ],
+    ids=lambda f: f.__name__.removeprefix("test_"),
+)
+def test_twelve_stages_have_what_all_methods_have(claim):
+    claim(TWELVE)
+
+
+@pytest.mark.parametrize("stages", [12, 16, 24, 32])
+def test_long_steps_leave_round_off_only(stages):
+    """Steps a quarter of the inner planet's period, against eight stages at an eighth of that."""
+    start = with_particles()
+    truth = march(orbits.Gauss(stages=8), *start, 0.125, 32)
+    longer = march(orbits.Gauss(stages=stages), *start, 0.5 if stages < 16 else 1.0, 8 if stages < 16 else 4)
+    for a, b in zip(truth, longer, strict=True):
+        assert np.abs(a - b).max() < 6e-15  # 1.4e-15 was reached
+
+
+@pytest.mark.parametrize("stages", [9, 10, 12])
+def test_the_error_of_one_step_falls_with_the_power_order_plus_one_in_58_digits(stages):
+    """As for fewer stages in `test_orders`, with steps long enough for so many digits."""
+    with mpmath.workdps(58):
+        e, t = mpmath.mpf("0.3"), mpmath.mpf("0.8")
+        q, p = kepler_orbit(e, t)
+        errors = []
+        for h in (mpmath.mpf(1) / 8, mpmath.mpf(1) / 16):
+            got, exact = one_step(gauss(stages), q, p, h), kepler_orbit(e, t + h)[0]
+            errors.append(max(abs(a - b) for a, b in zip(got, exact, strict=True)))
+        measured = float(mpmath.log(errors[0] / errors[1], 2)) - 1
+    # The next terms of the expansion at such steps: 17.4, 19.6 and 22.8 were measured.
+    assert -1.4 < measured - 2 * stages < 0.4, measured
+
+
+def test_many_stages_refuse_what_is_not_separable_and_their_number_has_an_end():
+    with pytest.raises(orbits.InputError, match=r"separable Lagrangians only; 'charged-particle'.*Use 8 stages"):
+        orbits.march(orbits.lagrangians.charged_particle, TWELVE, dt=0.1, steps=1)
+    with pytest.raises(orbits.InputError, match="between 1 and 32"):
+        orbits.Gauss(stages=33)
+
+
+@pytest.mark.contracts
+def test_twelve_stages_are_certified():
+    certificate = orbits.certify(orbits.lagrangians.kepler, TWELVE, 0.2)
+    assert certificate.ok, certificate.table()
