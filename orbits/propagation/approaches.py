@@ -144,6 +144,13 @@ def recorded(trajectory: Trajectory) -> Array:
     return marcher.approaches()
 
 
+def hasty(integrator: Integrator, h: float, record: Array) -> bool:
+    """Return whether some passage of a marcher's record is so fast for steps of h that it may be unresolved."""
+    with np.errstate(all="ignore"):
+        shortest2 = float(np.min(record[DISTANCE2] / record[SPEED2]))
+    return h * h > ALWAYS**2 * shortest2 and h * h > bold_angle(integrator) ** 2 * shortest2
+
+
 def unresolved(system: System, integrator: Integrator, h: float, record: Array) -> list[Approach]:
     """Return the passages whose turn of the velocity a step of h got wrong by more than `UNRESOLVED`, worst first.
 

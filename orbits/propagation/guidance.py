@@ -157,6 +157,14 @@ def parsed_step(system: System, dt: Any, span: float) -> Any:
 
 def bold_angle(integrator: Integrator) -> float:
     """Return an angle of a step below which a method resolves every passage."""
+    try:
+        return _bold(integrator)
+    except TypeError:
+        return _bold.__wrapped__(integrator)
+
+
+@lru_cache(maxsize=256)
+def _bold(integrator: Integrator) -> float:
     angle = 4.0
     for e in (0.0, 0.5, 0.9, 1.0, 4.0, 100.0, 1e4):
         while angle > ALWAYS and passage_error(integrator, e, angle)[0] > UNRESOLVED:

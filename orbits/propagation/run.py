@@ -228,8 +228,9 @@ def _march(
             writer.close()
     trajectory = _result(system, integrator, marcher.h, times, keeper, writer, statistics)
     trajectory.stopped = watch.stopped
-    trajectory._approaches = marcher.approaches().copy
-    if watch.check_step:
+    record = marcher.approaches()
+    trajectory._approaches = record.copy
+    if watch.check_step and approaches.hasty(integrator, marcher.h, record):
         approaches.warn(trajectory.unresolved(), integrator, marcher.h, system.units.time)
     if failure is not None:
         failure.trajectory = trajectory
