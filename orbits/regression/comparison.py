@@ -61,7 +61,8 @@ def compare(
     integrators : one of ours or several, such as `[orbits.Gauss(stages=8), "stormer-verlet"]`
     dt, duration, samples, threads : as in `propagate`. dt is also the step of the fixed-step peers, to the bit, and the
         first that IAS15 tries; every method is sampled at the same times
-    against : names of peers: "whfast", "whfast-corrector17", "whfast-heliocentric", "ias15", "leapfrog"; may be empty
+    against : names of peers: "whfast", "whfast-corrector17", "whfast-heliocentric", "saba-10-6-4", "ias15",
+        "leapfrog"; may be empty
     tolerances : what ours must keep, as largest values over the samples: {"energy": 1e-12, "angular_momentum": 1e-14,
         "position_km": 1.0}; positions also by body, {"position_km": {"Mercury": 0.1, "particles": 100}}, or as a length
         in the system's unit, {"position": 1e-9}; for one method alone, {"gauss": {"energy": 1e-13}}

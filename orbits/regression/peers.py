@@ -66,6 +66,7 @@ PEERS: dict[str, Peer] = {
         Peer("whfast", "whfast", True, True, _WHFAST),
         Peer("whfast-corrector17", "whfast", True, True, (*_WHFAST, ("corrector", 17))),
         Peer("whfast-heliocentric", "whfast", True, True, (*_WHFAST, ("coordinates", "democraticheliocentric"))),
+        Peer("saba-10-6-4", "saba", True, True, (*_WHFAST, ("type", "10_6_4"))),
         Peer("ias15", "ias15", False),
         Peer("leapfrog", "leapfrog", True),
     )

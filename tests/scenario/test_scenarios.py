@@ -25,7 +25,7 @@ from orbits.scenario.values import quantity
 
 STUDIES = [
     *("arenstorf", "brouwer", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum"),
-    "pleiades",
+    *("pleiades", "work_precision"),
 ]
 SHORT = {
     "kepler": {"duration": 3.0, "samples": 21},

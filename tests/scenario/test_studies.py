@@ -85,6 +85,20 @@ def test_brouwers_law_over_a_short_time_tells_rounded_coefficients_from_exact_on
     assert powers[names["EXACT"], "phase"] < powers[names["ROUNDED"], "phase"] - 0.2
 
 
+def test_work_and_precision_are_swept_down_to_round_off_and_show_the_order(monkeypatch):
+    names = load("work_precision").experiment.__globals__
+    monkeypatch.setitem(names, "SECONDS", 0.05)
+    problem = names["kepler"]()
+    points = names["sweep"](problem, names["by_ours"](problem, orbits.Gauss(stages=4)))
+    assert points[0][1] > 1e-4
+    assert min(error for _, error, _, _ in points) < 1e-9
+    assert 7 < names["measured"](points) < 9
+    assert all(a[3] < b[3] for a, b in zip(points[:6], points[1:7], strict=True))  # shorter steps cost more forces
+    labels = {method.label for method in names["methods"]()}
+    assert {"Gauss(stages=8)", "StormerVerlet()", "RungeKutta4()"} <= labels
+    assert any("order=10" in label for label in labels)
+
+
 def test_the_foils_of_the_pictures_are_judged_to_fail(tmp_path):
     """Euler and RK4 stand in the checks as what they are; the variational methods beside them hold."""
     claims = [
