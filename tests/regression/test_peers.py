@@ -72,8 +72,9 @@ def test_samples_between_grid_points_are_as_good_as_those_on_it(name):
     for times in (np.arange(0, DAYS + DT, DT), np.linspace(0, DAYS, 100)):
         truth = peers.run("ias15", GM, Q, V, times=times, dt=DT).q
         errors.append(np.abs(peers.run(name, GM, Q, V, times=times, dt=DT).q - truth).max(axis=(0, 2)))
-    # Errors grow with time, so the largest on and off the grid agree: to 0.3 % where this was written.
-    np.testing.assert_allclose(errors[1], errors[0], rtol=0.01)
+    # Errors grow with time, so the largest on and off the grid agree: to 0.3 % where this was written; SABA's are
+    # round-off, 1e-13, and agree to 1e-15.
+    np.testing.assert_allclose(errors[1], errors[0], rtol=0.01, atol=5e-15)
 
 
 def test_the_corrector_and_the_coordinates_that_a_name_promises_are_in_force():
