@@ -1,8 +1,8 @@
 """Work and precision: every method of the package and REBOUND's on three problems, error against cost.
 
 Kepler's problem with e = 0.6 for 100 periods against the exact orbit; Sun, planets and Pluto for a century against a
-quadruple-precision reference; 200 asteroids among the planets for ten years. Each method takes ever shorter steps, until
-its error no longer falls or a run takes long. Cost is time in the integrating loop, compiling left out, and evaluations
+quadruple-precision reference; 200 asteroids among the planets for ten years. Each method takes ever shorter steps
+until its error no longer falls or a run takes long. Cost is time in the integrating loop, without compiling, and calls
 of the forces among the massive bodies.
 
 Methods come from the registry: one that is added appears here. Times are those of one run on a machine that may do
