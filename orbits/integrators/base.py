@@ -98,6 +98,12 @@ class Integrator:
         """Return the coefficients of a step of h that follows one of `before`, whose memory it finds."""
         return self.coefficients(h)
 
+    def kicks_and_drifts(self, h: float) -> tuple[Array, Array] | None:
+        """Return the lengths of the s + 1 kicks and the s drifts between them that a step of h consists of, if it does:
+        such a step of thousands of bodies is shared among threads.
+        """
+        return None
+
     def field_shape(self, size: int) -> tuple[int, int]:
         """Return the shape of one step's record of the positions of `size` coordinates."""
         raise NotImplementedError

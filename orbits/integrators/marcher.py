@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any, NoReturn
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
+from orbits.integrators.crowd import Crowd, shares
 from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, Watch, note_end
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.stopping import first_energy_error, look_at_bodies, path_energy
@@ -31,7 +31,7 @@ FIELD_BYTES = 512 * 1024
 PATH_BYTES = 4 * 1024 * 1024
 """Size of the path of massive bodies without particles: written once, read here and there."""
 
-LEAST_BLOCK = 8
+LEAST_BLOCK = 16
 """Steps in one call of a kernel, however many the bodies are: whoever looks for close approaches looks at its ends."""
 
 RULE = 0.9
@@ -59,7 +59,7 @@ class Marcher:
     q, v : (n, 3) float64 in the order of the caller
     h : step, not 0; its sign is the direction of time
     names : (n,) names for messages
-    threads : how many threads the massless particles may use
+    threads : how many threads massless particles, and thousands of massive bodies, may use
     stops : (conditions, 4), see `orbits.kernels.stopping`, rows counting bodies in the order of the caller
     energy_bound : relative energy error that ends the march, or None
 
@@ -118,10 +118,12 @@ class Marcher:
         self._path = np.empty(2 * (self.block + 1) * padded(3 * n))
         self._nothing = np.zeros(0)
         self._work = np.zeros(integrator.work_shape(3 * n))
-        self._tasks = _shares(m, threads)
+        self._tasks = shares(m, threads)
         self._task_work = [np.zeros(integrator.work_shape(3 * n)) for _ in self._tasks]
-        self._tracks = [np.empty((6 * (self.block + 1), WIDTH)) for _ in range(max(1, len(self._tasks)))]
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 and len(self._tasks) > 1 else None
+        self._tracks = [np.empty((12 * (self.block + 1), WIDTH)) for _ in range(max(1, len(self._tasks)))]
+        crowded = Crowd.serves(integrator, lagrangian.tag, n)
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
+        self._advance = Crowd(integrator, n, threads, self._pool).advance if crowded else integrator.advance
         self.met: tuple[int, int, int] | None = None
         self._rows = np.concatenate([self._massive, self._particles])
         self._stops = self._in_rows(np.zeros((0, 4)) if stops is None else stops)
@@ -262,7 +264,7 @@ class Marcher:
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         watching = "approaches" in state
         path = self._path if watching else self._nothing
-        status, done, body, evaluations = method.advance(*arguments, *massive, self._work, self._field, path, count)
+        status, done, body, evaluations = self._advance(*arguments, *massive, self._work, self._field, path, count)
         self.evaluations += evaluations
         if status == NOT_CONVERGED:
             self._fail(status, done, self._meeting(state, body))
@@ -415,11 +417,3 @@ def _columns(x: Array) -> Array:
     out = np.full((3, padded(len(x))), 1e6)
     out[:, : len(x)] = x.T
     return out
-
-
-def _shares(particles: int, threads: int) -> list[tuple[int, int]]:
-    """Split the particles into contiguous shares of whole lanes, a few for each thread."""
-    groups = (particles + WIDTH - 1) // WIDTH
-    count = min(groups, 4 * threads if threads > 1 else 1)
-    edges = [WIDTH * (groups * k // count) for k in range(count + 1)] if count else [0]
-    return [(a, min(b, particles)) for a, b in pairwise(edges)]

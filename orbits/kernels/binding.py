@@ -28,6 +28,10 @@ class Tag:
         self.name = name
         _KERNELS[name] = dict(kernels)
 
+    def provides(self, name: str) -> bool:
+        """Whether the Lagrangian has the kernel of that name."""
+        return name in _KERNELS[self.name]
+
     def __repr__(self) -> str:
         return f"Tag({self.name!r})"
 
@@ -124,6 +128,17 @@ def accelerate(lagrangian, parameters, q, out):
 def _accelerate(lagrangian, parameters, q, out):
     compiled = kernel_of(lagrangian, "accelerate" if getattr(q, "ndim", 0) == 1 else "accelerate_stages")
     return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))
+
+
+def accelerate_some(lagrangian, parameters, q, out, start, stop):
+    """Write what `accelerate` would, bit for bit, of bodies start ... stop - 1 only, start being a multiple of 8."""
+    raise NotImplementedError("accelerate_some() is for compiled code only")
+
+
+@overload(accelerate_some)
+def _accelerate_some(lagrangian, parameters, q, out, start, stop):
+    compiled = kernel_of(lagrangian, "accelerate_some")
+    return compiled and (lambda lagrangian, parameters, q, out, start, stop: compiled(parameters, q, out, start, stop))
 
 
 def field(lagrangian, parameters, sources, x, y, z):

@@ -31,6 +31,9 @@ FRACTION = 0.5
 MARGIN = 1.05
 """By how much the apsides of a particle may move within a block."""
 
+DETOUR = 1.25
+"""How much faster than at the looks a body may be in between."""
+
 SLACK = 0.998
 """How much smaller than estimated an approach may turn out."""
 
@@ -202,23 +205,43 @@ def _passage(watch, track, row, j, begin, end, h, both):
 
 
 @kernel
-def _note_state(watch, track, row, time):
-    """Enter the distances of a row from all bodies at the beginning of a block."""
+def _note_pair(watch, track, row, j, time):
+    """Enter the distance of a row from body j at the beginning of a block."""
+    x, y, z, u, v, w = relative(watch, track, row, j, 0)
+    _note(watch, row, j, x * x + y * y + z * z, time, u * u + v * v + w * w)
+
+
+@kernel
+def _note_bodies(watch, track, time):
+    """Enter the least distances of the massive bodies from each other at the beginning of a block."""
+    n, path, closest = watch.bodies, watch.path, watch.record[DISTANCE2, OTHER]
+    for i in range(n):
+        for start in range(0, n, WIDTH):
+            x = load(path, start) - path[i]
+            y = load(path, n + start) - path[n + i]
+            z = load(path, 2 * n + start) - path[2 * n + i]
+            nearer = x * x + y * y + z * z < closest[i]
+            if any_lane(nearer) or start <= watch.dominant < start + WIDTH:
+                for j in range(start, min(start + WIDTH, n)):
+                    if j != i and (lane(nearer, j - start) != 0.0 or j == watch.dominant):
+                        _note_pair(watch, track, i, j, time)
+
+
+@kernel
+def _note_particle(watch, track, row, time):
+    """Enter the distances of a particle from all bodies at the beginning of a block."""
     for j in range(watch.bodies):
-        if j != row:
-            x, y, z, u, v, w = relative(watch, track, row, j, 0)
-            _note(watch, row, j, x * x + y * y + z * z, time, u * u + v * v + w * w)
+        _note_pair(watch, track, row, j, time)
 
 
 @kernel
 def note_end(watch, track, q, v, particles):
     """Enter all distances where a run ends: the bodies' state is the first of `path`, q and v are the particles'."""
-    for i in range(watch.bodies):
-        _note_state(watch, track, i, 1.0 * watch.first)
+    _note_bodies(watch, track, 1.0 * watch.first)
     for p in range(particles):
         for k in range(3):
             track[k, p % WIDTH], track[3 + k, p % WIDTH] = q[k, p], v[k, p]
-        _note_state(watch, track, watch.bodies + p, 1.0 * watch.first)
+        _note_particle(watch, track, watch.bodies + p, 1.0 * watch.first)
 
 
 @kernel(inline=True)
@@ -235,20 +258,44 @@ def _steps_until(valid, x, y, z, u, v, w, du, dv, dw, h, left):
 
 
 @kernel
+def _longest_way(watch, h, steps):
+    """Return more than any body travels in a block of `steps` steps of h."""
+    n, P, path = watch.bodies, watch.stride, watch.path
+    fastest2 = 0.0
+    for step in range(steps + 1):
+        first = (2 * step + 1) * P
+        for i in range(n):
+            u, v, w = path[first + i], path[first + n + i], path[first + 2 * n + i]
+            fastest2 = max(fastest2, u * u + v * v + w * w)
+    return DETOUR * abs(h) * steps * math.sqrt(fastest2)
+
+
+@kernel
 def follow_bodies(watch, track, h, steps):
     """Look for closest approaches among the massive bodies in a block of `steps` steps of h.
 
     One body against eight others in lanes. `track` is not read.
     """
     if watch.first == 0:
-        for i in range(watch.bodies):
-            _note_state(watch, track, i, 0.0)
+        _note_bodies(watch, track, 0.0)
     n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
+    closest, way = record[DISTANCE2, OTHER], _longest_way(watch, h, steps)
     for i in range(n - 1):
         for start in range(i + 1, n, WIDTH):
-            valid = full(0.0)
-            for j in range(start, min(start + WIDTH, n)):
-                valid = valid + unit(j - start)
+            valid = full(1.0)
+            for j in range(n, start + WIDTH):
+                valid = valid - unit(j - start)
+            if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
+                # Who stays farther apart in this block than both have already been from another is not looked at:
+                # two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
+                x, y, z = (
+                    load(path, start) - path[i],
+                    load(path, n + start) - path[n + i],
+                    load(path, 2 * n + start) - path[2 * n + i],
+                )
+                known = maximum(load(closest, start), full(closest[i]))
+                if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
+                    continue
             k = last = 0
             before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
             while True:
@@ -296,7 +343,7 @@ def follow_particles(watch, track, h, steps, start, stop):
     annuli, dominant = watch.annuli, watch.dominant
     if watch.first == 0:
         for p in range(start, stop):
-            _note_state(watch, track, n + p, 0.0)
+            _note_particle(watch, track, n + p, 0.0)
     valid = full(0.0)
     for p in range(start, stop):
         valid = valid + unit(p - start)

@@ -8,7 +8,10 @@ length squared, then GM of each body. Two bodies at one place give values that a
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, full, get, load, put, rsqrt_cubed, sqrt, store, unit
+from orbits.kernels.lanes import WIDTH, full, get, load, put, rsqrt_cubed, sqrt, store_some, unit
+
+TILE = 128
+"""Partners summed apart, before their sum enters a body's."""
 
 
 @kernel
@@ -28,7 +31,7 @@ def pair_accelerations(strength, q, out):
         gm_i = strength[1 + i]
         for j in range(i + 1, n):
             dx, dy, dz = get(q, j) - x, get(q, n + j) - y, get(q, 2 * n + j) - z
-            w = rsqrt_cubed(dx * dx + dy * dy + dz * dz + softening2)
+            w = rsqrt_cubed(softening2 + dx * dx + dy * dy + dz * dz)
             w_i, w_j = w * strength[1 + j], w * gm_i
             ax, ay, az = ax + w_i * dx, ay + w_i * dy, az + w_i * dz
             put(out, j, get(out, j) - w_j * dx)
@@ -50,37 +53,91 @@ def attraction(strength, sources, x, y, z):
     ax, ay, az = x * 0.0, x * 0.0, x * 0.0
     for j in range(n):
         dx, dy, dz = get(sources, j) - x, get(sources, n + j) - y, get(sources, 2 * n + j) - z
-        w = rsqrt_cubed(dx * dx + dy * dy + dz * dz + softening2) * strength[1 + j]
+        w = rsqrt_cubed(softening2 + dx * dx + dy * dy + dz * dz) * strength[1 + j]
         ax, ay, az = ax + w * dx, ay + w * dy, az + w * dz
     return ax, ay, az
 
 
 @kernel
 def body_accelerations(strength, q, out):
-    """Write the accelerations of n mutually attracting bodies into `out`, eight bodies in lanes.
+    """Write the accelerations of n mutually attracting bodies into `out`, bodies in lanes.
 
-    q, out : (3n + 8,) float64; the last eight elements of `out` are overwritten. Both directions of a pair are
-        evaluated, by the same arithmetic up to the sign.
+    q : (3n + 8,) float64, what stands behind 3n is read and of no account; out : (3n,) or longer
+    Both directions of a pair are evaluated, by the same arithmetic up to the sign.
     """
+    share_of_accelerations(strength, q, out, 0, strength.shape[0] - 1)
+
+
+@kernel(inline=True)
+def share_of_accelerations(strength, q, out, start, stop):
+    """Write the accelerations of bodies start ... stop - 1 into `out`, and nothing else.
+
+    start : a multiple of 8. A body's bits do not depend on the share that it is in: threads may divide the bodies.
+    """
+    for first in range(start, stop, 2 * WIDTH):
+        if first + WIDTH < stop:
+            _accelerate_sixteen(strength, q, out, first, stop)
+        else:
+            _accelerate_eight(strength, q, out, first, stop)
+
+
+@kernel(inline=True)
+def _accelerate_eight(strength, q, out, first, stop):
+    """Write the accelerations of bodies first ... first + 7, those below `stop`."""
     n = strength.shape[0] - 1
     softening2 = strength[0]
-    # Downwards: the lanes past body n spill into the next coordinate, which a lower block then writes.
-    for block in range((n + WIDTH - 1) // WIDTH - 1, -1, -1):
-        start = WIDTH * block
-        stop = min(start + WIDTH, n)
-        x, y, z = load(q, start), load(q, n + start), load(q, 2 * n + start)
-        ax, ay, az = full(0.0), full(0.0), full(0.0)
-        for j in range(n):
-            dx, dy, dz = q[j] - x, q[n + j] - y, q[2 * n + j] - z
-            r2 = dx * dx + dy * dy + dz * dz + softening2
-            if start <= j < stop:
+    x, y, z = load(q, first), load(q, n + first), load(q, 2 * n + first)
+    ax, ay, az = full(0.0), full(0.0), full(0.0)
+    for tile in range(0, n, TILE):
+        # Sums of sums: the rounding error of a body's sum grows with the number of tiles, not of bodies.
+        bx, by, bz = full(0.0), full(0.0), full(0.0)
+        for j in range(tile, min(tile + TILE, n)):
+            dx, dy, dz = get(q, j) - x, get(q, n + j) - y, get(q, 2 * n + j) - z
+            r2 = softening2 + dx * dx + dy * dy + dz * dz
+            if first <= j < first + WIDTH:
                 # At distance 1 from itself, in the direction 0, a body feels nothing of itself.
-                r2 = r2 + unit(j - start)
+                r2 = r2 + unit(j - first)
             w = rsqrt_cubed(r2) * strength[1 + j]
-            ax, ay, az = ax + w * dx, ay + w * dy, az + w * dz
-        store(out, start, ax)
-        store(out, n + start, ay)
-        store(out, 2 * n + start, az)
+            bx, by, bz = bx + w * dx, by + w * dy, bz + w * dz
+        ax, ay, az = ax + bx, ay + by, az + bz
+    _store_bodies(out, n, first, stop - first, ax, ay, az)
+
+
+@kernel(inline=True)
+def _accelerate_sixteen(strength, q, out, first, stop):
+    """As `_accelerate_eight` for two registers: their chains of operations overlap, a partner is read once for both."""
+    n = strength.shape[0] - 1
+    softening2 = strength[0]
+    second = first + WIDTH
+    x, y, z = load(q, first), load(q, n + first), load(q, 2 * n + first)
+    X, Y, Z = load(q, second), load(q, n + second), load(q, 2 * n + second)
+    ax, ay, az, AX, AY, AZ = full(0.0), full(0.0), full(0.0), full(0.0), full(0.0), full(0.0)
+    for tile in range(0, n, TILE):
+        bx, by, bz, BX, BY, BZ = full(0.0), full(0.0), full(0.0), full(0.0), full(0.0), full(0.0)
+        for j in range(tile, min(tile + TILE, n)):
+            xj, yj, zj, gm = get(q, j), get(q, n + j), get(q, 2 * n + j), get(strength, 1 + j)
+            dx, dy, dz = xj - x, yj - y, zj - z
+            DX, DY, DZ = xj - X, yj - Y, zj - Z
+            r2 = softening2 + dx * dx + dy * dy + dz * dz
+            R2 = softening2 + DX * DX + DY * DY + DZ * DZ
+            if first <= j < second:
+                r2 = r2 + unit(j - first)
+            elif second <= j < second + WIDTH:
+                R2 = R2 + unit(j - second)
+            w, W = rsqrt_cubed(r2) * gm, rsqrt_cubed(R2) * gm
+            bx, by, bz = bx + w * dx, by + w * dy, bz + w * dz
+            BX, BY, BZ = BX + W * DX, BY + W * DY, BZ + W * DZ
+        ax, ay, az, AX, AY, AZ = ax + bx, ay + by, az + bz, AX + BX, AY + BY, AZ + BZ
+    _store_bodies(out, n, first, WIDTH, ax, ay, az)
+    _store_bodies(out, n, second, stop - second, AX, AY, AZ)
+
+
+@kernel(inline=True)
+def _store_bodies(out, n, first, count, ax, ay, az):
+    """Write the accelerations of the first `count` of bodies first ... first + 7."""
+    store_some(out, first, ax, count)
+    store_some(out, n + first, ay, count)
+    store_some(out, 2 * n + first, az, count)
 
 
 @kernel

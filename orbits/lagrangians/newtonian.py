@@ -20,7 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.gravity import attraction, body_accelerations, pair_accelerations, pair_potential
+from orbits.kernels.gravity import (
+    attraction,
+    body_accelerations,
+    pair_accelerations,
+    pair_potential,
+    share_of_accelerations,
+)
 from orbits.kernels.lanes import get, put, sqrt
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Compiled, Lagrangian, Motion
 from orbits.lagrangians.symmetry import Symmetry, rotation, translation
@@ -95,6 +101,7 @@ def _compiled() -> Compiled:
         "gradients": gradients,
         "hessians": hessians,
         "accelerate": body_accelerations,
+        "accelerate_some": share_of_accelerations,
         "accelerate_stages": pair_accelerations,
         "field": attraction,
     }

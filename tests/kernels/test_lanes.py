@@ -175,6 +175,19 @@ def test_a_scalar_operand_is_spread_over_the_lanes():
     assert same_bits(out, np.concatenate([0.3 - a, a / 0.3, 3 * a]))
 
 
+@pytest.mark.parametrize("count", [-1, 0, 1, 5, 7, 8, 9])
+def test_some_lanes_are_stored_and_nothing_else_is_written(count):
+    @kernel
+    def run(a, out, count):
+        L.store_some(out, 3, L.load(a, 0), count)
+
+    a, out = np.arange(1.0, 9.0), np.full(20, -1.0)
+    run(a, out, count)
+    stored = max(0, min(count, 8))
+    assert np.array_equal(out[3 : 3 + stored], a[:stored])
+    assert np.all(np.delete(out, np.arange(3, 3 + stored)) == -1.0)
+
+
 def test_fma_rounds_once():
     @kernel
     def run(a, b, c, out):

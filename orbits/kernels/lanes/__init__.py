@@ -19,7 +19,7 @@ from orbits.kernels.lanes.arithmetic import (
     select,
     sqrt,
 )
-from orbits.kernels.lanes.memory import full, get, lane, load, put, store, unit
+from orbits.kernels.lanes.memory import full, get, lane, load, put, store, store_some, unit
 from orbits.kernels.lanes.reductions import any_lane, largest, row_maxima, row_sums, total, transposed
 from orbits.kernels.lanes.type import WIDTH, LanesType, lanes
 
@@ -46,6 +46,7 @@ __all__ = [
     "select",
     "sqrt",
     "store",
+    "store_some",
     "total",
     "transposed",
     "unit",

@@ -4,9 +4,23 @@ from __future__ import annotations
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from orbits.kernels.lanes.type import DOUBLE, VECTOR, LanesType, constant, element_pointer, is_contiguous, lanes, widen
+from orbits.kernels.lanes.type import (
+    DOUBLE,
+    INT32,
+    INT64,
+    VECTOR,
+    WIDTH,
+    LanesType,
+    constant,
+    element_pointer,
+    is_contiguous,
+    lanes,
+    shuffle,
+    widen,
+)
 
 
 @intrinsic
@@ -36,6 +50,29 @@ def store(typingctx, array, index, value):
         return context.get_dummy_value()
 
     return types.void(array, index, value), codegen
+
+
+@intrinsic
+def store_some(typingctx, array, index, value, count):
+    """Write the first `count` of eight lanes to consecutive elements of a vector from `index` on; all, if count > 8."""
+    if not (is_contiguous(array, 1) and isinstance(value, LanesType)):
+        return None
+
+    def codegen(context, builder, sig, args):
+        index, count = (context.cast(builder, args[k], sig.args[k], types.int64) for k in (1, 3))
+        pointer = builder.bitcast(element_pointer(context, builder, sig.args[0], args[0], index), VECTOR.as_pointer())
+        words = ir.VectorType(INT64, WIDTH)
+        limit = builder.insert_element(ir.Constant(words, ir.Undefined), count, INT32(0))
+        limit = shuffle(builder, limit, ir.Constant(words, ir.Undefined), [0] * WIDTH)
+        mask = builder.icmp_signed("<", ir.Constant(words, list(range(WIDTH))), limit)
+        kinds = [VECTOR, pointer.type, INT32, mask.type]
+        function = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(ir.VoidType(), kinds), "llvm.masked.store.v8f64.p0"
+        )
+        builder.call(function, [args[2], pointer, INT32(8), mask])
+        return context.get_dummy_value()
+
+    return types.void(array, index, value, count), codegen
 
 
 @intrinsic

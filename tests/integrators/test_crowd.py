@@ -1,0 +1,82 @@
+"""Thousands of bodies: force evaluations shared among threads give the bits of the compiled loop."""
+
+import numpy as np
+import pytest
+
+from orbits.integrators import crowd
+from orbits.integrators.gauss import Gauss
+from orbits.integrators.marcher import Marcher
+from orbits.integrators.stormer_verlet import StormerVerlet
+from orbits.lagrangians.newtonian import newtonian, parameters
+
+BODIES = 150
+
+
+def cluster(particles=0, seed=2):
+    """Bodies of one size, and massless particles among them."""
+    rng = np.random.default_rng(seed)
+    count = BODIES + particles
+    gm = np.where(np.arange(count) < BODIES, 1.0 / BODIES, 0.0)
+    return gm, rng.normal(size=(count, 3)), 0.3 * rng.normal(size=(count, 3))
+
+
+def march(gm, q, v, threads, steps=40, method=None):
+    massive = gm > 0
+    strength = parameters(gm[massive], 0.01)
+    run = Marcher(newtonian, method or StormerVerlet(), strength, massive, q, v, 0.01, threads=threads)
+    run.advance(steps - 7)
+    run.advance(7)
+    checkpoint = run.checkpoint()
+    run.state_after(0.003)  # a partial step elsewhere must not disturb the march
+    run.advance(1)
+    run.close()
+    return checkpoint, run.state()
+
+
+@pytest.mark.parametrize("particles", [0, 20])
+@pytest.mark.parametrize("threads", [1, 2, 3, 5])
+def test_bits_do_not_depend_on_the_number_of_threads_nor_on_being_shared(particles, threads, monkeypatch):
+    problem = cluster(particles)
+    alone, alone_later = march(*problem, threads=1)
+    monkeypatch.setattr(crowd, "LEAST_CROWD", BODIES)
+    shared, shared_later = march(*problem, threads=threads)
+    for name, array in alone.items():
+        assert np.array_equal(shared[name], array), name
+    assert np.array_equal(alone_later, shared_later)
+
+
+def test_methods_of_other_steps_are_not_shared():
+    tag = newtonian.tag
+    assert crowd.Crowd.serves(StormerVerlet(), tag, crowd.LEAST_CROWD)
+    assert not crowd.Crowd.serves(StormerVerlet(), tag, crowd.LEAST_CROWD - 1)
+    assert not crowd.Crowd.serves(Gauss(stages=2), tag, crowd.LEAST_CROWD)
+
+
+def test_an_error_in_a_thread_is_raised(monkeypatch):
+    monkeypatch.setattr(crowd, "LEAST_CROWD", BODIES)
+
+    def fail(*arguments):
+        raise MemoryError
+
+    monkeypatch.setattr(crowd, "accelerate_share", fail)
+    with pytest.raises(MemoryError):
+        march(*cluster(), threads=2)
+
+
+def test_no_close_approach_in_a_cluster_is_passed_over():
+    gm, q, v = cluster()
+    run = Marcher(newtonian, StormerVerlet(), parameters(gm, 0.01), gm > 0, q, v, 0.01)
+    d2 = [((q[:, None] - q) ** 2).sum(axis=2)]
+    for _ in range(60):
+        run.advance(1)
+        now = run.state()[0]
+        d2.append(((now[:, None] - now) ** 2).sum(axis=2))
+    d2 = np.array(d2) + np.diag(np.full(BODIES, np.inf))
+    passed = np.where((d2[1:-1] <= d2[:-2]) & (d2[1:-1] <= d2[2:]), d2[1:-1], np.inf)
+    least = np.minimum(d2[0].min(axis=1), passed.min(axis=(0, 1)))
+    apart = Marcher(newtonian, StormerVerlet(), parameters(gm, 0.01), gm > 0, q, v, 0.01)
+    apart.advance(60)
+    recorded = apart.checkpoint()["approaches"][0, 1, :BODIES]
+    # Between two steps bodies come closer than at either: never farther, and a little only, but for a few.
+    assert np.all(recorded <= least * (1 + 1e-12))
+    assert np.median(least / recorded) < 1.01
