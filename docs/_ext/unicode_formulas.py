@@ -12,14 +12,18 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.transforms.post_transforms import SphinxPostTransform
 
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "mu": "μ", "xi": "ξ", "phi": "φ", "psi": "ψ",
+    "omega": "ω", "Phi": "Φ", "Psi": "Ψ", "sum": "Σ",
+}  # fmt: skip
 INDEX = (
-    r"\{(?P<%s_long>[^{}]+)\}|\((?P<%s_ratio>-?\d+/\d+)\)|"
+    r"\{(?P<%s_long>[^{}]+)\}|\((?P<%s_round>-?\d+/\d+|[a-z][+−-]\d)\)|"
     r"(?P<%s>half(?![A-Za-z])|-?\d+(?![A-Za-z0-9])|[A-Za-z0-9*±+-]{1,2}(?![A-Za-z0-9]))"
 )
-BASE = r"(?P<base>(?<![A-Za-z_])(?:sum|gm|eta|mu|xi|dp|dq|[A-Za-zα-ωΑ-Ωāēξ∂Σ]̃?)|[)\]0-9])"
+BASE = rf"(?P<base>(?<![A-Za-z_])(?:{'|'.join(GREEK)}|gm|dp|dq|[A-Za-zα-ωΑ-Ωāēξ∂Σ]̃?)|[)\]0-9])"
 LOW, BOTH, HIGH = (INDEX.replace("%s", name) for name in ("low", "both", "high"))
 SCRIPTED = re.compile(rf"{BASE}_(?:{LOW})(?:\^(?:{BOTH}))?|(?P<raised>[\w)\]])\^(?:{HIGH})")
-SYMBOLS = {"sum": "Σ", "eta": "η", "mu": "μ", "xi": "ξ"}
+WORD = re.compile(rf"\b(?:{'|'.join(GREEK)})\b")
 WIDE = re.compile(r" {3,}")
 
 
@@ -30,10 +34,10 @@ def typeset(text: str) -> list[nodes.Node]:
     end = 0
     for found in SCRIPTED.finditer(text):
         base = found["base"] or found["raised"]
-        base = SYMBOLS.get(base, base)
+        base = GREEK.get(base, base)
         made.append(nodes.Text(text[end : found.start()] + base))
         for name, node in (("low", nodes.subscript), ("both", nodes.superscript), ("high", nodes.superscript)):
-            script = found[f"{name}_long"] or found[f"{name}_ratio"] or found[name]
+            script = found[f"{name}_long"] or found[f"{name}_round"] or found[name]
             if script:
                 made.append(node("", "", *typeset(script)))
         end = found.end()
@@ -52,6 +56,7 @@ class Formulas(SphinxPostTransform):
         for block in list(self.document.findall(nodes.literal_block)):
             if block.get("language") == "none":
                 lines = [WIDE.sub("\u2003\u2003", line) for line in block.astext().splitlines()]
+                lines = [WORD.sub(lambda found: GREEK[found[0]], line) for line in lines]
                 formula = nodes.line_block(classes=["formula"])
                 formula += [nodes.line("", "", *typeset(line)) for line in lines]
                 block.replace_self(formula)

@@ -82,6 +82,7 @@ def test_every_docstring_of_the_reference_is_read_without_complaint(page: str) -
         ("L_d^E(q0, q1)", "L<d>[E](q0, q1)"),
         ("2^-53, x^(-3/2), au^3/d^2", "2[-53], x[-3/2], au[3]/d[2]"),
         ("sum_{i<j} gm_i gm_j", "Σ<i<j> gm<i> gm<j>"),
+        ("L_d^i(q_(i-1), q_i; gamma_i h)", "L<d>[i](q<i-1>, q<i>; γ<i> h)"),
         ("v_half = v + h/2 g(q)", "v<half> = v + h/2 g(q)"),
         ("my_name, q_path, NUMBA_CACHE_DIR, a^", "my_name, q_path, NUMBA_CACHE_DIR, a^"),
     ],
