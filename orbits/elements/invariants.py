@@ -67,16 +67,16 @@ def measured(q: Floats, v: Floats, gm: Floats, t: Floats, names: Sequence[str] |
     refuse(np.abs(octaves) > MOST_OCTAVES, EXTREME, names, octaves=octaves)
     v, gm = scaled(v, -speed[..., None]), scaled(gm, -length - 2 * speed)
 
-    r_, one = _root(dd.dot(q, q)), dd.Pair(np.ones_like(gm), np.zeros_like(gm))
-    gm_ = dd.Pair(gm, np.zeros_like(gm))
-    vis_viva = dd.divide(dd.multiply(r_, dd.dot(v, v)), gm_)
-    h_ = [
-        dd.subtract(dd.two_product(q[..., i], v[..., j]), dd.two_product(q[..., j], v[..., i]))
-        for i, j in ((1, 2), (2, 0), (0, 1))
-    ]
-    x, y, z = (dd.multiply(part, part) for part in h_)
-    p_ = dd.divide(dd.add(dd.add(x, y), z), gm_)
-    r, p, h = r_.rounded(), p_.rounded(), np.stack([part.rounded() for part in h_], axis=-1)
+    # Over stacks of all products, sums and quotients of one kind: one state costs calls, not arithmetic.
+    squares = dd.total(dd.two_product(np.stack([q, v, q]), np.stack([q, v, v])))
+    r2_, v2_, qv_ = (dd.Pair(squares.hi[i], squares.lo[i]) for i in range(3))
+    ahead, behind = [1, 2, 0], [2, 0, 1]
+    h_ = dd.subtract(dd.two_product(q[..., ahead], v[..., behind]), dd.two_product(q[..., behind], v[..., ahead]))
+    h2_, r_ = dd.total(dd.multiply(h_, h_)), dd.multiply(r2_, dd.reciprocal_root(r2_))
+    one, gm_ = dd.Pair(np.ones_like(gm), np.zeros_like(gm)), dd.Pair(gm, np.zeros_like(gm))
+    rv2_ = dd.multiply(r_, v2_)
+    vis_viva, p_ = (dd.divide(part, gm_) for part in (rv2_, h2_))
+    r, p, h = r_.rounded(), p_.rounded(), h_.rounded()
     h_size = np.sqrt(p * gm)
     # The size in the caller's units is only for the message, where an overflow to inf does no harm.
     with np.errstate(over="ignore", under="ignore"):
@@ -85,15 +85,10 @@ def measured(q: Floats, v: Floats, gm: Floats, t: Floats, names: Sequence[str] |
     e_cos_E = dd.subtract(vis_viva, one).rounded()
     binding = dd.subtract(dd.Pair(2.0 * one.hi, one.lo), vis_viva).rounded()
     e_cos_f = dd.subtract(dd.divide(p_, r_), one).rounded()
-    qv = dd.dot(q, v).rounded()
-    return Motion(q, v, gm, r, qv, h, h_size, p, e_cos_f, e_cos_E, binding, length, speed), t
+    return Motion(q, v, gm, r, qv_.rounded(), h, h_size, p, e_cos_f, e_cos_E, binding, length, speed), t
 
 
 def scaled(x: Floats, exponent: ArrayLike) -> Floats:
     """Return x 2^exponent; infinite or 0 where that is beyond the range of floats."""
     with np.errstate(over="ignore", under="ignore"):
         return np.asarray(np.ldexp(x, exponent))
-
-
-def _root(x: dd.Pair) -> dd.Pair:
-    return dd.multiply(x, dd.reciprocal_root(x))

@@ -39,7 +39,8 @@ class Elements:
     """Osculating elements, read-only float64 arrays of one shape (...); lengths and times in the units of the state.
 
     a : semi-major axis, negative for a hyperbola, infinite for a parabola
-    e : eccentricity; 1 for a parabola, which is every orbit that rounding alone tells from one
+    e : eccentricity; 1 for a parabola, which is every orbit that rounding alone tells from one, and as a float for a
+        thin ellipse or a sharp hyperbola with |q/a| < 1e-16 too: these have a finite a
     q : pericentre distance a (1 - e)
     inc : inclination, 0 ... pi
     Omega : longitude of the ascending node, 0 ... 2 pi; 0 for an orbit in the reference plane
