@@ -45,6 +45,8 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
     """
     time = 0.0
     if isinstance(system, Trajectory):
+        if isinstance(sample, str):
+            raise InputError(f"sample is {sample!r}; expected the number of a sample, -1 for the last.")
         state: System = system[sample]
         time = float(system.times[sample])
     elif isinstance(system, System):
@@ -167,15 +169,15 @@ def _particles(source: Any, index: int, time: float | None) -> Particles:
     if isinstance(source, rebound.Simulation):
         if index != -1 or time is not None:
             raise InputError("a Simulation has one state only; snapshot= and time= choose from a Simulationarchive.")
-        return snapshots.of_simulation(source)
+        return _readable(lambda: snapshots.of_simulation(source), "the Simulation")
     if isinstance(index, bool) or not isinstance(index, int):
         raise InputError(
             f"snapshot is {index!r}; expected the number of a snapshot, -1 for the last (time= takes a t)."
         )
     if time is not None and index != -1:
         raise InputError("snapshot and time are both given; expected one of them.")
-    if time is not None:
-        time = float(time)
+    if time is not None and (isinstance(time, bool) or not isinstance(time, int | float)):
+        raise InputError(f"time is {time!r}; expected a plain number, t as the simulation counts it.")
     if isinstance(source, rebound.Simulationarchive):
         return _readable(lambda: snapshots.of_archive(source, index=index, time=time), source)
     if isinstance(source, str | os.PathLike):
@@ -191,7 +193,7 @@ def _readable(read: Callable[[], T], source: Any) -> T:
     try:
         return read()
     except snapshots.UnreadableError as error:
-        what = source if isinstance(source, str | os.PathLike) else "the Simulationarchive"
+        what = os.fspath(source) if isinstance(source, str | os.PathLike) else "the Simulationarchive"
         raise ArchiveError(f"{what}: {error}.") from error
 
 

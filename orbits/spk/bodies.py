@@ -11,6 +11,9 @@ from orbits.system import checks
 PLANETS = dict(zip(ephemeris.BODIES, (10, 1, 2, 3, 399, 301, 4, 5, 6, 7, 8, 9), strict=True))
 """Of the Sun, the Earth, the Moon, and for all others of the barycentre of the planet with its moons."""
 
+WITHOUT_MOONS = {1: 199, 2: 299}
+"""Mercury and Venus are at the barycentres that stand for them; ephemerides have both numbers."""
+
 ASTEROIDS = 2_000_000
 MANY_ASTEROIDS = 20_000_000
 """Added to an asteroid's number; the second from number 1,000,000 on."""
@@ -24,6 +27,8 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
     Raises InputError, naming the bodies, for those that have none and for a number that two have; UnknownNameError for
     a name in `given` that no body has.
     """
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(f"ids is {given!r}; expected numbers by name, such as {{'probe': -1001}}.")
     given = dict(given or {})
     for name in given:
         checks.index_of(name, names)

@@ -84,8 +84,9 @@ def write(
     tolerance_km : how far the polynomials may be from the run; velocities are their derivatives. Readers count time in
         seconds past J2000 as one float64, which resolves 60 ns in this century and 4 us after a thousand years
     ids : NAIF numbers by name, for bodies without one and instead of the usual ones: of DE440's bodies 10 (Sun), 1 to 9
-        (a planet with its moons), 399 and 301 (Earth and Moon), of numbered asteroids of the catalogue by their names
-        2000000 + number, 20000000 + number from 1,000,000 on
+        (a planet with its moons; Mercury and Venus are found as 199 and 299, too), 399 and 301 (Earth and Moon, each
+        about the centre, not about their barycentre as in JPL's files, so that astropy does not find them by name), of
+        numbered asteroids of the catalogue by their names 2000000 + number, 20000000 + number from 1,000,000 on
     bodies : those to write, by default all
     centre : a body of the run that all positions are relative to. By default it is the origin of the system, labelled
         0, the barycentre of the Solar System: `System.solar_system` puts the barycentre of the bodies chosen there,
@@ -105,7 +106,9 @@ def write(
         raise InputError(f"bodies = {list(names)!r} leaves nothing to write; expected at least one besides the centre.")
     _check(run, tolerance_km)
     wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
-    numbers = naif.numbers(wanted, {k: v for k, v in (ids or {}).items() if k in wanted or k not in run.names})
+    if isinstance(ids, Mapping):  # numbers of bodies that are not written do no harm
+        ids = {name: number for name, number in ids.items() if name in wanted or name not in run.names}
+    numbers = naif.numbers(wanted, ids)
     centre_number = naif.SOLAR_SYSTEM_BARYCENTRE if centre is None else numbers.pop(centre)
 
     grid, coefficients, lost = _fitted(run, places, about, tolerance_km)
@@ -123,6 +126,7 @@ def write(
         segments.append(
             daf.Segment(name, numbers[name], centre_number, grid.start, grid.end, grid.initial, length, own)
         )
+    segments += _planets_at_their_barycentres(numbers, grid)
     _store(target, _comments(run, numbers, centre, tolerance_km), segments)
     return SpkFile(target, numbers, centre_number, records, errors)
 
@@ -274,6 +278,18 @@ def _largest_distance_to_samples(run: Trajectory, body: int, about: int | None, 
     return farthest
 
 
+def _planets_at_their_barycentres(numbers: Mapping[str, int], grid: _Grid) -> list[daf.Segment]:
+    """Return segments that say so of Mercury and Venus, where they are written by the numbers of barycentres."""
+    length = grid.length * grid.records
+    return [
+        daf.Segment(
+            name, planet, number, grid.start, grid.end, grid.initial, length, np.zeros((1, chebyshev.DEGREE + 1, 3))
+        )
+        for name, number in numbers.items()
+        if (planet := naif.WITHOUT_MOONS.get(number)) is not None and planet not in numbers.values()
+    ]
+
+
 def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, tolerance_km: float) -> list[str]:
     lines = [
         f"Made by orbits {__version__}: {run.integrator.label}, dt = {abs(run.step)!r} {run.system.units.time}.",
@@ -290,7 +306,10 @@ def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, t
 
 
 def _target(path: str | PathLike[str], overwrite: bool) -> Path:
-    target = Path(path)
+    try:
+        target = Path(path)
+    except TypeError as error:
+        raise ArchiveError(f"{path!r} is not a path; expected something like 'run.bsp'.") from error
     if target.exists() and not overwrite:
         raise ArchiveError(f"{target} exists; choose another name, or replace it with overwrite=True.")
     return target

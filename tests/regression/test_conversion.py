@@ -217,6 +217,8 @@ def test_a_sample_of_a_run_goes_over_with_its_time_and_comes_back_with_its_epoch
     system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"])
     run = orbits.propagate(system, orbits.Gauss(stages=4), dt=20, duration=200, samples=3)
     assert orbits.from_rebound(orbits.to_rebound(run), zero=system.epoch) == run[-1]
+    with pytest.raises(InputError, match="sample is 'Sun'"):
+        orbits.to_rebound(run, "Sun")
     sim = orbits.to_rebound(run, 1)
     assert sim.t == 100.0
     assert orbits.from_rebound(sim, epoch=run[1].epoch) == orbits.from_rebound(sim, zero="2022-08-09") == run[1]

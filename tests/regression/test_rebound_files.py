@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rebound
+from astropy import units as u
 
 import orbits
 from orbits.errors import ArchiveError, InputError, OrbitsError, OrbitsWarning
@@ -64,6 +65,8 @@ def test_snapshots_are_chosen_by_number_or_time_in_files_and_opened_archives(arc
         ({"time": float("nan")}, "no snapshot at t = nan"),
         ({"snapshot": 1.0}, "expected the number of a snapshot"),
         ({"snapshot": 1, "time": 1.0}, "both given"),
+        ({"time": "1"}, "time is '1'; expected a plain number"),
+        ({"time": 1 * u.yr}, "expected a plain number"),
     ],
 )
 def test_a_snapshot_that_is_not_there_is_refused_in_words(archive, options, message):

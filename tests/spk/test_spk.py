@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import spiceypy
 from astropy import units as u
+from astropy.coordinates import get_body_barycentric
 from jplephem.spk import SPK
 
 import orbits
@@ -94,6 +95,17 @@ def test_a_smaller_tolerance_is_kept_too(system, tmp_path):
     assert max(errors) < 2e-6 + 3.6e-6
 
 
+def test_astropy_reads_the_same(run, written):
+    moment = run.epochs[1]
+    found = get_body_barycentric("mercury", moment, ephemeris=str(written.path)).xyz.to_value(u.km)
+    assert np.linalg.norm(found - kilometres(run[1], "Mercury")[:3]) < TOLERANCE + 4e-6
+
+
+def test_mercury_is_at_its_barycentre(run, written, cspice):
+    et = seconds_past_j2000(run[2])
+    assert np.array_equal(spiceypy.spkgeo(199, et, "J2000", 0)[0], spiceypy.spkgeo(1, et, "J2000", 0)[0])
+
+
 def test_what_is_covered_is_the_span_of_the_run(run, written, cspice):
     window = spiceypy.spkcov(str(written.path), -1001)
     ends = sorted(seconds_past_j2000(run[k]) for k in (0, -1))
@@ -150,6 +162,7 @@ def test_numbers_of_bodies_are_naifs_or_ones_own(run, tmp_path):
         ({"ids": {"Zoë": 10}}, InputError, "'Sun' and 'Zoë' both have the NAIF number 10"),
         ({"ids": {"Zoë": 0}}, InputError, r"ids\['Zoë'\] is 0"),
         ({"ids": {"Zoë": "7"}}, InputError, r"ids\['Zoë'\] is '7'"),
+        ({"ids": ["Zoë", 7]}, InputError, "ids is .* expected numbers by name"),
         ({"ids": {"Zoe": 7}}, UnknownNameError, "no body 'Zoe'"),
         ({"bodies": ["Pluto"]}, UnknownNameError, "no body 'Pluto'"),
         ({"bodies": ["Sun"], "centre": "Sun"}, InputError, "leaves nothing"),
@@ -202,5 +215,7 @@ def test_a_file_that_is_there_stays_unless_told(run, tmp_path):
     assert path.read_text() == "mine"
     run.to_spk(path, bodies=["Neptune"], overwrite=True)
     assert [p.name for p in tmp_path.iterdir()] == ["run.bsp"]
+    with pytest.raises(ArchiveError, match="7 is not a path"):
+        run.to_spk(7)
     with pytest.raises(InputError, match="cannot write"):
         run.to_spk(tmp_path / "no folder" / "run.bsp", bodies=["Neptune"])
