@@ -123,7 +123,7 @@ def run_from_rebound(
 
     def read() -> tuple[Particles, Array, Array, Array]:
         if isinstance(source, rebound.Simulationarchive):
-            return snapshots.all_of_archive(source)
+            return snapshots.all_of_opened(source)
         if isinstance(source, str | os.PathLike):
             return snapshots.all_of_file(source)
         raise InputError(
@@ -179,7 +179,7 @@ def _particles(source: Any, index: int, time: float | None) -> Particles:
     if time is not None and (isinstance(time, bool) or not isinstance(time, int | float)):
         raise InputError(f"time is {time!r}; expected a plain number, t as the simulation counts it.")
     if isinstance(source, rebound.Simulationarchive):
-        return _readable(lambda: snapshots.of_archive(source, index=index, time=time), source)
+        return _readable(lambda: snapshots.of_opened(source, index=index, time=time), source)
     if isinstance(source, str | os.PathLike):
         return _readable(lambda: snapshots.of_file(source, index=index, time=time), source)
     raise InputError(

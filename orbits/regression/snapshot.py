@@ -31,6 +31,8 @@ BYTES_A_SECOND = 2e6
 CHILD_MEMORY = 8 * 2**30
 """A child that needs longer, or more memory, is reading nonsense."""
 
+ATTEMPTS = 8
+
 SAME_TIME = 1e-9
 """A snapshot is at the time asked for when they differ by no more than this part of the archive's span."""
 
@@ -124,8 +126,26 @@ def of_archive(archive: Any, *, index: int = -1, time: float | None = None) -> P
     if not -len(times) <= index < len(times):
         raise UnreadableError(f"it has {len(times)} snapshots, so there is no snapshot {index}")
     with _messages() as said:
-        sim = archive[index]
+        sim = _loaded(archive, index)
     return of_simulation(sim, forgotten=any("function pointers" in message for message in said))
+
+
+def of_opened(archive: Any, *, index: int = -1, time: float | None = None) -> Particles:
+    """Return a snapshot of a Simulationarchive of the caller: from its file, if it has one."""
+    path = _file_of(archive)
+    if path is None or (time is None and not -len(archive) <= index < len(archive)):
+        return of_archive(archive, index=index, time=time)
+    return of_file(path, index=index if time is not None else index % len(archive), time=time)
+
+
+def all_of_opened(archive: Any) -> tuple[Particles, Array, Array, Array]:
+    """Return what `all_of_archive` does: from its file, if it has one, which may have grown since it was opened."""
+    path = _file_of(archive)
+    if path is None:
+        return all_of_archive(archive)
+    first, *arrays = all_of_file(path)
+    times, q, v = (array[: len(archive)] for array in arrays)
+    return first, times, q, v
 
 
 def all_of_archive(archive: Any) -> tuple[Particles, Array, Array, Array]:
@@ -199,6 +219,26 @@ def _by_child(path: str | os.PathLike[str], which: dict[str, Any] | None) -> tup
     return Particles(**values), arrays
 
 
+def _loaded(archive: Any, index: int) -> Any:
+    """Return a snapshot as a simulation whose names can be trusted.
+
+    REBOUND 5.2 restores names one by one by the addresses that they had in the process that saved them, and takes one
+    for another when a new one comes to lie at such an address. While a simulation is kept, the next one lies elsewhere:
+    two in succession that agree are believed.
+    """
+    kept = [archive[index]]
+    for _ in range(ATTEMPTS):
+        kept.append(archive[index])
+        if [_name(p) for p in kept[-1].particles] == [_name(p) for p in kept[-2].particles]:
+            return kept[-1]
+    raise UnreadableError("REBOUND gives its particles other names each time; expected a file, opened by its path")
+
+
+def _file_of(archive: Any) -> str | None:
+    path = os.fsdecode(archive._filename) if archive._filename else ""
+    return path if os.path.isfile(path) else None
+
+
 def _at(times: Array, time: float) -> int:
     """Return the snapshot at a time."""
     nearest = int(np.argmin(np.abs(times - time)))
@@ -234,8 +274,8 @@ def _messages() -> Iterator[list[str]]:
     for message in said:
         if any(sign in message for sign in DAMAGE):
             raise UnreadableError(
-                f"it is damaged: REBOUND says {message.rstrip('.')!r}. To have what is whole, open it with "
-                "rebound.Simulationarchive(path), check it and give that, with snapshot="
+                f"it is damaged: REBOUND says {message.rstrip('.')!r}. For what is whole take a "
+                "simulation from rebound.Simulationarchive(path), check it and its names and give that"
             )
 
 

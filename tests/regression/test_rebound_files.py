@@ -37,23 +37,48 @@ def archive(tmp_path_factory) -> Path:
     return path
 
 
-def test_the_last_snapshot_of_a_file_is_the_simulation_itself(archive):
-    sim = simulation()
+@pytest.fixture(scope="module")
+def expected() -> list[orbits.System]:
+    """The states at all times, of a simulation that was never in a file."""
+    sim, states = simulation(), []
     for t in TIMES:
         sim.integrate(t)
-    expected = orbits.from_rebound(sim)
-    assert expected.names == ("star", "Čert", "particle 2")
-    assert orbits.from_rebound(archive) == expected
-    assert orbits.from_rebound(str(archive), snapshot=3) == expected
+        states.append(orbits.from_rebound(sim))
+    return states
 
 
-def test_snapshots_are_chosen_by_number_or_time_in_files_and_opened_archives(archive):
-    opened = rebound.Simulationarchive(str(archive))
-    expected = [orbits.from_rebound(opened[k]) for k in range(len(TIMES))]
+def test_the_last_snapshot_of_a_file_is_the_simulation_itself(archive, expected):
+    assert expected[-1].names == ("star", "Čert", "particle 2")
+    assert orbits.from_rebound(archive) == expected[-1]
+    assert orbits.from_rebound(str(archive), snapshot=3) == expected[-1]
+
+
+def test_snapshots_are_chosen_by_number_or_time_in_files_and_opened_archives(archive, expected):
+    content = archive.read_bytes()  # which REBOUND reads from, and does not keep alive
+    in_memory = rebound.Simulationarchive(content)
     for k, t in enumerate(TIMES):
-        assert orbits.from_rebound(opened, snapshot=k) == expected[k]
-        assert orbits.from_rebound(opened, time=t) == expected[k]
+        assert orbits.from_rebound(in_memory, snapshot=k) == expected[k]
+        assert orbits.from_rebound(in_memory, time=t) == expected[k]
+    opened = rebound.Simulationarchive(str(archive))
+    assert orbits.from_rebound(opened, time=1.0) == orbits.from_rebound(opened, snapshot=-3) == expected[1]
     assert orbits.from_rebound(archive, time=2.5) == orbits.from_rebound(archive, snapshot=-2) == expected[2]
+
+
+def test_names_are_those_that_were_saved_though_rebound_takes_one_for_another(tmp_path):
+    rng = random.Random(0)
+    confused = 0
+    for _ in range(50):
+        names = [f"body {k}" for k in range(rng.randrange(2, 12))]
+        sim = rebound.Simulation()
+        for k, name in enumerate(names):
+            sim.add(m=1.0, x=k, name=name)
+        content = saved(sim, tmp_path)
+        del sim  # the addresses of its names are free for those of the next
+        confused += [p.name for p in rebound.Simulationarchive(content)[0].particles] != names
+        assert orbits.from_rebound(rebound.Simulationarchive(content)).names == tuple(names)
+    assert orbits.from_rebound(tmp_path / "saved.bin").names == tuple(names)
+    # REBOUND 5.2.2 confuses most of them; should a release confuse none, `_loaded` can go.
+    assert confused or rebound.__version__ != "5.2.2"
 
 
 @pytest.mark.parametrize(
@@ -99,10 +124,9 @@ def test_a_file_saved_with_forces_is_told(tmp_path):
         orbits.from_rebound(tmp_path / "saved.bin")
 
 
-def test_all_snapshots_are_a_run(archive):
-    opened = rebound.Simulationarchive(str(archive))
-    expected = [orbits.from_rebound(opened[k]) for k in range(len(TIMES))]
-    for source in (archive, opened):
+def test_all_snapshots_are_a_run(archive, expected):
+    content = archive.read_bytes()
+    for source in (archive, rebound.Simulationarchive(str(archive)), rebound.Simulationarchive(content)):
         run = orbits.run_from_rebound(source)
         assert [run[k] for k in range(len(run))] == expected
         assert run.times.tolist() == TIMES
