@@ -28,7 +28,7 @@ def test_the_outer_solar_system_of_hairer_lubich_and_wanner_is_to_the_last_digit
     data, system = outer_solar_system()
     known = data["reference_200_days"]
     for dt in (200, 50):
-        run = orbits.propagate(system, GAUSS, dt=dt, duration=200, samples=2)
+        run = orbits.propagate(system, GAUSS, dt=dt, duration=200, samples=2, check_step=False)
         assert np.abs(run.q.value[-1] - np.array(known["q"], dtype=float)).max() < 8e-15  # 1.8e-15 was reached
         assert np.abs(run.v.value[-1] - np.array(known["v"], dtype=float)).max() < 4e-18  # 9e-19 was reached
     energy = diagnostics.energy(system.values.gm, system.values.q, system.values.v) / data["G"]
@@ -40,7 +40,9 @@ def test_the_steps_of_the_books_picture_keep_symplectic_energies_bounded_for_200
     _, system = outer_solar_system()
 
     def strays(method, dt):
-        energy = orbits.propagate(system, method, dt=dt, duration=200_000, samples=1001).energy().value
+        energy = (
+            orbits.propagate(system, method, dt=dt, duration=200_000, samples=1001, check_step=False).energy().value
+        )
         return np.abs(energy / energy[0] - 1)
 
     assert strays(orbits.ExplicitEuler(), 10)[-1] > 0.5  # 0.66: planets far outside
@@ -71,7 +73,7 @@ def pleiades():
 )
 def test_the_pleiades_end_where_they_are_published_to_end(method, steps, bound):
     system, published = pleiades()
-    run = orbits.propagate(system, method, dt=3 / steps, duration=3, samples=2)
+    run = orbits.propagate(system, method, dt=3 / steps, duration=3, samples=2, check_step=False)
     x, y, vx, vy = np.array(published).reshape(4, 7)
     assert np.abs(run.q.value[-1, :, :2] - np.column_stack([x, y])).max() < bound
     assert np.abs(run.v.value[-1, :, :2] - np.column_stack([vx, vy])).max() < 4 * bound
@@ -87,7 +89,7 @@ def three_bodies(row):
 
 def closure(system, method, period, steps):
     """Largest components of what is missing in q and v after a period, and of the energy."""
-    run = orbits.propagate(system, method, dt=period / steps, duration=period, samples=2)
+    run = orbits.propagate(system, method, dt=period / steps, duration=period, samples=2, check_step=False)
     energy = run.energy().value
     missing = [float(np.abs(x.value[-1] - x.value[0]).max()) for x in (run.q, run.v)]
     return *missing, abs(energy[-1] / energy[0] - 1)
