@@ -206,7 +206,7 @@ def bad(tmp_path):
         (["run", "kepler", "--duration", "inf"], "duration must be finite"),
         (["run", "kepler", "--duration", "0"], "duration is 0"),
         (["run", "kepler", "--integrator", "gaus"], "did you mean gauss"),
-        (["run", "kepler", "--integrator", "gauss(stages=9)"], "between 1 and 8"),
+        (["run", "kepler", "--integrator", "gauss(stages=33)"], "between 1 and 32"),
         (["run", "kepler", "--samples", "1"], "samples"),
         (["run", "kepler", "--samples", "-3"], "samples"),
         (["run", "kepler", "--out", tmp_path / "way"], "results need a folder"),
