@@ -13,6 +13,7 @@ import typer
 from typer.testing import CliRunner
 
 import orbits
+from orbits import integrators
 from orbits.cli import app
 from orbits.scenario import bundled
 
@@ -100,6 +101,15 @@ def headings(page):
     """Return the anchors that a code forge gives to the headings of a page."""
     titles = re.findall(r"^#+ (.+)$", text_of(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def test_tables_written_by_hand_have_all_that_is_registered():
+    methods, lagrangians, scenarios = (
+        text_of(ROOT / "docs" / f"{page}.md") for page in ("library", "lagrangians", "scenarios")
+    )
+    assert [cls.__name__ for cls in integrators.registry().values() if f"`{cls.__name__}(" not in methods] == []
+    assert [key for key in orbits.lagrangians.registry() if f"| `{key.replace('-', '_')}` |" not in lagrangians] == []
+    assert [each.name for each in bundled() if f"| `{each.name}` |" not in scenarios] == []
 
 
 def test_the_readme_example_has_ten_lines():
