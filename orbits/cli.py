@@ -146,8 +146,9 @@ def plot(
         from orbits.scenario.files import picture_path, replaceable
         from orbits.trajectory import Trajectory
 
+        run = Trajectory.open(file)
         target = replaceable(picture_path(out or file.with_suffix(".png")))
-        save(Trajectory.open(file).plot(), target)
+        save(run.plot(), target)
         print(f"wrote {target}")
 
 

@@ -67,7 +67,7 @@ class UnitSystem:
     def _checked_G(self) -> float:
         try:
             G = float(self.G)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"unit system {self.name!r}: G = {self.G!r}; expected a number.") from error
         if not self.is_physical:
             if math.isnan(G):
@@ -163,7 +163,8 @@ class UnitSystem:
         except u.UnitConversionError as error:
             got = str(getattr(x, "unit", "")) or "no unit"
             raise InputError(f"{what} is in {got}; expected {self._expected(unit, kind)}.{_remedy(x, unit)}") from error
-        except (TypeError, ValueError, OverflowError) as error:
+        # An object of the caller's may raise what it likes when it is asked for its numbers.
+        except Exception as error:
             raise InputError(
                 f"{what} is {_short(x)}; expected real numbers, {self._expected(unit, kind)} ({error})."
             ) from error
@@ -177,7 +178,7 @@ class UnitSystem:
 def _unit(unit: Any, what: str) -> u.UnitBase:
     try:
         return u.Unit(unit)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what} is {unit!r}; expected an astropy unit such as u.km ({error}).") from error
 
 

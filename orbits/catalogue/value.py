@@ -17,6 +17,9 @@ from orbits.errors import InputError, UnknownNameError
 
 Floats = NDArray[np.float64]
 
+# Beyond all numbers of bodies, and well within int64.
+MOST_NUMBER = 10**15
+
 # In the Catalogue itself these two stand for what was not said.
 UNKNOWN: Any = None
 
@@ -205,9 +208,9 @@ def checked_magnitude(brighter_than: Any) -> float | None:
     if brighter_than is None:
         return None
     number = isinstance(brighter_than, int | float | np.integer | np.floating) and not isinstance(brighter_than, bool)
-    if not number or not math.isfinite(brighter_than):
+    if not number or not abs(brighter_than) < math.inf:
         raise InputError(f"brighter_than = {brighter_than!r}; expected an absolute magnitude, such as 10.5")
-    return float(brighter_than)
+    return float(min(max(brighter_than, -MOST_NUMBER), MOST_NUMBER))
 
 
 def checked_strings(given: Any, what: str) -> list[str]:
@@ -226,12 +229,14 @@ def checked_numbers(numbers: Any) -> list[int]:
     """Return None, one or several numbers of asteroids as a list; raise InputError for anything else."""
     if numbers is None:
         return []
-    values = list(numbers) if isinstance(numbers, Iterable) and not isinstance(numbers, str) else [numbers]
+    values: list[Any] = list(numbers) if isinstance(numbers, Iterable) and not isinstance(numbers, str) else [numbers]
     for number in values:
         if isinstance(number, bool) or not isinstance(number, int | np.integer):
             raise InputError(
                 f"numbers holds {number!r}; expected whole numbers such as 1 for Ceres (names= takes names)"
             )
+        if abs(number) > MOST_NUMBER:
+            raise InputError("numbers holds one beyond 10^15; expected numbers of asteroids, such as 1 for Ceres")
     return [int(number) for number in values]
 
 

@@ -39,7 +39,7 @@ class SymplecticEuler(VariationalRungeKutta):
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. VI.3.1; Marsden & West (2001), sec. 2.6.1"
 
     def __post_init__(self) -> None:
-        if self.variant not in _VARIANTS:
+        if not isinstance(self.variant, str) or self.variant not in _VARIANTS:
             raise InputError(f"SymplecticEuler knows the variants {' and '.join(_VARIANTS)}; got {self.variant!r}")
 
     @property

@@ -102,8 +102,10 @@ def propagate(
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
         return _march(system, integrator, marcher, times, 0, None, progress, watch)
     from orbits.archive import ArchiveWriter
-    from orbits.certificate import certify
+    from orbits.certificate import Certificate, certify
 
+    if not isinstance(certificate, bool | Certificate):
+        raise InputError(f"certificate is a {type(certificate).__name__}; expected True or what orbits.certify returns")
     measured = certify(system, integrator, h) if certificate is True else certificate
 
     writer = ArchiveWriter.create(

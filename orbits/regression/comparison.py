@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -84,6 +84,8 @@ def compare(
     Interrupted for Ctrl-C.
     """
     ours = _ours(integrators)
+    if not isinstance(against, Iterable):
+        raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {against!r}")
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
     grid = _Grid.of(system, dt, duration, samples)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.errors import InputError
 from orbits.regression.invariants import Invariants
 from orbits.report import Row, Series
 from orbits.system import System
@@ -39,6 +40,8 @@ class Problem:
         """The problem that `system` poses."""
         from astropy import units as u
 
+        if not isinstance(system, System):
+            raise InputError(f"system must be an orbits.System, got a {type(system).__name__}")
         gm, q, v, softening = system.values
         physical = system.units.length.is_equivalent(u.km)
         return cls(

@@ -96,7 +96,8 @@ class Scenario:
 
     def __post_init__(self) -> None:
         check_label(self.name, self.title)
-        if isinstance(self.against, str) or not all(isinstance(peer, str) for peer in self.against):
+        peers = self.against if isinstance(self.against, Iterable) and not isinstance(self.against, str) else (None,)
+        if not all(isinstance(peer, str) for peer in peers):
             raise InputError(
                 f"scenario {self.name!r}: against must be a list of peers' names, such as ['whfast']; "
                 f"got {self.against!r}."

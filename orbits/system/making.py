@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -184,8 +184,9 @@ def default_frame(units: UnitSystem) -> str:
 
 def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
     """Return the arguments of `System` for bodies of DE440, relative to the barycentre of the Solar System."""
-    if isinstance(bodies, str):
-        raise InputError(f"bodies is {bodies!r}; expected a sequence of names, such as [{bodies!r}].")
+    if isinstance(bodies, str) or not isinstance(bodies, Iterable | None):
+        example = bodies if isinstance(bodies, str) else "Sun"
+        raise InputError(f"bodies is {bodies!r}; expected a sequence of names, such as [{example!r}].")
     names = [ephemeris.canonical_name(name) for name in (ephemeris.SOLAR_SYSTEM if bodies is None else bodies)]
     pair = {"Earth", "Moon"}
     if 0 < len(pair & set(names)) < 2:

@@ -182,6 +182,8 @@ class System(FromCatalogues, Tabular):
         anything that is not an orbit or not a system.
         """
         names = checks.checked_names([name] if isinstance(name, str) else name)
+        if not names:
+            raise InputError("add() got no names; expected a name, or several, such as 'Ceres'.")
         gm_new = making.masses(names, gm, mass, self.units)
         q, v = making.new_states(self, names, gm_new, primary, frame, elements)
         return self._extended(names, gm_new, q, v, radius)

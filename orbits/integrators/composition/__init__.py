@@ -67,6 +67,8 @@ class Composition(Integrator):
                 f"{self.base.label} is not symmetric, and these schemes cancel errors of symmetric methods only; use "
                 "StormerVerlet(), Gauss(...) or LobattoIIIAB(...)"
             )
+        if isinstance(self.order, bool) or not isinstance(self.order, int):
+            raise InputError(f"order = {self.order!r}; expected 4, 6, 8 or 10")
         if self.scheme is None:
             object.__setattr__(self, "scheme", self._default())
         _ = self._scheme
