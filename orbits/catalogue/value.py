@@ -235,7 +235,7 @@ def checked_numbers(numbers: Any) -> list[int]:
             raise InputError(
                 f"numbers holds {number!r}; expected whole numbers such as 1 for Ceres (names= takes names)"
             )
-        if abs(number) > MOST_NUMBER:
+        if abs(int(number)) > MOST_NUMBER:
             raise InputError("numbers holds one beyond 10^15; expected numbers of asteroids, such as 1 for Ceres")
     return [int(number) for number in values]
 

@@ -116,6 +116,11 @@ class Scenario:
             raise InputError(
                 f"scenario {self.name!r}: samples must be a whole number >= 2 (both ends); got {self.samples!r}."
             )
+        if not isinstance(self.tolerances, Mapping) or not all(isinstance(key, str) for key in self.tolerances):
+            raise InputError(
+                f"scenario {self.name!r}: tolerances must be a mapping such as {{'energy': 1e-12}}; got "
+                f"{self.tolerances!r}."
+            )
         for what in ("checks", "draw"):
             if getattr(self, what) is not None and not callable(getattr(self, what)):
                 raise InputError(f"scenario {self.name!r}: {what} must be a function of the outcome.")

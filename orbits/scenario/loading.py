@@ -87,7 +87,9 @@ def located(path: Path | None = None) -> Iterator[None]:
     except SyntaxError as error:
         where = f"{error.filename or path}, line {error.lineno}"
         raise InputError(f"{where}: {error.msg}") from error
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever the file's code raises: SystemExit, or a class of its own
         raise InputError(f"{_place(error, path)}: {type(error).__name__}: {_one_line(error)}") from error
 
 
@@ -104,7 +106,10 @@ def _place(error: BaseException, path: Path | None) -> str:
 
 
 def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or "(no message)"
+    try:
+        return " ".join(str(error).split()) or "(no message)"
+    except Exception:  # its own __str__ may raise too
+        return "(no message)"
 
 
 def _bundled_path(name: str) -> Path:
