@@ -21,6 +21,7 @@ from orbits._version import __version__
 if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate, certify
+    from orbits.elements.flow import kepler_flow
     from orbits.ephemeris import asteroids, read_mpcorb, read_sbdb
     from orbits.errors import (
         ArchiveError,
@@ -108,6 +109,7 @@ __all__ = [
     "certify",
     "compare",
     "from_rebound",
+    "kepler_flow",
     "kernel",
     "march",
     "propagate",
@@ -121,6 +123,7 @@ __all__ = [
 _HOME = {
     "archive": ["Archive"],
     "certificate": ["Certificate", "certify"],
+    "elements.flow": ["kepler_flow"],
     "ephemeris": ["asteroids", "read_mpcorb", "read_sbdb"],
     "errors": [
         "ArchiveError",

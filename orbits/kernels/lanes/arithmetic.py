@@ -143,6 +143,23 @@ def sqrt(typingctx, x):
     return kind(x), codegen
 
 
+@intrinsic
+def rint(typingctx, x):
+    """Return the nearest integer, ties to even; float64 or `Lanes`."""
+    kind = common_type(x)
+    if kind is None:
+        return None
+
+    def codegen(context, builder, sig, args):
+        if kind is lanes:
+            return call_intrinsic(builder, "llvm.rint.v8f64", [args[0]])
+        value = context.cast(builder, args[0], sig.args[0], kind)
+        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(DOUBLE, [DOUBLE]), "llvm.rint.f64")
+        return builder.call(function, [value])
+
+    return kind(x), codegen
+
+
 maximum = _elementwise(
     lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y),
     "Return the larger of a and b, lane by lane; b where one of them is NaN.",
@@ -158,9 +175,18 @@ exact_sub = _elementwise(lambda b, x, y: b.fsub(x, y), "Return fl(a - b), never 
 
 @intrinsic
 def select(typingctx, condition, a, b):
-    """Return `a` in the lanes where `condition` is not zero, and `b` in the others."""
-    if not isinstance(condition, LanesType) or common_type(a, b) is None:
+    """Return `a` in the lanes where `condition` is not zero, and `b` in the others; of numbers, one of the two."""
+    kind = common_type(a, b)
+    if kind is None or not (isinstance(condition, LanesType | types.Boolean) or is_operand(condition)):
         return None
+    if not isinstance(condition, LanesType):
+
+        def choose(context, builder, sig, args):
+            chosen = context.cast(builder, args[0], sig.args[0], types.boolean)
+            x, y = (context.cast(builder, v, k, kind) for v, k in zip(args[1:], sig.args[1:], strict=True))
+            return builder.select(chosen, x, y)
+
+        return (kind(condition, a, b), choose) if kind is types.float64 else None
 
     def codegen(context, builder, sig, args):
         x, y = (widen(context, builder, v, k) for v, k in zip(args[1:], sig.args[1:], strict=True))

@@ -22,7 +22,13 @@ from orbits.kernels.lanes.type import (
 
 @intrinsic
 def any_lane(typingctx, condition):
-    """Return whether `condition` is not zero in some lane."""
+    """Return whether `condition` is not zero in some lane; of a number or a boolean, whether it is not zero."""
+    if isinstance(condition, types.Boolean | types.Number):
+
+        def truth(context, builder, sig, args):
+            return context.cast(builder, args[0], sig.args[0], types.boolean)
+
+        return types.boolean(condition), truth
     if not isinstance(condition, LanesType):
         return None
 
