@@ -349,7 +349,8 @@ class Trajectory(Tabular):
         """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        return _reopened, (self._place, len(self), self.statistics)
+        known = {"stopped": self.stopped, "_approaches": self._approaches}
+        return _reopened, (self._place, len(self), self.statistics), known
 
     def _repr_html_(self) -> str:
         epoch = self.system.epoch

@@ -82,6 +82,7 @@ def test_a_run_in_memory_keeps_its_samples_and_goes_on_answering(again):
         assert mine.tobytes() == theirs.tobytes()
     assert (copied.step, copied.statistics, repr(copied)) == (run.step, run.statistics, repr(run))
     assert copied.at(33.0) == run.at(33.0)
+    assert repr(copied.closest_approaches()) == repr(run.closest_approaches())
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +105,15 @@ def test_a_run_in_an_archive_is_opened_again_and_has_its_certificate(again, arch
     run.close()
     assert np.array_equal(copied.energy(), again(copied).energy())
     copied.close()
+
+
+def test_a_stopped_run_in_an_archive_says_where_it_stopped(again, tmp_path):
+    near = orbits.CloserThan(4.955 * u.au, "Sun", "Jupiter")
+    run = short_run(systems()["solar"], archive=tmp_path / "run.h5", stop=near)
+    copied = again(run)
+    assert run.stopped is not None
+    assert (copied.stopped.reason, copied.stopped.time) == (run.stopped.reason, run.stopped.time)
+    assert repr(copied.closest_approaches()) == repr(run.closest_approaches())
 
 
 def test_a_pickled_run_whose_archive_is_gone_or_shorter_says_so(tmp_path):
