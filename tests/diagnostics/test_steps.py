@@ -5,7 +5,9 @@ import pytest
 
 import orbits
 from orbits import diagnostics
+from orbits.diagnostics.doubledouble import subtract
 from orbits.diagnostics.foils import NearestGauss
+from orbits.diagnostics.stepping import Bodies, StepMap, turned
 from orbits.errors import InputError
 from orbits.integrators import registry
 from orbits.integrators.base import SYMMETRIC, SYMPLECTIC
@@ -54,6 +56,29 @@ def test_the_rounding_of_coefficients_is_too_small_for_a_single_step_to_show():
     found = diagnostics.symplecticity(*three_bodies(), NearestGauss(stages=8), 0.15)
     assert found.massive < 5e-14
     assert NearestGauss(stages=8).tableau.binary_residual() > 0
+
+
+def test_velocities_are_flipped_with_all_their_digits_and_nothing_else_is():
+    marcher = Bodies.of(*three_bodies()).marcher(orbits.Gauss(stages=2), 0.1)
+    marcher.advance(20)
+    before = marcher.checkpoint()
+    turned(marcher)
+    after = marcher.checkpoint()
+    for name in ("v", "v_lo", "particle_v", "particle_v_lo"):
+        assert np.any(before[name])
+        np.testing.assert_array_equal(after[name], -before[name])
+    for name in ("q", "q_lo", "particle_q", "particle_q_lo"):
+        np.testing.assert_array_equal(after[name], before[name])
+
+
+@pytest.mark.parametrize("particles", [False, True], ids=["massive", "particles"])
+def test_a_displacement_below_the_last_bit_of_a_position_comes_out_of_a_step(particles):
+    step = StepMap(Bodies.of(*three_bodies()), orbits.StormerVerlet(), 1e-3, particles=particles)
+    nothing = np.zeros((2 if particles else 3, 3))
+    tiny = nothing.copy()
+    tiny[1, 0] = 2.0**-60
+    off = subtract(step(tiny, nothing), step(nothing, nothing)).rounded()
+    assert off[0] == pytest.approx(tiny, rel=1e-6)
 
 
 def test_flipping_velocities_where_a_step_is_not_symmetric_is_seen_by_the_order_of_its_error():
