@@ -1,0 +1,76 @@
+"""What a `Trajectory` is made of and gives out: samples, what a run cost, what it keeps, the path of one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits import diagnostics
+
+Array = NDArray[np.float64]
+
+
+class Samples(Protocol):
+    """States of shape (samples, bodies, 3): a NumPy array, or an archive's data set that is read where it is
+    indexed.
+    """
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(samples, bodies, 3)."""
+
+    def __getitem__(self, index: Any) -> Array:
+        """Read some of it."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What a run cost.
+
+    steps : whole steps taken since the epoch
+    evaluations : evaluations of the forces among the massive bodies; an implicit step evaluates once an iteration
+    particle_evaluations : evaluations of the field at massless particles, all particles together
+    wall_time : seconds from sample to sample, writing included; of the last call where a run was resumed
+    compile_time : seconds for compiling the kernels, or loading them from the cache
+    """
+
+    steps: int
+    evaluations: int
+    particle_evaluations: int
+    wall_time: float
+    compile_time: float
+
+
+@dataclass(frozen=True)
+class ConservedQuantities:
+    """How far each quantity that gravity conserves strays from its first value; `diagnostics.Drift` values.
+
+    Energy is compared with its own size, angular momentum with the size of its vector, linear momentum with
+    sum m |v| and the centre of mass, whose uniform motion is taken off, with the largest distance from it.
+    """
+
+    energy: diagnostics.Drift
+    angular_momentum: diagnostics.Drift
+    linear_momentum: diagnostics.Drift
+    centre_of_mass: diagnostics.Drift
+
+    def __str__(self) -> str:
+        rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
+        for name in ("energy", "angular_momentum", "linear_momentum", "centre_of_mass"):
+            d = getattr(self, name)
+            rows.append(f"{name.replace('_', ' '):18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
+        return "\n".join(rows)
+
+
+@dataclass(frozen=True)
+class BodyTrajectory:
+    """One body's path: q and v of shape (samples, 3), t of shape (samples,), with units."""
+
+    name: str
+    t: u.Quantity
+    q: u.Quantity
+    v: u.Quantity
