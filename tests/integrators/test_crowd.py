@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from orbits.integrators import crowd
+from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.marcher import Marcher
 from orbits.integrators.stormer_verlet import StormerVerlet
@@ -35,11 +36,13 @@ def march(gm, q, v, threads, steps=40, method=None):
 
 @pytest.mark.parametrize("particles", [0, 20])
 @pytest.mark.parametrize("threads", [1, 2, 3, 5])
-def test_bits_do_not_depend_on_the_number_of_threads_nor_on_being_shared(particles, threads, monkeypatch):
+@pytest.mark.parametrize("method", [StormerVerlet(), Composition(order=4, scheme="blanes-moan")], ids=lambda m: m.name)
+def test_bits_do_not_depend_on_the_number_of_threads_nor_on_being_shared(method, particles, threads, monkeypatch):
     problem = cluster(particles)
-    alone, alone_later = march(*problem, threads=1)
+    alone, alone_later = march(*problem, threads=1, method=method)
     monkeypatch.setattr(crowd, "LEAST_CROWD", BODIES)
-    shared, shared_later = march(*problem, threads=threads)
+    assert crowd.Crowd.serves(method, newtonian.tag, BODIES)
+    shared, shared_later = march(*problem, threads=threads, method=method)
     for name, array in alone.items():
         assert np.array_equal(shared[name], array), name
     assert np.array_equal(alone_later, shared_later)

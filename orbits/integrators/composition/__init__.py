@@ -137,6 +137,13 @@ class Composition(Integrator):
         tables = [base.coefficients_after(lengths[i - 1], lengths[i]) for i in range(len(lengths))]
         return tag, np.array(tables), lengths, np.append(0.0, np.cumsum(lengths)[:-1])
 
+    def kicks_and_drifts(self, h: float) -> tuple[Array, Array] | None:
+        """Those of a chain; None for steps of another method."""
+        if not self._chain:
+            return None
+        kicks, drifts = self._scheme.binary_kicks_and_drifts(h)
+        return np.array(kicks), np.array(drifts)
+
     def field_shape(self, size: int) -> tuple[int, int]:
         """Positions before the step and after each drift, or the fields of the substeps one after the other."""
         if self._chain:
