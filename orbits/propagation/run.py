@@ -80,7 +80,8 @@ def propagate(
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage that is ahead, and
         after it of close passages that the step could not resolve (see `run.closest_approaches()`)
     progress : None or True draws a bar on a terminal, False never
-    threads : for massless particles; None takes all processors. The result does not depend on it, to the last bit.
+    threads : for massless particles and thousands of bodies; None takes all processors. The result does not depend on
+        it, to the last bit.
 
     Raises InputError for what cannot be run, ConvergenceError or SingularityError for a step that fails,
     StorageError when writing fails, Interrupted (with `.trajectory`) after Ctrl-C or SIGTERM.

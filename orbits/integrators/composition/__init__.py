@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.integrators.base import SYMMETRIC, Integrator, padded
+from orbits.integrators.base import SYMMETRIC, Array, Integrator, padded
 from orbits.integrators.composition import chain, substeps
 from orbits.integrators.methods import method_tag
 from orbits.integrators.stormer_verlet import StormerVerlet
