@@ -393,6 +393,59 @@ def part_lagrangians(repetitions: int) -> dict[str, Any]:
     }
 
 
+def part_kepler(repetitions: int) -> dict[str, Any]:
+    """The Kepler flow of 1,024 massless particles about one star, e up to 0.2: numbers and lanes beside WHFast, which
+    adds its change of coordinates; nanoseconds a particle and step.
+    """
+    from orbits.kernels.compile import kernel
+    from orbits.kernels.kepler import kepler_flow, kepler_increments
+
+    @kernel
+    def lanes(state, gm, dt, steps):
+        for _ in range(steps):
+            kepler_flow(state, gm, dt)
+
+    @kernel
+    def numbers(state, gm, dt, steps):
+        for _ in range(steps):
+            for p in range(state.shape[1]):
+                x, y, z, u, v, w = state[0, p], state[1, p], state[2, p], state[3, p], state[4, p], state[5, p]
+                dx, dy, dz, du, dv, dw = kepler_increments(x, y, z, u, v, w, gm[p], dt[p])
+                state[0, p], state[1, p], state[2, p] = x + dx, y + dy, z + dz
+                state[3, p], state[4, p], state[5, p] = u + du, v + dv, w + dw
+
+    count, steps, rows = 1024, 200, []
+    gm, q, v = belt(count)
+    keep = np.r_[0, 10 : 10 + count]
+    gm, q, v = gm[keep], q[keep] - q[0], v[keep] - v[0]
+    strength = np.full(count, gm[0])
+    start = np.vstack([q[1:].T, v[1:].T])
+    for h in (10.0, 60.0):
+        dt, spent = np.full(count, h), {"lanes": [], "numbers": [], "whfast": []}
+        for compiled in (lanes, numbers):
+            compiled(start.copy(), strength, dt, 1)
+        for _ in range(repetitions):
+            for name, compiled in (("lanes", lanes), ("numbers", numbers)):
+                state = start.copy()
+                begun = time.perf_counter()
+                compiled(state, strength, dt, steps)
+                spent[name].append(time.perf_counter() - begun)
+            spent["whfast"].append(rebound("whfast", gm, q, v, h, h * steps)[0])
+        per = 1e9 / steps / count
+        rows.append(
+            {
+                "dt": f"{h:g} d",
+                "lanes ns": statistics.median(spent["lanes"]) * per,
+                "numbers ns": statistics.median(spent["numbers"]) * per,
+                "WHFast ns": statistics.median(spent["whfast"]) * per,
+                "times faster than WHFast": statistics.median(
+                    a / b for a, b in zip(spent["whfast"], spent["lanes"], strict=True)
+                ),
+            }
+        )
+    return {"rows": rows}
+
+
 SYMBOLIC = """
 import sys, time
 import numpy as np, orbits
@@ -459,6 +512,7 @@ PARTS = {
     "large": part_large,
     "start": part_start,
     "memory": part_memory,
+    "kepler": part_kepler,
     "lagrangians": part_lagrangians,
     "symbolic": part_symbolic,
     "pendulum": part_pendulum,
