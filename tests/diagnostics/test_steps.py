@@ -78,7 +78,7 @@ def test_a_displacement_below_the_last_bit_of_a_position_comes_out_of_a_step(par
     tiny = nothing.copy()
     tiny[1, 0] = 2.0**-60
     off = subtract(step(tiny, nothing), step(nothing, nothing)).rounded()
-    assert off[0] == pytest.approx(tiny, rel=1e-6)
+    assert off[0] == pytest.approx(tiny, rel=1e-6, abs=0.0)
 
 
 def test_flipping_velocities_where_a_step_is_not_symmetric_is_seen_by_the_order_of_its_error():
