@@ -118,13 +118,8 @@ def scheme_names(base_order: int, order: int, *, splittings: bool) -> list[str]:
     return sorted([*ANY_BASE, *published])
 
 
-@lru_cache(maxsize=64, typed=True)
-def scheme(base_order: int, order: int, name: str, *, splittings: bool = False) -> Scheme:
-    """Return the scheme of that name that raises a symmetric method of `base_order` to `order`.
-
-    Raises InputError for an order that is not even, not above that of the base, or far above it, and for a name that
-    is not known for it.
-    """
+def require_order(base_order: int, order: Any) -> None:
+    """Raise InputError unless compositions raise a symmetric method of `base_order` to `order`."""
     if isinstance(order, bool) or not isinstance(order, int) or order % 2 or not base_order < order:
         raise InputError(
             f"a composition of a symmetric method of order {base_order} has an even order above {base_order}, got "
@@ -135,6 +130,16 @@ def scheme(base_order: int, order: int, name: str, *, splittings: bool = False) 
             f"order {order} from order {base_order} takes thousands of steps; expected at most "
             f"{base_order + HIGHEST}. Compose a method of higher order, such as Gauss(stages=4), or use it by itself."
         )
+
+
+@lru_cache(maxsize=64, typed=True)
+def scheme(base_order: int, order: int, name: str, *, splittings: bool = False) -> Scheme:
+    """Return the scheme of that name that raises a symmetric method of `base_order` to `order`.
+
+    Raises InputError for an order that is not even, not above that of the base, or far above it, and for a name that
+    is not known for it.
+    """
+    require_order(base_order, order)
     known = scheme_names(base_order, order, splittings=splittings)
     if name not in known:
         elsewhere = (order, name) in COMPOSITIONS or (order, name) in SPLITTINGS

@@ -97,7 +97,7 @@ def test_what_does_not_fit_is_refused_with_a_remedy():
         orbits.Composition("verlet")
     with pytest.raises(InputError, match="composed already"):
         orbits.Composition(orbits.Composition(verlet, order=4), order=6)
-    for order in (2, 5, 4.0, "6", True, None):
+    for order in (2, 5, 4.0, "6", True, None, [4]):
         with pytest.raises(InputError, match="even order above 2"):
             orbits.Composition(verlet, order=order)
     with pytest.raises(InputError, match="at most 10"):

@@ -23,7 +23,7 @@ from orbits.integrators.methods import method_tag
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.lagrangians.base import Lagrangian
 from orbits.tableaux import PartitionedTableau
-from orbits.tableaux.compositions import Scheme, scheme, scheme_names
+from orbits.tableaux.compositions import Scheme, require_order, scheme, scheme_names
 
 DEFAULTS = {4: "suzuki", 6: "sofroniou-spaletta", 8: "sofroniou-spaletta", 10: "sofroniou-spaletta"}
 """The scheme for a base of order 2 where none is asked for, by the order of the whole; see docs/compositions.md."""
@@ -67,8 +67,7 @@ class Composition(Integrator):
                 f"{self.base.label} is not symmetric, and these schemes cancel errors of symmetric methods only; use "
                 "StormerVerlet(), Gauss(...) or LobattoIIIAB(...)"
             )
-        if isinstance(self.order, bool) or not isinstance(self.order, int):
-            raise InputError(f"order = {self.order!r}; expected 4, 6, 8 or 10")
+        require_order(self.base.order, self.order)
         if self.scheme is None:
             object.__setattr__(self, "scheme", self._default())
         _ = self._scheme
