@@ -108,7 +108,7 @@ def test_any_argument_is_taken_or_refused(x: Any) -> None:
         ("unit", 10**400, "expected an astropy unit such as u.km"),
         ("G", 10**400, "expected a number"),
         ("variant", {}, "SymplecticEuler knows the variants"),
-        ("order", {}, "order = {}; expected 4, 6, 8 or 10"),
+        ("order", {}, "an even order above 2, got {}"),
     ],
 )
 def test_what_this_campaign_found_is_told_in_words(use: str, x: Any, message: str) -> None:
