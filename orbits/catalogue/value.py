@@ -198,7 +198,7 @@ def checked_count(count: Any) -> int | None:
     """Return a whole number of asteroids, or None; raise InputError for anything else."""
     if count is None:
         return None
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+    if isinstance(count, bool | np.timedelta64) or not isinstance(count, int | np.integer) or count < 1:
         raise InputError(f"count = {count!r}; expected a whole number of asteroids, 1 or more")
     return int(count)
 
@@ -207,7 +207,8 @@ def checked_magnitude(brighter_than: Any) -> float | None:
     """Return an absolute magnitude, or None; raise InputError for anything else."""
     if brighter_than is None:
         return None
-    number = isinstance(brighter_than, int | float | np.integer | np.floating) and not isinstance(brighter_than, bool)
+    number = isinstance(brighter_than, int | float | np.integer | np.floating)
+    number = number and not isinstance(brighter_than, bool | np.timedelta64)
     if not number or not abs(brighter_than) < math.inf:
         raise InputError(f"brighter_than = {brighter_than!r}; expected an absolute magnitude, such as 10.5")
     return float(min(max(brighter_than, -MOST_NUMBER), MOST_NUMBER))
@@ -217,7 +218,7 @@ def checked_strings(given: Any, what: str) -> list[str]:
     """Return None, one or several strings as a list; raise InputError for anything else."""
     if given is None:
         return []
-    values = [given] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
+    values = _listed(given)
     for value in values:
         if not isinstance(value, str):
             example = "'belt'" if what == "classes" else "'Ceres' (numbers= takes numbers)"
@@ -229,15 +230,25 @@ def checked_numbers(numbers: Any) -> list[int]:
     """Return None, one or several numbers of asteroids as a list; raise InputError for anything else."""
     if numbers is None:
         return []
-    values: list[Any] = list(numbers) if isinstance(numbers, Iterable) and not isinstance(numbers, str) else [numbers]
+    values = _listed(numbers)
     for number in values:
-        if isinstance(number, bool) or not isinstance(number, int | np.integer):
+        if isinstance(number, bool | np.timedelta64) or not isinstance(number, int | np.integer):
             raise InputError(
                 f"numbers holds {number!r}; expected whole numbers such as 1 for Ceres (names= takes names)"
             )
         if abs(int(number)) > MOST_NUMBER:
             raise InputError("numbers holds one beyond 10^15; expected numbers of asteroids, such as 1 for Ceres")
     return [int(number) for number in values]
+
+
+def _listed(given: Any) -> list[Any]:
+    """Return what may be iterated as a list, and a text or anything else as a list of one."""
+    if isinstance(given, str):
+        return [given]
+    try:
+        return list(given)
+    except TypeError:  # also arrays without dimensions, which look as if they could be iterated
+        return [given]
 
 
 def checked_classes(classes: Any) -> set[str] | None:

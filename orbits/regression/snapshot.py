@@ -189,8 +189,8 @@ def _by_child(path: str | os.PathLike[str], which: dict[str, Any] | None) -> tup
         with place.open("rb") as file:
             begin = file.read(len(MAGIC))
         size = place.stat().st_size
-    except OSError as error:
-        raise UnreadableError(f"it cannot be read ({error.strerror})") from error
+    except (OSError, ValueError) as error:  # ValueError: no path at all, such as one with a null character
+        raise UnreadableError(f"it cannot be read ({getattr(error, 'strerror', None) or error})") from error
     if begin != MAGIC:
         raise UnreadableError("it is no Simulationarchive of REBOUND, which begins with its name and version")
     with tempfile.TemporaryDirectory() as folder:

@@ -140,7 +140,7 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
 
 def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
     """Return the place of `name` in `names`; raise UnknownNameError with the names that come close."""
-    if name in names:
+    if isinstance(name, str) and name in names:
         return names.index(name)
     close = difflib.get_close_matches(str(name).lower(), {n.lower(): None for n in names}, n=3, cutoff=0.6)
     meant = [n for n in names if n.lower() in close]

@@ -139,7 +139,7 @@ def new_states(
 
 def centre_of_several(names: Sequence[str], around: str) -> str | None:
     """Return "barycentre", "barycenter" or "jacobi" where that is what `around` says; None where it names a body."""
-    known = around not in names and isinstance(around, str) and around.lower() in (*BARYCENTRIC, JACOBI)
+    known = isinstance(around, str) and around not in names and around.lower() in (*BARYCENTRIC, JACOBI)
     return around.lower() if known else None
 
 
@@ -184,7 +184,7 @@ def default_frame(units: UnitSystem) -> str:
 
 def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
     """Return the arguments of `System` for bodies of DE440, relative to the barycentre of the Solar System."""
-    if isinstance(bodies, str) or not isinstance(bodies, Iterable | None):
+    if isinstance(bodies, str) or not isinstance(bodies, Iterable | None) or getattr(bodies, "shape", None) == ():
         example = bodies if isinstance(bodies, str) else "Sun"
         raise InputError(f"bodies is {bodies!r}; expected a sequence of names, such as [{example!r}].")
     names = [ephemeris.canonical_name(name) for name in (ephemeris.SOLAR_SYSTEM if bodies is None else bodies)]

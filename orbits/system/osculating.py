@@ -144,7 +144,7 @@ def osculating(
     without elements.
     """
     frame = making.default_frame(units) if frame is None else frame
-    around = making.centre_of_several(names, primary) or primary
+    around = making.centre_of_several(names, primary) or names[checks.index_of(primary, names, "primary")]
     if around in making.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
     if around == making.JACOBI:

@@ -16,6 +16,9 @@ PAIR = System.from_elements({"star": {"gm": 1}, "planet": {"a": 1, "gm": 1e-3}},
 VERLET = orbits.StormerVerlet()
 
 
+pytestmark = pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+
+
 def is_short(x: Any) -> bool:
     """Whether a run of that length, or with that step, is over at once."""
     return not isinstance(x, int | float) or isinstance(x, bool) or not 0 < abs(x) < 1e-3
@@ -29,7 +32,11 @@ def many(x: Any) -> bool:
     60,
     1500,
     changes=st.dictionaries(
-        st.sampled_from(["samples", "progress", "certificate", "threads", "integrator", "system"]), junk, max_size=2
+        st.sampled_from(
+            ["samples", "progress", "certificate", "threads", "integrator", "system", "stop", "callback", "check_step"]
+        ),
+        junk,
+        max_size=2,
     ),
 )
 def test_any_argument_of_a_run_is_taken_or_refused(changes: dict[str, Any]) -> None:
@@ -42,6 +49,8 @@ def test_any_argument_of_a_run_is_taken_or_refused(changes: dict[str, Any]) -> N
 @campaign(60, 1500, x=junk.filter(is_short))
 def test_any_step_and_any_length_run_or_are_refused(x: Any) -> None:
     works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=x, duration=0.5, samples=2))
+    if isinstance(x, str):
+        works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=f"P/{x}", duration=0.5, samples=2))
     if not many(x):
         works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=0.1, duration=x, samples=2))
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits import DIMENSIONLESS, SOLAR, InputError, System
-from tests.campaigns import campaign, junk, works_or_says_why
+from tests.campaigns import ODDITIES, campaign, junk, works_or_says_why
 
 GOOD = {
     "names": ["Sun", "Earth", "rock"],
@@ -90,6 +90,13 @@ USES: dict[str, Callable[[Any], Any]] = {
     "order": lambda x: orbits.Composition(orbits.StormerVerlet(), order=x),
     "scheme": lambda x: orbits.Composition(orbits.StormerVerlet(), order=4, scheme=x),
     "tableau": lambda x: orbits.VPRK(a=x, b=[1.0]),
+    "from_rebound": orbits.from_rebound,
+    "to_rebound": orbits.to_rebound,
+    "run_from_rebound": orbits.run_from_rebound,
+    "CloserThan": orbits.CloserThan,
+    "FartherThan": orbits.FartherThan,
+    "EnergyErrorAbove": orbits.EnergyErrorAbove,
+    "WallTimeOver": orbits.WallTimeOver,
 }
 
 
@@ -97,6 +104,12 @@ USES: dict[str, Callable[[Any], Any]] = {
 def test_any_argument_is_taken_or_refused(x: Any) -> None:
     for use in USES.values():
         works_or_says_why(lambda use=use: use(x))
+
+
+@pytest.mark.parametrize("use", USES)
+def test_each_oddity_is_taken_or_refused(use: str) -> None:
+    for x in (*ODDITIES, *([x] for x in ODDITIES), ODDITIES):
+        works_or_says_why(lambda x=x: USES[use](x))
 
 
 @pytest.mark.parametrize(

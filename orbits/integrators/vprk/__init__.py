@@ -105,6 +105,6 @@ def _row(values: Any, what: str) -> tuple[Any, ...]:
 
 
 def _rows(values: Any, what: str) -> Table:
-    if isinstance(values, str) or not hasattr(values, "__iter__"):
+    if isinstance(values, str) or not hasattr(values, "__iter__") or getattr(values, "shape", None) == ():
         raise InputError(f"VPRK: {what} must be a square table, such as ((0, 0), (0.5, 0.5)); got {values!r}")
     return tuple(_row(row, what) for row in values)
