@@ -31,6 +31,9 @@ FRACTION = 0.5
 MARGIN = 1.05
 """By how much the apsides of a particle may move within a block."""
 
+CROWD = 64
+"""Bodies from which on pairs that stay far apart are told beforehand."""
+
 DETOUR = 1.25
 """How much faster than at the looks a body may be in between."""
 
@@ -279,7 +282,9 @@ def follow_bodies(watch, track, h, steps):
     if watch.first == 0:
         _note_bodies(watch, track, 0.0)
     n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
-    closest, way = record[DISTANCE2, OTHER], _longest_way(watch, h, steps)
+    closest = record[DISTANCE2, OTHER]
+    # For a few bodies the bound costs more than what it saves.
+    way = _longest_way(watch, h, steps) if n >= CROWD else math.inf
     for i in range(n - 1):
         for start in range(i + 1, n, WIDTH):
             valid = full(1.0)
