@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
 from orbits.integrators.crowd import Crowd, shares
-from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, Watch, note_end
+from orbits.integrators.watcher import Watcher, empty_record
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.stopping import first_energy_error, look_at_bodies, path_energy
 from orbits.lagrangians.base import Lagrangian
 
 FIELD_BYTES = 512 * 1024
@@ -33,13 +32,6 @@ PATH_BYTES = 4 * 1024 * 1024
 
 LEAST_BLOCK = 16
 """Steps in one call of a kernel, however many the bodies are: whoever looks for close approaches looks at its ends."""
-
-RULE = 0.9
-"""Share of the total mass from which on a body dominates the others."""
-
-HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
-"""How close to a body a massless particle must come to be recorded: Hill radii, or a share of the distance between the
-body and the dominant one, whichever is larger."""
 
 BLOCK_WORK = 20_000_000
 """Pairs times steps in one call of a kernel: a fraction of a second, after which a signal is seen."""
@@ -106,16 +98,14 @@ class Marcher:
             "particle_v": _columns(v[self._particles]),
             "particle_v_lo": np.zeros((3, padded(m))),
             "particle_memory": np.zeros((m, integrator.particle_memory_rows, WIDTH)),
-            "approaches": np.zeros((QUANTITIES, 2, padded(n + m))),
+            "approaches": empty_record(n + m),
         }
-        self._state["approaches"][0] = np.inf
         self._backup = {name: array.copy() for name, array in self._state.items()}
         shape = integrator.field_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
         room = FIELD_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
         self.block = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
         self._field = np.zeros((self.block if m else 1, *shape))
-        self._path = np.empty(2 * (self.block + 1) * padded(3 * n))
         self._nothing = np.zeros(0)
         self._work = np.zeros(integrator.work_shape(3 * n))
         self._tasks = shares(m, threads)
@@ -125,14 +115,16 @@ class Marcher:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
         self._advance = Crowd(integrator, n, threads, self._pool).advance if crowded else integrator.advance
         self.met: tuple[int, int, int] | None = None
-        self._rows = np.concatenate([self._massive, self._particles])
-        self._stops = self._in_rows(np.zeros((0, 4)) if stops is None else stops)
-        self._hits = np.zeros(((m + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
-        self._dominant, self._annuli = self._reaches(q[self._massive])
-        self._energy_bound, self._energy = energy_bound, 0.0
-        if energy_bound is not None:
-            self._path[: 2 * padded(3 * n)] = np.concatenate([self._state["q"], self._state["v"]])
-            self._energy = path_energy(self._watch(self._state), self.parameters, 0)
+        self._watcher = Watcher(
+            self.parameters,
+            self._massive,
+            self._particles,
+            self._state["q"],
+            self._state["v"],
+            self.block,
+            stops,
+            energy_bound,
+        )
 
     def advance(self, steps: int) -> None:
         """March on by `steps` >= 0 steps.
@@ -165,21 +157,13 @@ class Marcher:
 
     def _stop(self, count: int) -> bool:
         """Look whether a condition was met in the block of `count` steps just marched; then go to where it was."""
-        if not len(self._stops) and self._energy_bound is None:
+        found = self._watcher.met(self._watcher.watch(self._state["approaches"], self.step), count)
+        if found is None:
             return False
-        found, *met = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])]) if count else (1, 0, 0, 0)
-        if self._energy_bound is not None:
-            watch = self._watch(self._state)
-            bound = self._energy_bound * abs(self._energy)
-            step = first_energy_error(watch, self.parameters, count, self._energy, bound)
-            if step < found:
-                found, met = step, [-1, 0, 0]
-        if found > count:
-            return False
-        if found < count:
-            self._replay(found)
-        self.step += found
-        self.met = (met[0], int(self._rows[met[1]]), int(self._massive[met[2]]))
+        steps, self.met = found
+        if steps < count:
+            self._replay(steps)
+        self.step += steps
         return True
 
     def _steps_before_failure(self, count: int) -> int:
@@ -222,12 +206,7 @@ class Marcher:
 
     def approaches(self) -> Array:
         """Return the closest approaches up to now, (4, 2, rows + padding), see `orbits.kernels.encounters`."""
-        record = self._state["approaches"].copy()
-        watch = self._watch(self._state)._replace(record=record)
-        self._path[: watch.stride], self._path[watch.stride : 2 * watch.stride] = self._state["q"], self._state["v"]
-        q, v = self._state["particle_q"], self._state["particle_v"]
-        note_end(watch, self._tracks[0], q, v, len(self._particles))
-        return record
+        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], self._state)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to go on bit for bit; the arrays are copies."""
@@ -262,8 +241,8 @@ class Marcher:
             self._coefficients = {self.h: self._coefficients[self.h], h: _coefficients(method, h)}
         arguments = (self.lagrangian.tag, self.parameters, self._coefficients[h], h)
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        watching = "approaches" in state
-        path = self._path if watching else self._nothing
+        record = state.get("approaches")  # a copy without one is not watched
+        path = self._nothing if record is None else self._watcher.path
         status, done, body, evaluations = self._advance(*arguments, *massive, self._work, self._field, path, count)
         self.evaluations += evaluations
         if status == NOT_CONVERGED:
@@ -274,16 +253,11 @@ class Marcher:
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0
             self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
-        watch = self._watch(state)
-        if watching:
-            end = 2 * count * watch.stride
-            path[end : end + watch.stride] = state["q"]
-            path[end + watch.stride : end + 2 * watch.stride] = state["v"]
-            look_at_bodies(watch, self._tracks[0], h, count)
+        watch = self._watcher.watch(record, self.step)
+        if record is not None:
+            self._watcher.look(watch, self._tracks[0], h, count, state["q"], state["v"])
         if not self._tasks:
             return
-        if watching:
-            self._see_annuli(count)
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
 
         def share(task: int) -> tuple[int, int, int, int]:
@@ -300,52 +274,6 @@ class Marcher:
         for status, done, particle, _ in outcomes:
             if status != OK:
                 self._fail(status, done if status == NOT_CONVERGED else 0, [int(self._particles[particle])])
-
-    def _watch(self, state: dict[str, Array]) -> Watch:
-        """Return what the kernels look at; for a state without a record of approaches, nothing."""
-        watching = "approaches" in state
-        return Watch(
-            path=self._path,
-            stride=len(self._state["q"]),
-            bodies=self._bodies if watching else 0,
-            first=self.step,
-            dominant=self._dominant if watching else -1,
-            mu=float(self.parameters[1 + self._dominant]) if self._dominant >= 0 else 0.0,
-            annuli=self._annuli,
-            record=self._state["approaches"],
-            stops=self._stops,
-            hits=self._hits,
-        )
-
-    def _in_rows(self, stops: Array) -> Array:
-        """Return the conditions with the bodies numbered as the kernels number them."""
-        row = np.empty(len(self._rows) + 1)
-        row[self._rows], row[-1] = np.arange(len(self._rows)), -1
-        out = np.array(stops, dtype=np.float64)
-        out[:, 1:3] = row[out[:, 1:3].astype(int)]
-        return out
-
-    def _reaches(self, q: Array) -> tuple[int, Array]:
-        """Return the body that dominates the others, or -1, and how close to each body is close, in `annuli`."""
-        gm = self.parameters[1:]
-        annuli = np.zeros((self._bodies, 3))
-        dominant = int(np.argmax(gm))
-        if gm[dominant] <= RULE * gm.sum():
-            annuli[:, REACH] = np.inf
-            return -1, annuli
-        distance = np.linalg.norm(q - q[dominant], axis=1)
-        hill = distance * np.cbrt(gm / (3.0 * gm[dominant]))
-        annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
-        annuli[dominant, REACH] = 0.0
-        return dominant, annuli
-
-    def _see_annuli(self, steps: int) -> None:
-        """Find between which distances from the dominant body the others stay in the block just marched."""
-        if self._dominant >= 0:
-            n, stride = self._bodies, len(self._state["q"])
-            q = self._path[: 2 * (steps + 1) * stride].reshape(steps + 1, 2, stride)[:, 0, : 3 * n].reshape(-1, 3, n)
-            distance = np.sqrt(((q - q[:, :, [self._dominant]]) ** 2).sum(axis=1))
-            self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
     def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
         """Return two massive bodies: `body` and the one next to it, the lighter one first."""

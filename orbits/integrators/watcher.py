@@ -1,0 +1,140 @@
+"""What a march looks at on its way: closest approaches, and conditions that end it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.integrators.base import Array, padded
+from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, Watch, note_end
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.stopping import first_energy_error, look_at_bodies, path_energy
+
+RULE = 0.9
+"""Share of the total mass from which on a body dominates the others."""
+
+HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
+"""How close to a body a massless particle must come to be recorded: Hill radii, or a share of the distance between the
+body and the dominant one, whichever is larger."""
+
+
+def empty_record(rows: int) -> Array:
+    """Return a record of closest approaches without any, for massive bodies and particles together."""
+    record = np.zeros((QUANTITIES, 2, padded(rows)))
+    record[0] = np.inf
+    return record
+
+
+class Watcher:
+    """Conditions and closest approaches of one bound system.
+
+    parameters : vector of the Lagrangian's kernels; gm from its second element on
+    massive, particles : indices of the bodies in the order of the caller
+    q, v : vectors of the massive bodies at the start
+    block : steps that `path` has room for
+    stops, energy_bound : see `Marcher`
+    """
+
+    def __init__(
+        self,
+        parameters: Array,
+        massive: NDArray[np.intp],
+        particles: NDArray[np.intp],
+        q: Array,
+        v: Array,
+        block: int,
+        stops: Array | None,
+        energy_bound: float | None,
+    ) -> None:
+        self.path = np.empty(2 * (block + 1) * len(q))
+        self._parameters, self._stride = parameters, len(q)
+        self._massive, self._particles = massive, particles
+        self._rows = np.concatenate([massive, particles])
+        self._stops = self._in_rows(np.zeros((0, 4)) if stops is None else stops)
+        self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
+        self._dominant, self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
+        self._energy_bound, self._energy = energy_bound, 0.0
+        if energy_bound is not None:
+            self._set_state(0, q, v)
+            self._energy = path_energy(self.watch(empty_record(len(self._rows)), 0), parameters, 0)
+
+    def watch(self, record: Array | None, first: int) -> Watch:
+        """Return what the kernels look at after `first` steps; without a record, nothing."""
+        watching = record is not None
+        return Watch(
+            path=self.path,
+            stride=self._stride,
+            bodies=len(self._massive) if watching else 0,
+            first=first,
+            dominant=self._dominant if watching else -1,
+            mu=float(self._parameters[1 + self._dominant]) if self._dominant >= 0 else 0.0,
+            annuli=self._annuli,
+            record=record if record is not None else _NO_RECORD,
+            stops=self._stops,
+            hits=self._hits,
+        )
+
+    def look(self, watch: Watch, track: Array, h: float, steps: int, q: Array, v: Array) -> None:
+        """Look at the massive bodies in the block of `steps` steps just marched, which ended at q and v."""
+        self._set_state(steps, q, v)
+        look_at_bodies(watch, track, h, steps)
+        if len(self._particles) and self._dominant >= 0:
+            n = len(self._massive)
+            block = self.path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
+            positions = block[:, 0, : 3 * n].reshape(-1, 3, n)
+            distance = np.sqrt(((positions - positions[:, :, [self._dominant]]) ** 2).sum(axis=1))
+            self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
+
+    def met(self, watch: Watch, steps: int) -> tuple[int, tuple[int, int, int]] | None:
+        """Return after how many of the `steps` steps just looked at a condition first held, and which one for which
+        bodies of the caller: (condition, body, massive body), condition -1 for the energy. None if none did.
+        """
+        if not steps or (not len(self._stops) and self._energy_bound is None):
+            return None
+        found, *which = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])])
+        if self._energy_bound is not None:
+            bound = self._energy_bound * abs(self._energy)
+            step = first_energy_error(watch, self._parameters, steps, self._energy, bound)
+            if step < found:
+                found, which = step, [-1, 0, 0]
+        if found > steps:
+            return None
+        return found, (which[0], int(self._rows[which[1]]), int(self._massive[which[2]]))
+
+    def approaches(self, record: Array, first: int, track: Array, state: dict[str, Array]) -> Array:
+        """Return a record with the distances at its end entered."""
+        record = record.copy()
+        self._set_state(0, state["q"], state["v"])
+        count = len(self._particles)
+        note_end(self.watch(record, first), track, state["particle_q"], state["particle_v"], count)
+        return record
+
+    def _set_state(self, step: int, q: Array, v: Array) -> None:
+        start = 2 * step * self._stride
+        self.path[start : start + self._stride] = q
+        self.path[start + self._stride : start + 2 * self._stride] = v
+
+    def _in_rows(self, stops: Array) -> Array:
+        """Return the conditions with the bodies numbered as the kernels number them."""
+        row = np.empty(len(self._rows) + 1)
+        row[self._rows], row[-1] = np.arange(len(self._rows)), -1
+        out = np.array(stops, dtype=np.float64)
+        out[:, 1:3] = row[out[:, 1:3].astype(int)]
+        return out
+
+    def _reaches(self, q: Array) -> tuple[int, Array]:
+        """Return the body that dominates the others, or -1, and how close to each body is close, in `annuli`."""
+        gm = self._parameters[1:]
+        annuli = np.zeros((len(gm), 3))
+        dominant = int(np.argmax(gm))
+        if gm[dominant] <= RULE * gm.sum():
+            annuli[:, REACH] = np.inf
+            return -1, annuli
+        distance = np.sqrt(((q - q[:, [dominant]]) ** 2).sum(axis=0))
+        hill = distance * np.cbrt(gm / (3.0 * gm[dominant]))
+        annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
+        annuli[dominant, REACH] = 0.0
+        return dominant, annuli
+
+
+_NO_RECORD = empty_record(0)
