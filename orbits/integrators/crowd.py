@@ -16,8 +16,8 @@ import numpy as np
 from orbits.integrators.base import NOT_FINITE, OK, Array, Integrator
 from orbits.kernels.binding import Tag, accelerate_some
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import record_state
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import record_state
 from orbits.kernels.state import all_finite, drift, kick
 
 LEAST_CROWD = 1000

@@ -18,8 +18,8 @@ from typing import Any, ClassVar
 from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import record_particles, record_state
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import record_particles, record_state
 from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import accumulate, add_product

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.base import Array, padded
-from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, Watch, note_end
+from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, note_end
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import Watch
 from orbits.kernels.stopping import first_energy_error, look_at_bodies, path_energy
 
 RULE = 0.9

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import follow_bodies, follow_particles, least_distance, relative
+from orbits.kernels.encounters import follow_bodies, follow_particles
 from orbits.kernels.gravity import pair_potential
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import least_distance, relative
 
 ANY = -1
 CLOSER, FARTHER = 0, 1

@@ -12,8 +12,8 @@ from orbits.integrators import methods
 from orbits.integrators.base import OK
 from orbits.kernels.binding import dimension
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import Watch, record_state
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import Watch, record_state
 from orbits.kernels.stopping import look_at_particles
 
 

@@ -17,7 +17,6 @@ from orbits.integrators.base import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.integrators.vprk.coefficients import ETA, HB, HC, HC_LO, REST, START
 from orbits.kernels.binding import accelerate, bodies, dimension, field
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import record_state
 from orbits.kernels.iteration import (
     CONVERGED,
     FLOOR,
@@ -43,6 +42,7 @@ from orbits.kernels.lanes import (
     store,
     total,
 )
+from orbits.kernels.paths import record_state
 from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
 

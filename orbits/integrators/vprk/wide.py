@@ -14,7 +14,6 @@ from orbits.integrators.base import NOT_CONVERGED, NOT_FINITE, OK, Array, padded
 from orbits.integrators.vprk.second_order import moved
 from orbits.kernels.binding import accelerate, bodies, dimension, field
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import record_state
 from orbits.kernels.iteration import (
     CONVERGED,
     FLOOR,
@@ -30,6 +29,7 @@ from orbits.kernels.iteration import (
     unsettled_coordinate,
 )
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, row_sums, store, total
+from orbits.kernels.paths import record_state
 from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_sum
 from orbits.tableaux import SymplecticTableau

@@ -1,0 +1,125 @@
+"""The states at the beginning of each step of a block: written by the methods, looked at between the blocks.
+
+Rows are the massive bodies, then the massless particles, of which eight at a time have their states in `track`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH, load, store
+
+
+class Watch(NamedTuple):
+    """What is looked at in a block of steps.
+
+    path : flat; n bodies' q and v at the beginning of each step and at the end, each padded to `stride`
+    stride : length of a padded vector
+    bodies : n
+    first : steps taken before this block
+    dominant : the body that rules the motion of the others, or -1
+    mu : its GM
+    annuli : (n, 3), see `encounters.py`
+    record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
+    stops : (conditions, 4), see `stopping.py`
+    hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
+        which condition first held for which row and body
+    """
+
+    path: Any
+    stride: Any
+    bodies: Any
+    first: Any
+    dominant: Any
+    mu: Any
+    annuli: Any
+    record: Any
+    stops: Any
+    hits: Any
+
+
+@kernel(inline=True)
+def relative(watch, track, row, j, step):
+    """Return the position and velocity of a row relative to body j at the beginning of a step."""
+    n, path = watch.bodies, watch.path
+    a = 2 * step * watch.stride + j
+    b = a + watch.stride
+    if row < n:
+        c, d = a - j + row, b - j + row
+        return (
+            path[c] - path[a],
+            path[c + n] - path[a + n],
+            path[c + 2 * n] - path[a + 2 * n],
+            path[d] - path[b],
+            path[d + n] - path[b + n],
+            path[d + 2 * n] - path[b + 2 * n],
+        )
+    p, k = (row - n) % WIDTH, 6 * step
+    return (
+        track[k, p] - path[a],
+        track[k + 1, p] - path[a + n],
+        track[k + 2, p] - path[a + 2 * n],
+        track[k + 3, p] - path[b],
+        track[k + 4, p] - path[b + n],
+        track[k + 5, p] - path[b + 2 * n],
+    )
+
+
+@kernel(inline=True)
+def record_state(path, step, q, v, size):
+    """Write the state of the bodies at the beginning of a step into `path`, where there is one."""
+    if path.shape[0] > 0:
+        first = 2 * step * q.shape[0]
+        for k in range(0, size, WIDTH):
+            store(path, first + k, load(q, k))
+            store(path, first + q.shape[0] + k, load(v, k))
+
+
+@kernel(inline=True)
+def record_particles(track, step, x, y, z, vx, vy, vz):
+    """Write the states of eight particles at the beginning of a step into `track`."""
+    row = 6 * step
+    store(track, row, x)
+    store(track, row + 1, y)
+    store(track, row + 2, z)
+    store(track, row + 3, vx)
+    store(track, row + 4, vy)
+    store(track, row + 5, vz)
+
+
+@kernel(inline=True)
+def hermite(s, h, x0, v0, x1, v1):
+    """Return position, velocity and acceleration at the fraction s of a step of h between two states."""
+    a, b = x1 - x0 - h * v0, h * (v1 - v0)
+    c2, c3 = 3.0 * a - b, b - 2.0 * a
+    velocity = v0 + s * (2.0 * c2 + 3.0 * s * c3) / h
+    return x0 + s * (h * v0 + s * (c2 + s * c3)), velocity, (2.0 * c2 + 6.0 * s * c3) / (h * h)
+
+
+@kernel
+def least_distance(watch, track, row, j, step, h):
+    """Return the squared distance, the fraction of the step and the squared speed at the least distance in a step."""
+    x0, y0, z0, u0, v0, w0 = relative(watch, track, row, j, step)
+    x1, y1, z1, u1, v1, w1 = relative(watch, track, row, j, step + 1)
+    low, high, s = 0.0, 1.0, 0.5
+    d2 = speed2 = 0.0
+    for _ in range(48):
+        x, u, ax = hermite(s, h, x0, u0, x1, u1)
+        y, v, ay = hermite(s, h, y0, v0, y1, v1)
+        z, w, az = hermite(s, h, z0, w0, z1, w1)
+        d2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
+        fall = (x * u + y * v + z * w) * h
+        if fall < 0.0:
+            low = s
+        else:
+            high = s
+        # Newton's method, kept between the bounds.
+        slope = (speed2 + x * ax + y * ay + z * az) * h * h
+        s_next = s - fall / slope if slope > 0.0 else low
+        if not low < s_next < high:
+            s_next = 0.5 * (low + high)
+        if abs(s_next - s) <= 1e-9:
+            break
+        s = s_next
+    return d2, s, speed2

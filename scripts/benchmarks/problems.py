@@ -1,0 +1,109 @@
+"""What is measured: problems, and runs of them by us and by the peers."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from orbits.integrators.marcher import Marcher
+from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.regression import peers
+from orbits.resources import data_path
+
+AU_KM = 149597870.7
+
+
+YEAR = 365.25
+
+
+def ten_bodies_data() -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """GM, q, v of Sun, planets and Pluto at J2000, and where quadruple precision puts them after some years."""
+    data = json.loads(data_path("solar_system_10body.json").read_text())
+    reference = {
+        years: np.array([[float(x) for x in row] for row in rows])[:, :3]
+        for years, rows in data["reference_years"].items()
+    }
+    return np.array(data["gm_au3_d2"]), np.array(data["q"]), np.array(data["v"]), reference
+
+
+def rotations(count: int) -> list[np.ndarray]:
+    """Random rotations, uniformly distributed, always the same."""
+    rng = np.random.default_rng(20000101)
+    out = [np.eye(3)]
+    for _ in range(count - 1):
+        matrix, upper = np.linalg.qr(rng.normal(size=(3, 3)))
+        matrix = matrix * np.sign(np.diag(upper))
+        out.append(matrix if np.linalg.det(matrix) > 0 else -matrix)
+    return out
+
+
+def marcher(method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: float, threads: int = 1) -> Marcher:
+    """A system of floats bound to a method."""
+    massive = gm > 0
+    return Marcher(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads)
+
+
+def ours(method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: float, span: float, threads: int = 1):
+    """Return (seconds, positions at `span`) of one run, compiled before the clock starts."""
+    run = marcher(method, gm, q, v, h, threads)
+    run.compile()
+    steps = int(span // h)
+    begun = time.perf_counter()
+    run.advance(steps)
+    seconds = time.perf_counter() - begun
+    end, _ = run.state_after(span - steps * h)
+    run.close()
+    return seconds, end
+
+
+def rebound(name: str, gm: np.ndarray, q: np.ndarray, v: np.ndarray, dt: float, span: float):
+    """Return (seconds, positions at `span`) of a REBOUND run."""
+    run = peers.run(name, gm, q, v, times=np.array([span]), dt=dt)
+    return run.wall_s, run.q[-1]
+
+
+def heyoka(gm: np.ndarray) -> Callable[..., tuple[float, np.ndarray]] | None:
+    """Return a runner of heyoka's Taylor integrator for these masses, compiled; None where heyoka is not installed."""
+    try:
+        import heyoka as hy
+    except ImportError:
+        return None
+    model = hy.model.nbody(len(gm), masses=list(gm / gm[0]), Gconst=gm[0])
+    integrator = hy.taylor_adaptive(model, state=np.zeros(6 * len(gm)), tol=2.0**-52)
+
+    def run(gm: np.ndarray, q: np.ndarray, v: np.ndarray, dt: float, span: float) -> tuple[float, np.ndarray]:
+        integrator.time = 0.0
+        integrator.state[:] = np.hstack([q, v]).ravel()
+        begun = time.perf_counter()
+        integrator.propagate_until(span)
+        return time.perf_counter() - begun, integrator.state.reshape(-1, 6)[:, :3].copy()
+
+    return run
+
+
+def belt(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The ten bodies, and massless particles on orbits as in the asteroid belt."""
+    gm, q, v, _ = ten_bodies_data()
+    rng = np.random.default_rng(seed)
+    a, e = rng.uniform(2.1, 3.3, count), rng.uniform(0.0, 0.2, count)
+    angle, inclination = rng.uniform(0, 2 * np.pi, count), rng.uniform(0, 0.3, count)
+    r, speed = a * (1 - e), np.sqrt(gm[0] / a * (1 + e) / (1 - e))
+    radial = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(count)])
+    across = np.column_stack(
+        [-np.sin(angle) * np.cos(inclination), np.cos(angle) * np.cos(inclination), np.sin(inclination)]
+    )
+    return (
+        np.append(gm, np.zeros(count)),
+        np.vstack([q, q[0] + r[:, None] * radial]),
+        np.vstack([v, v[0] + speed[:, None] * across]),
+    )
+
+
+def cluster(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A ball of equal bodies, total GM = 1, in slow random motion."""
+    rng = np.random.default_rng(seed)
+    return np.full(count, 1.0 / count), rng.normal(size=(count, 3)), 0.4 * rng.normal(size=(count, 3))

@@ -1,0 +1,206 @@
+"""Whole processes and calls: start, memory, compilation, scenarios, overhead."""
+
+from __future__ import annotations
+
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import orbits
+from benchmarks.problems import marcher
+
+FIRST_STEP = """
+import orbits
+from astropy import units as u
+s = orbits.System.solar_system()
+orbits.propagate(s, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * u.day, samples=2, progress=False)
+"""
+
+
+def _whole_process(code: str, environment: dict[str, str] | None = None) -> float:
+    begun = time.perf_counter()
+    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, **(environment or {})})
+    return time.perf_counter() - begun
+
+
+def part_start(repetitions: int) -> dict[str, Any]:
+    """Whole processes: the import, the first step with a warm cache, and what compiling on a cold one adds."""
+    _whole_process(FIRST_STEP)
+    rows = {
+        "python alone": statistics.median(_whole_process("pass") for _ in range(repetitions)),
+        "import orbits": statistics.median(_whole_process("import orbits") for _ in range(repetitions)),
+        "first step, warm cache": statistics.median(_whole_process(FIRST_STEP) for _ in range(repetitions)),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        rows["first step, cold cache"] = _whole_process(FIRST_STEP, {"NUMBA_CACHE_DIR": folder})
+    return {"rows": [{"what": what, "seconds": seconds} for what, seconds in rows.items()]}
+
+
+MEMORY_RUN = """
+import sys, numpy as np, orbits
+from astropy import units as u
+s = orbits.System.solar_system()
+n = 10_000
+rng = np.random.default_rng(1)
+a, f = rng.uniform(2.1, 3.3, n), rng.uniform(0, 2 * np.pi, n)
+speed = np.sqrt(orbits.SOLAR.G / a)
+q = np.column_stack([a * np.cos(f), a * np.sin(f), 0 * a])
+v = np.column_stack([-speed * np.sin(f), speed * np.cos(f), 0 * a])
+x = s.values
+big = orbits.System.from_states(
+    [*s.names, *(f"p{k}" for k in range(n))], np.append(x.gm, np.zeros(n)), np.vstack([x.q, q]), np.vstack([x.v, v]),
+    epoch=s.epoch, units=orbits.SOLAR)
+run = orbits.propagate(big, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * 9999 * u.day, samples=10_000,
+                       archive=sys.argv[1], progress=False)
+drift = run.energy()
+print(len(run))
+"""
+
+
+def part_memory(repetitions: int) -> dict[str, Any]:
+    """10,000 particles, 10,000 samples into an archive, energies read back: peak memory of the whole process."""
+    with tempfile.TemporaryDirectory(dir=Path(__file__).parent) as folder:
+        path = str(Path(folder) / "run.h5")
+        begun = time.perf_counter()
+        subprocess.run([sys.executable, "-c", MEMORY_RUN, path], check=True, stdout=subprocess.DEVNULL)
+        seconds = time.perf_counter() - begun
+        size = os.path.getsize(path)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+    return {"rows": [{"peak_memory_MB": peak / 1e6, "archive_GB": size / 1e9, "seconds": seconds}]}
+
+
+def part_lagrangians(repetitions: int) -> dict[str, Any]:
+    """Kepler's problem with Gauss(stages=8), 0.2 a step: a Lagrangian from SymPy beside the hand-written N-body path
+    for two bodies; nanoseconds a step, and force evaluations of all stages.
+    """
+    from orbits.integrators.flow import Flow
+    from orbits.lagrangians.newtonian import n_body
+
+    kepler, two = orbits.lagrangians.kepler, n_body([0.999, 0.001])
+    x, v = np.array([1.3, 0.0]), np.array([0.0, 0.8])
+    space, speed = np.array([1.3, 0.0, 0.0]), np.array([0.0, 0.8, 0.0])
+    bodies = np.concatenate([-0.001 * space, 0.999 * space])
+    momenta = two.momentum(bodies, np.concatenate([-0.001 * speed, 0.999 * speed]))
+    method, steps = orbits.Gauss(stages=8), 20_000
+    runs = {
+        "two bodies, by hand": (Flow(two, method, 0.2), bodies, momenta),
+        "Kepler, from SymPy": (Flow(kepler, method, 0.2), x, v),
+        "Kepler, from SymPy, canonical form": (Flow(kepler, method, 0.2, canonical=True), x, v),
+    }
+    spent: dict[str, list[float]] = {what: [] for what in runs}
+    evaluations = {}
+    for flow, q, p in runs.values():
+        flow.march(q, p, 100, every=100)
+    for _ in range(repetitions):
+        for what, (flow, q, p) in runs.items():
+            begun = time.perf_counter()
+            path = flow.march(q, p, steps, every=steps)
+            spent[what].append((time.perf_counter() - begun) / steps * 1e9)
+            evaluations[what] = path.evaluations / steps
+    hand = statistics.median(spent["two bodies, by hand"])
+    return {
+        "rows": [
+            {
+                "problem": what,
+                "ns per step": statistics.median(times),
+                "evaluations": evaluations[what],
+                "times the hand-written one": statistics.median(times) / hand,
+            }
+            for what, times in spent.items()
+        ]
+    }
+
+
+SYMBOLIC = """
+import sys, time
+import numpy as np, orbits
+from orbits.integrators.flow import Flow
+import sympy
+L = orbits.lagrangians.registry()[sys.argv[1]]
+begun = time.perf_counter()
+L.traits
+made = time.perf_counter()
+e = L.example
+L.value(e.q, e.v), L.gradients(e.q, e.v), L.hessians(e.q, e.v)
+compiled = time.perf_counter()
+orbits.march(L, orbits.Gauss(stages=8), dt=e.dt, steps=1)
+print(made - begun, compiled - made, time.perf_counter() - compiled)
+"""
+
+
+def part_symbolic(repetitions: int) -> dict[str, Any]:
+    """Each Lagrangian from nothing, in a process with an empty cache: derivatives and source by SymPy, kernels
+    compiled, the step of Gauss compiled for it; then all three again in a second process.
+    """
+    rows = []
+    for name in sorted(orbits.lagrangians.registry()):
+        with tempfile.TemporaryDirectory() as folder:
+            command = [sys.executable, "-c", SYMBOLIC, name]
+            environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+            cold, warm = (
+                [
+                    float(x)
+                    for x in subprocess.run(command, check=True, env=environment, capture_output=True).stdout.split()
+                ]
+                for _ in range(2)
+            )
+        rows.append(
+            {
+                "lagrangian": name,
+                "SymPy s": cold[0],
+                "kernels s": cold[1],
+                "step s": cold[2],
+                "again, all s": sum(warm),
+            }
+        )
+    return {"rows": rows}
+
+
+def part_pendulum(repetitions: int) -> dict[str, Any]:
+    """The pendulum scenario as a whole process, drawing included: 200 orbits of 2,000 steps in each panel, and more."""
+    with tempfile.TemporaryDirectory() as folder:
+        program = "from orbits.cli import main; main()"
+        command = [sys.executable, "-c", program, "run", "pendulum", "--out", folder]
+        seconds = []
+        for _ in range(3):
+            begun = time.perf_counter()
+            subprocess.run(command, check=True, capture_output=True)
+            seconds.append(time.perf_counter() - begun)
+    return {"rows": [{"what": "orbits run pendulum", "seconds": statistics.median(seconds)}]}
+
+
+def part_calls(repetitions: int) -> dict[str, Any]:
+    """Short calls, as in a fit: ten bodies for 100 steps of 6 d with Gauss, two samples, all checks on, and how much of
+    it is not the march itself.
+    """
+    system, method = orbits.System.solar_system(), orbits.Gauss(stages=8)
+
+    def call() -> None:
+        orbits.propagate(system, method, dt=6.0, duration=600.0, samples=2, progress=False)
+
+    def kernel() -> float:
+        run = marcher(method, system.values.gm, system.values.q, system.values.v, 6.0)
+        state = [run.checkpoint()[name] for name in ("q", "q_lo", "v", "v_lo", "memory")]
+        fixed = (run.lagrangian.tag, run.parameters, method.coefficients(6.0), 6.0)
+        work, field = np.zeros(method.work_shape(30)), np.zeros((1, *method.field_shape(30)))
+        begun = time.perf_counter()
+        method.advance(*fixed, *state, work, field, np.zeros(0), 100)
+        return time.perf_counter() - begun
+
+    call(), kernel()
+    whole, inner = [], []
+    for _ in range(100 * repetitions):
+        begun = time.perf_counter()
+        call()
+        whole.append(time.perf_counter() - begun)
+        inner.append(kernel())
+    total, steps = statistics.median(whole), statistics.median(inner)
+    return {"rows": [{"call us": 1e6 * total, "kernel us": 1e6 * steps, "overhead us": 1e6 * (total - steps)}]}
