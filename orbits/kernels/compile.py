@@ -63,7 +63,8 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
         dispatcher: Any = numba.njit(cache=True, **options)(function)
         # Private to Numba; pyproject.toml pins the range in which tests have seen it work.
         cache_file = dispatcher._cache._cache_file
-        cache_file._source_stamp = (cache_file._source_stamp, source_stamp())
+        # The version is compared before anything else of the file is read, which may name what is no longer there.
+        cache_file._version = f"{cache_file._version} {source_stamp()}"
         return dispatcher
 
     return compile_function if function is None else compile_function(function)
