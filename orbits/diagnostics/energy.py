@@ -7,21 +7,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.diagnostics.doubledouble import (
-    Floats,
-    Pair,
-    add,
-    dot,
-    multiply,
-    reciprocal_root,
-    scale,
-    subtract,
-    total,
-    two_product,
-    two_sum,
-)
+from orbits.diagnostics.doubledouble import Floats, Pair, dot, scale, subtract, total, two_product
 from orbits.diagnostics.states import blocks, massive_rows
 from orbits.errors import InputError
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.potential import doubled_attraction
 
 
 def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) -> Floats:
@@ -51,17 +41,11 @@ def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) ->
 def _attraction(gm: Floats, q: Floats, softening: float) -> Pair:
     """Sum over i < j of gm_i gm_j / sqrt(r_ij^2 + softening^2) of q (samples, m, 3): shape (samples,)."""
     samples, bodies = q.shape[:2]
-    result = Pair(np.zeros(samples), np.zeros(samples))
-    softening_squared = two_product(np.float64(softening), np.float64(softening))  # type: ignore[arg-type]
-    # One contiguous row per axis and body, samples last, so that each operation runs over long rows.
-    axes = np.ascontiguousarray(q.transpose(2, 1, 0))
-    for i in range(bodies - 1):
-        distance_squared = softening_squared
-        for x in axes:
-            # The difference of two floats is not a float: its low part counts for close or nearly equal coordinates.
-            difference = two_sum(x[i + 1 :], -x[i])
-            distance_squared = add(distance_squared, multiply(difference, difference))
-        products = two_product(gm[i + 1 :, None], gm[i])
-        terms = multiply(products, reciprocal_root(distance_squared))
-        result = add(result, total(Pair(terms.hi.T, terms.lo.T)))
+    result = Pair(np.empty(samples), np.empty(samples))
+    squared = two_product(np.float64(softening), np.float64(softening))  # type: ignore[arg-type]
+    padded_gm, axes = np.zeros(bodies + WIDTH), np.full((3, bodies + WIDTH), np.inf)
+    padded_gm[:bodies] = gm
+    for k in range(samples):
+        axes[:, :bodies] = q[k].T
+        result.hi[k], result.lo[k] = doubled_attraction(padded_gm, axes, float(squared.hi), float(squared.lo))
     return result
