@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.base import Array, padded
-from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, note_end
+from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, follow_bodies, note_end
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import Watch
-from orbits.kernels.stopping import first_energy_error, look_at_bodies, path_energy
+from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 
 RULE = 0.9
 """Share of the total mass from which on a body dominates the others."""
@@ -78,7 +78,9 @@ class Watcher:
     def look(self, watch: Watch, track: Array, h: float, steps: int, q: Array, v: Array) -> None:
         """Look at the massive bodies in the block of `steps` steps just marched, which ended at q and v."""
         self._set_state(steps, q, v)
-        look_at_bodies(watch, track, h, steps)
+        follow_bodies(watch, track, h, steps)
+        if len(self._stops):
+            find_met(watch, track, h, steps)
         if len(self._particles) and self._dominant >= 0:
             n = len(self._massive)
             block = self.path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
@@ -92,7 +94,9 @@ class Watcher:
         """
         if not steps or (not len(self._stops) and self._energy_bound is None):
             return None
-        found, *which = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])])
+        found, which = steps + 1, [0, 0, 0]
+        if len(self._stops):
+            found, *which = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])])
         if self._energy_bound is not None:
             bound = self._energy_bound * abs(self._energy)
             step = first_energy_error(watch, self._parameters, steps, self._energy, bound)

@@ -96,7 +96,7 @@ def _passage(watch, track, row, j, begin, end, h, both):
 @kernel
 def _note_pair(watch, track, row, j, time):
     """Enter the distance of a row from body j at the beginning of a block."""
-    x, y, z, u, v, w = relative(watch, track, row, j, 0)
+    x, y, z, u, v, w = relative(watch, track, row, j, 0 * row)
     _note(watch, row, j, x * x + y * y + z * z, time, u * u + v * v + w * w)
 
 
@@ -187,7 +187,7 @@ def follow_bodies(watch, track, h, steps):
                 known = maximum(load(closest, start), full(closest[i]))
                 if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
                     continue
-            k = last = 0
+            k = last = 0 * steps  # a literal 0 would compile `_passage` three times
             before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
             while True:
                 a = 2 * k * P
@@ -247,7 +247,7 @@ def follow_particles(watch, track, h, steps, start, stop):
             meets = (lowest < MARGIN * annuli[j, FAR] + reach) * (MARGIN * highest > annuli[j, NEAR] - reach)
             if not any_lane(meets * valid):
                 continue
-        k = last = 0
+        k = last = 0 * steps  # see above
         before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
         while True:
             a = 2 * k * P + j

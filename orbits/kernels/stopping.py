@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import follow_bodies, follow_particles
+from orbits.kernels.encounters import follow_particles
 from orbits.kernels.gravity import pair_potential
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import least_distance, relative
@@ -58,9 +58,8 @@ def _enter(hits, row, found):
 
 
 @kernel
-def look_at_bodies(watch, track, h, steps):
-    """Look for closest approaches and met conditions among the massive bodies; `track` is not read."""
-    follow_bodies(watch, track, h, steps)
+def find_met(watch, track, h, steps):
+    """Look for met conditions among the massive bodies; `track` is not read."""
     _enter(watch.hits, watch.hits.shape[0] - 1, first_met(watch, track, h, steps, 0, watch.bodies))
 
 

@@ -146,9 +146,10 @@ def recorded(trajectory: Trajectory) -> Array:
 
 def hasty(integrator: Integrator, h: float, record: Array) -> bool:
     """Return whether some passage of a marcher's record is so fast for steps of h that it may be unresolved."""
-    with np.errstate(all="ignore"):
-        shortest2 = float(np.min(record[DISTANCE2] / record[SPEED2]))
-    return h * h > ALWAYS**2 * shortest2 and h * h > bold_angle(integrator) ** 2 * shortest2
+    ways2 = h * h * record[SPEED2]
+    return bool((ways2 > ALWAYS**2 * record[DISTANCE2]).any()) and bool(
+        (ways2 > bold_angle(integrator) ** 2 * record[DISTANCE2]).any()
+    )
 
 
 def unresolved(system: System, integrator: Integrator, h: float, record: Array) -> list[Approach]:

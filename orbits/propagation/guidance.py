@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orbits.elements.two_body import two_body
+from orbits.elements import state_from_elements
 from orbits.errors import InputError, IntegrationError, StepWarning
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
@@ -70,7 +70,7 @@ def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float
     worst, turn = 0.0, 0.0
     for shift in (0.0, 0.5):  # the pericentre at a step, and between two
         begin = -(steps // 2 + shift) * h
-        q, v = two_body([1.0, 0.0, 0.0], [0.0, speed, 0.0], 1.0, [begin, begin + steps * h])
+        q, v = state_from_elements(1.0, q=1.0, e=e, T=0.0, t=np.array([begin, begin + steps * h]))
         march = Marcher(
             newtonian,
             integrator,

@@ -13,7 +13,7 @@ PATIENCE = 0.5
 class Progress:
     """Shows how far a run is. `wanted`: True or None on a terminal shows the bar; False never does."""
 
-    def __init__(self, wanted: bool | None, *, label: str, total: float, unit: str, steps: int) -> None:
+    def __init__(self, wanted: bool | None, *, label: str, total: float, unit: Any, steps: int) -> None:
         self._wanted = wanted is not False and sys.stderr.isatty()
         self._label, self._total, self._unit, self._steps = label, total, unit, steps
         self._begun = time.perf_counter()

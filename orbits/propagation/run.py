@@ -209,7 +209,7 @@ def _march(
             keeper = _Keeper(len(system.names), times, first, writer)
             last_step = int(split(times[-1:], marcher.h)[0][0])
             bar = Progress(
-                progress, label=integrator.label, total=float(times[-1]), unit=str(system.units.time), steps=last_step
+                progress, label=integrator.label, total=float(times[-1]), unit=system.units.time, steps=last_step
             )
             try:
                 _sample(system, marcher, times, first, keeper, bar, stop, watch)
