@@ -78,6 +78,22 @@ def _note(watch, row, j, d2, time, speed2):
 
 
 @kernel
+def _pericentre(watch, track, row, j, step, h, d2, speed2):
+    """Return squared distance and speed at a passage of the dominant body, of the osculating orbit before it where a
+    step is too long for a polynomial.
+    """
+    if h * h * speed2 <= d2:
+        return d2, speed2
+    x, y, z, u, v, w = relative(watch, track, row, j, step)
+    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
+    parameter = (cx * cx + cy * cy + cz * cz) / watch.mu
+    inverse_a = 2.0 / math.sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
+    e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
+    least = parameter / (1.0 + e)
+    return (least * least, watch.mu * (1.0 + e) / least) if least > 0.0 else (d2, speed2)
+
+
+@kernel
 def _passage(watch, track, row, j, begin, end, h, both):
     """Enter the closest approach of a row to body j that lies between two looks at them: in the step where it is."""
     while end - begin > 1:
@@ -88,6 +104,8 @@ def _passage(watch, track, row, j, begin, end, h, both):
         else:
             end = middle
     d2, s, speed2 = least_distance(watch, track, row, j, begin, h)
+    if j == watch.dominant or row == watch.dominant:
+        d2, speed2 = _pericentre(watch, track, row, j, begin, h, d2, speed2)
     _note(watch, row, j, d2, watch.first + begin + s, speed2)
     if both:
         _note(watch, j, row, d2, watch.first + begin + s, speed2)

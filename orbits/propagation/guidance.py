@@ -38,6 +38,11 @@ QUIET = 2e-3
 ALWAYS = 0.1
 """Angle of a step below which every method of order 2 or more resolves every passage."""
 
+PHASES = (0.1, 0.25, 0.4)
+"""Where the pericentre lies within a step, none of them 0 or 1/2: there symmetric methods get the turn right by their
+symmetry alone.
+"""
+
 RADIANS = 10.0
 GRID = 8
 """Angles and eccentricities are rounded up, to so many values an octave: what was tried need not be tried again."""
@@ -68,7 +73,7 @@ def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float
     h = angle / speed
     steps = max(2, math.ceil(2.0 * half / h))
     worst, turn = 0.0, 0.0
-    for shift in (0.0, 0.5):  # the pericentre at a step, and between two
+    for shift in PHASES:
         begin = -(steps // 2 + shift) * h
         q, v = state_from_elements(1.0, q=1.0, e=e, T=0.0, t=np.array([begin, begin + steps * h]))
         march = Marcher(

@@ -7,7 +7,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.propagation.guidance import TOO_LONG, passage_error
+from orbits.propagation.guidance import TOO_LONG, check_step, passage_error
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 
@@ -43,6 +43,21 @@ def test_a_step_that_is_too_long_is_told_before_the_run_with_one_that_would_do(e
     # The step named is no more than twice as short as need be: values are tried half an octave apart.
     angle = 2.2 * enough * np.sqrt((1 + gm) * (1 + e)) / (1 - e) ** 1.5
     assert passage_error(VERLET, e, angle)[0] > TOO_LONG
+
+
+@pytest.mark.parametrize("method", [VERLET, GAUSS, orbits.Gauss(stages=2)], ids=lambda m: m.label)
+@pytest.mark.parametrize("e", [0.3, 0.9])
+def test_the_step_that_is_named_passes_every_phase_of_the_orbit_without_a_report(method, e):
+    for M in (0.5, 1.7, 3.0):
+        bodies = {"star": {"gm": 1.0}, "planet": {"gm": 0.0, "a": 1.0, "e": e, "M": M}}
+        system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+        with pytest.warns(orbits.StepWarning) as found:
+            check_step(system, method, 3.0, 13.0)
+        enough = float(str(found[0].message).split("dt <= ")[1].split()[0])
+        run, said = caught(system, method, 0.99 * enough, 13.0)
+        assert said == []
+        # At steps as long as the passage itself no polynomial between them would give the distance.
+        assert run.closest_approaches()["planet"][0].distance.value == pytest.approx(1 - e, rel=0.01)
 
 
 def test_a_pericentre_that_lies_beyond_the_end_of_the_run_is_no_reason_to_warn():
