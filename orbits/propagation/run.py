@@ -23,7 +23,7 @@ from orbits.propagation.grid import MOST_SAMPLES, checked_duration, checked_unti
 from orbits.propagation.guidance import parsed_step
 from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
-from orbits.propagation.stopping import Condition, Conditions, Stop
+from orbits.propagation.stopping import Condition, Conditions, Stop, asks_to_stop, check_callback
 from orbits.system import System
 from orbits.trajectory import Statistics, Trajectory
 
@@ -92,8 +92,7 @@ def propagate(
     h = signed_step(system.units, parsed_step(system, dt, length), length)
     times = sample_times(system.units, samples, length)
     conditions = Conditions(system, stop)
-    if callback is not None and not callable(callback):
-        raise InputError(f"callback is {callback!r}; expected a function of the time and the system, or None.")
+    check_callback(callback)
     marcher = bound(system, integrator, h, threads, conditions)
     if check_step:
         guidance.check_step(system, integrator, h, length)
@@ -331,7 +330,7 @@ def _sample(
         keeper.add(*state)
         if watch.callback is not None:
             t = float(times[index])
-            if watch.callback(u.Quantity(t, system.units.time), _moved(system, t, *state)):
+            if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, t, *state)):
                 watch.note(system, marcher, "the callback ended the run", None)
                 return
         if keeper.full:

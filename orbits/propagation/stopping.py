@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +27,16 @@ class CloserThan:
 
     distance : a quantity, or a number in the system's unit of length
     body, other : names; None stands for any. One of the two has to have mass.
+
+    Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
     """
 
     distance: Any
     body: str | None = None
     other: str | None = None
+
+    def __post_init__(self) -> None:
+        _check_pair(self)
 
 
 @dataclass(frozen=True)
@@ -39,18 +45,29 @@ class FartherThan:
 
     distance : a quantity, or a number in the system's unit of length
     body, other : names; None stands for any. One of the two has to have mass.
+
+    Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
     """
 
     distance: Any
     body: str | None = None
     other: str | None = None
 
+    def __post_init__(self) -> None:
+        _check_pair(self)
+
 
 @dataclass(frozen=True)
 class EnergyErrorAbove:
-    """Stop after the first step at whose end the energy of the massive bodies has changed by more than a fraction."""
+    """Stop after the first step at whose end the energy of the massive bodies has changed by more than a fraction.
+
+    Raises InputError for a fraction that is not one finite number above 0.
+    """
 
     fraction: float
+
+    def __post_init__(self) -> None:
+        _bound(self.fraction, "EnergyErrorAbove.fraction")
 
 
 @dataclass(frozen=True)
@@ -58,9 +75,14 @@ class WallTimeOver:
     """Stop when the run has taken longer than this on the clock, looked at between blocks of steps.
 
     duration : a quantity, or a number of seconds. Where a run stops for this reason depends on the machine.
+
+    Raises InputError for what is not one finite time above 0.
     """
 
     duration: Any
+
+    def __post_init__(self) -> None:
+        _seconds(self.duration)
 
 
 Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
@@ -146,6 +168,39 @@ class Conditions:
         if len(conditions) > 1:
             raise InputError(f"stop holds {len(conditions)} {type(conditions[0]).__name__}; expected at most one.")
         return conditions[0] if conditions else None
+
+
+def check_callback(callback: Any) -> None:
+    """Raise InputError for what cannot be called with a time and a system."""
+    if callback is None:
+        return
+    expected = "expected a function of the time and the system, or None."
+    if not callable(callback):
+        raise InputError(f"callback is {callback!r}; {expected}")
+    try:
+        signature = inspect.signature(callback)
+    except (TypeError, ValueError):  # some functions written in C do not tell
+        return
+    try:
+        signature.bind(None, None)
+    except TypeError as error:
+        raise InputError(f"callback takes {signature}, which two arguments do not fit ({error}); {expected}") from None
+
+
+def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity, system: System) -> bool:
+    """Call it; return whether it ends the run. Raises InputError for an answer that is not True, False or None."""
+    answer = callback(t, system)
+    if answer is None or isinstance(answer, bool | np.bool_):
+        return bool(answer)
+    raise InputError(f"callback returned {answer!r} at t = {t:.10g}; expected True, False or None.")
+
+
+def _check_pair(condition: CloserThan | FartherThan) -> None:
+    what, distance = type(condition).__name__, condition.distance
+    _bound(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
+    for name in (condition.body, condition.other):
+        if not isinstance(name, str | None):
+            raise InputError(f"{what} of {name!r}; expected the name of a body, or None for any.")
 
 
 def _bound(value: Any, what: str) -> float:

@@ -88,19 +88,13 @@ def test_the_callback_sees_every_sample_and_may_end_the_run(system):
     [
         ("soon", "expected conditions"),
         ([1], "expected conditions"),
-        (orbits.CloserThan(0.0, "Venus"), "above 0"),
-        (orbits.CloserThan(np.nan * u.au), "above 0"),
         (orbits.CloserThan(1 * u.kg), "length in AU"),
-        (orbits.CloserThan("near"), "real numbers"),
         (orbits.CloserThan(0.1, "Vulcan"), "Vulcan"),
         (orbits.CloserThan(0.1, "Venus", "Venus"), "two bodies"),
         (orbits.CloserThan(0.1, "Ceres", "Vesta"), "massless particles"),
         (orbits.CloserThan(9 * u.au, "Venus", "Sun"), "at the start already"),
         (orbits.FartherThan(0.1 * u.au, "Venus", "Sun"), "at the start already"),
-        (orbits.EnergyErrorAbove(-1.0), "above 0"),
-        (orbits.EnergyErrorAbove("little"), "real number"),
         ([orbits.EnergyErrorAbove(1e-3), orbits.EnergyErrorAbove(1e-2)], "at most one"),
-        (orbits.WallTimeOver(1 * u.au), "expected a time"),
     ],
 )
 def test_what_cannot_end_a_run_is_refused(system, stop, message):
@@ -111,3 +105,49 @@ def test_what_cannot_end_a_run_is_refused(system, stop, message):
 def test_a_callback_must_be_a_function(system):
     with pytest.raises(orbits.InputError, match="callback"):
         orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, callback=3)
+
+
+@pytest.mark.parametrize(
+    ("condition", "given", "message"),
+    [
+        (orbits.CloserThan, (0.0, "Venus"), "above 0"),
+        (orbits.CloserThan, (np.nan * u.au,), "above 0"),
+        (orbits.FartherThan, (-1.0 * u.au,), "above 0"),
+        (orbits.FartherThan, (np.inf,), "above 0"),
+        (orbits.CloserThan, ([1.0, 2.0] * u.au,), "an array of shape"),
+        (orbits.CloserThan, ("near",), "real number"),
+        (orbits.CloserThan, (None,), "real number|above 0"),
+        (orbits.CloserThan, (0.1, 3), "name of a body"),
+        (orbits.FartherThan, (0.1, "Venus", ["Sun"]), "name of a body"),
+        (orbits.EnergyErrorAbove, (-1.0,), "above 0"),
+        (orbits.EnergyErrorAbove, (np.inf,), "above 0"),
+        (orbits.EnergyErrorAbove, ("little",), "real number"),
+        (orbits.WallTimeOver, (0.0,), "above 0"),
+        (orbits.WallTimeOver, (1 * u.au,), "expected a time"),
+    ],
+)
+def test_a_condition_that_cannot_hold_is_refused_where_it_is_made(condition, given, message):
+    with pytest.raises(orbits.InputError, match=message):
+        condition(*given)
+
+
+@pytest.mark.parametrize("callback", [lambda: None, lambda t: None, lambda t, state, more: None, lambda *, t: None])
+def test_a_callback_of_other_than_two_arguments_is_refused_before_the_run(system, callback):
+    with pytest.raises(orbits.InputError, match="expected a function of the time and the system"):
+        orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, callback=callback)
+
+
+@pytest.mark.parametrize("answer", [np.ones(3), "no", 1])
+def test_a_callback_that_answers_neither_yes_nor_no_is_refused(system, answer):
+    with pytest.raises(orbits.InputError, match=r"callback returned .* expected True, False or None"):
+        orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, callback=lambda t, state: answer)
+
+
+def test_what_a_callback_raises_passes_through(system):
+    def broken(t, state):
+        raise TypeError("of the callback's own")
+
+    with pytest.raises(TypeError, match="of the callback's own"):
+        orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, callback=broken)
+    run = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, callback=lambda *given: np.bool_(True))
+    assert len(run) == 1
