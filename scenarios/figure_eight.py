@@ -185,12 +185,14 @@ def draw_eight(path, curves):
     panel.axis("off")
     panel.set_title("Three equal masses on one curve, each a third of the period behind the other", loc="center")
     axis = axes["laps"]
+    colours = (style.GREY, *(style.PALETTE[k] for k in (1, 2, 4, 5, 3, 7, 0)))
     for k, (name, after) in enumerate(curves.items()):
         peer = name.startswith("REBOUND")
-        look = {"color": style.INK if peer else style.PALETTE[(0, 1, 2, 4, 5, 3, 7, 0)[k]], "lw": 2.0}
-        dashed = peer or k == 7
+        look = {"color": style.INK, "ls": (0, (5, 2)), "lw": 2.0} if peer else {"color": colours[k], "lw": 2.0}
+        if name == "Gauss(stages=8)":  # others end where it does: a broad line beneath theirs
+            look |= {"lw": 7.0, "zorder": 1.5}
         count = PEER_LAPS if peer else range(1, LAPS + 1)
-        axis.plot(count, np.maximum(after, 1e-12), ls=(0, (5, 2)) if dashed else "-", label=short(name), **look)
+        axis.plot(count, np.maximum(after, 1e-12), label=short(name), **look)
     axis.axhspan(1e-12, 1.7e-11, color=style.FAINT, alpha=0.7, lw=0)
     text = axis.text(
         1.02, 1.25e-12, "what the ten digits of the start allow", va="bottom", color=style.GREY, fontsize=13
@@ -215,7 +217,7 @@ def draw_orbits(drawn):
         for body, colour in enumerate((style.BLUE, style.VERMILION, style.GREEN)):
             axis.plot(path[:, body, 0], path[:, body, 1], color=colour, lw=1.1 if T < 40 else 0.7, alpha=0.85)
             axis.plot(*path[0, body, :2], "o", color=colour, ms=8, mec="white", mew=1.0, zorder=4)
-        axis.set_title(f"{name.split(' ', 1)[1]}, T = {T:.4g}", loc="center", fontsize=16)
+        axis.set_title(f"{name}, T = {T:.4g}", loc="center", fontsize=14)
         axis.set_aspect("equal", adjustable="datalim")
         axis.axis("off")
     figure.suptitle("Twelve periodic orbits of three equal masses, by Gauss", fontsize=21, fontweight="bold")

@@ -141,8 +141,8 @@ def draw(bodies, drawn):
     from orbits import plotting
 
     style = plotting.style
-    figure = plotting.figure(17, 9.4)
-    above, below = figure.subfigures(2, 1, height_ratios=[0.85, 1.15])
+    figure = plotting.figure(17, 8.8)
+    above, below = figure.subfigures(2, 1, height_ratios=[0.75, 1.15])
     panels = above.subplots(1, len(METHODS))
     axes = below.subplot_mosaic([["energy", "position"]])
     turn = seen_along_the_angular_momentum(bodies)
@@ -191,8 +191,8 @@ def orbits_of(panel, bodies, q, title):
             side = -1 if q[-1, i, 0] < 0 else 1
             place = {"xytext": (7 * side, 4), "textcoords": "offset points", "ha": "left" if side > 0 else "right"}
             plotting.halo(panel.annotate(body, q[-1, i, :2], fontsize=11, zorder=5, **place))
-    reach = 52
-    panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=[], yticks=[])
+    # Pluto's aphelion is up and to the right of the Sun.
+    panel.set(xlim=(-40, 52), ylim=(-37, 55), aspect="equal", xticks=[], yticks=[])
     panel.set_title(title, fontsize=16, loc="center")
     for side in panel.spines.values():
         side.set_visible(False)

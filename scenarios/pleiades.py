@@ -146,12 +146,12 @@ def draw(path, curves, peer):
     axis.legend(fontsize=13, loc="center left", bbox_to_anchor=(1.0, 0.5))
     axis = axes["closest"]
     nearest = distance.argmin(axis=0)
-    axis.plot(path.t.value, distance.min(axis=0), color=style.FAINT, lw=5, zorder=1)
     shown = [k for k in np.unique(nearest) if distance[k].min() < 0.2]
     for n, k in enumerate(shown):
         low = np.where(nearest == k, distance[k], np.nan)
         i, j = pairs[k]
         axis.plot(path.t.value, low, color=style.PALETTE[n % 8], lw=2.2, label=f"{i + 1} and {j + 1}")
+    axis.plot(path.t.value, distance.min(axis=0), color=style.FAINT, lw=5, zorder=1, label="any other pair")
     axis.set(yscale="log", xlabel="t", ylabel="distance", title="the closest pair")
     axis.grid(axis="y", color=style.FAINT, lw=0.6)
     axis.legend(fontsize=13, loc="center left", bbox_to_anchor=(1.0, 0.5))
