@@ -25,7 +25,7 @@ NEAR, FAR, REACH = 0, 1, 2
 """Columns of `annuli`: the least and largest distance of a body from the dominant one in this block; how close to it
 a massless particle must come to be recorded."""
 
-FRACTION = 0.5
+FRACTION = 0.8
 """How much of the time in which a pair's speed or acceleration covers its distance may pass between two looks."""
 
 MARGIN = 1.05
@@ -37,7 +37,7 @@ CROWD = 64
 DETOUR = 1.25
 """How much faster than at the looks a body may be in between."""
 
-SLACK = 0.998
+SLACK = 0.995
 """How much smaller than estimated an approach may turn out."""
 
 MANY = 1e18
