@@ -158,7 +158,7 @@ class UnitSystem:
                 x = x.to_value(unit)
             array = np.asarray(x)
             if array.dtype.kind not in "iuf":
-                raise TypeError(f"{array.dtype.name} is no type of real numbers")
+                raise TypeError(f"got {kind_of(array)}")
             return np.asarray(array, dtype=np.float64)
         except u.UnitConversionError as error:
             got = str(getattr(x, "unit", "")) or "no unit"
@@ -173,6 +173,22 @@ class UnitSystem:
         if unit != u.dimensionless_unscaled:
             return f"{kind} in {unit} or a unit that converts to it, or plain numbers in {unit}"
         return "no unit" if self.is_physical else f"no unit, as everywhere in {self.name}"
+
+
+def quantity_from_text(value: Any, what: str, expected: str) -> Any:
+    """Return a text such as "6 d" as a quantity, anything else as it is; InputError for another text."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return u.Quantity(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} = {value!r}; expected {expected}.") from None
+
+
+def kind_of(array: NDArray[Any]) -> str:
+    """Return what an array holds, in words, where that is no real numbers."""
+    words = {"U": "text", "S": "bytes", "c": "complex numbers", "b": "true or false", "M": "dates", "m": "time spans"}
+    return words.get(array.dtype.kind, "objects")
 
 
 def _unit(unit: Any, what: str) -> u.UnitBase:

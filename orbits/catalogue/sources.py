@@ -54,6 +54,8 @@ def opened(source: Any, what: str) -> Iterator[tuple[BinaryIO, str]]:
 
 def _file(path: Any, what: str) -> BinaryIO:
     """Return an opened file; raise InputError for one that is not there or that might never end."""
+    if not os.fspath(path):
+        raise InputError(f"the path is empty; expected {what}")
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise InputError(f"{short(os.fsdecode(path))} is no regular file; expected {what}")

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.elements.kepler import Floats
 from orbits.errors import InputError
+from orbits.units import kind_of
 
 NO_MASS = "gm = {gm} of the attracting body; expected > 0: an orbit needs something with mass to go around"
 NO_DISTANCE = "is at the place of the attracting body; expected a distance > 0"
@@ -53,7 +54,7 @@ def numbers(what: str, value: ArrayLike, expected: str) -> Floats:
             raise TypeError("a masked array" if isinstance(value, np.ma.MaskedArray) else "it carries a unit")
         array = np.asarray(value)
         if array.dtype.kind not in "iuf":
-            raise TypeError(f"{array.dtype.name} is no type of real numbers")
+            raise TypeError(f"got {kind_of(array)}")
         return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         text = " ".join(repr(value).split())

@@ -6,6 +6,7 @@ from typing import Any
 
 from astropy import units as u
 
+from orbits.elements.checks import numbers
 from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError
 from orbits.units import DIMENSIONLESS, UnitSystem
@@ -37,14 +38,19 @@ def kepler_flow(q: Any, v: Any, gm: Any, dt: Any) -> tuple[Any, Any]:
             f"{bare} is without a unit, but {known[0]} is in {units[known[0]] or 'units'}; expected units for all of "
             "q, v, gm and dt, or for none."
         )
+    if not known:
+        q, v = (numbers(name, given[name], "numbers or a quantity, of shape (..., 3)") for name in "qv")
+        gm, dt = (numbers(name, given[name], "numbers or a quantity") for name in ("gm", "dt"))
+        return any_two_body(q, v, gm, dt)
     system = DIMENSIONLESS
-    if known and any(unit != u.dimensionless_unscaled for unit in units.values()):
+    if any(unit != u.dimensionless_unscaled for unit in units.values()):
+        for name, kind, example in (("q", "length", u.au), ("dt", "time", u.day)):
+            if not units[name].is_equivalent(example):
+                raise InputError(f"{name} is in {units[name] or 'no unit'}; expected {kind}, such as u.{example.name}.")
         system = UnitSystem("the units of q and dt", length=units["q"], time=units["dt"], mass=u.kg)
     new_q, new_v = any_two_body(
         system.length_value(q, "q"), system.speed_value(v, "v"), system.gm_value(gm, "gm"), system.time_value(dt, "dt")
     )
-    if not known:
-        return new_q, new_v
     return new_q * units["q"], (new_v * system.speed).to(units["v"])
 
 

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.elements.checks import BEYOND, NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, refuse, vectors
+from orbits.elements.checks import NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, refuse, vectors
 from orbits.elements.invariants import INDISTINCT, Exponents, scaled
 from orbits.elements.kepler import Floats
 
+TOO_LARGE = "{what} after dt would be beyond the range of floats. Choose units of its own size, or a shorter dt"
 NEGATIVE_MASS = "gm = {gm} of the attracting body; expected >= 0"
 # Stands for an infinite time, as an exponent of 2: beyond that of any ratio of floats.
 NEVER = 10_000
@@ -104,5 +105,5 @@ def _moved(step: _Step, names: Sequence[str] | None) -> tuple[Floats, Floats]:
     )
     for what, vector in zip(("position", "velocity"), moved, strict=True):
         size = np.max(np.abs(vector), axis=-1)
-        refuse(~np.isfinite(size), BEYOND, names, what="the " + what, value=size)
+        refuse(~np.isfinite(size), TOO_LARGE, names, what="the " + what)
     return moved

@@ -98,6 +98,17 @@ class Lagrangian:
         if strangers:
             raise InputError(f"'{self.name}': symmetries must be `orbits.Symmetry` objects, got {strangers[0]!r}")
 
+    def __copy__(self) -> Lagrangian:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> Lagrangian:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        from orbits.lagrangians.pickling import reduced
+
+        return reduced(self)
+
     @staticmethod
     def from_sympy(
         L: Any,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
-from orbits.units import UnitSystem
+from orbits.units import UnitSystem, quantity_from_text
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def signed_step(units: UnitSystem, dt: Any, duration: float) -> float:
 
 def checked_duration(units: UnitSystem, duration: Any) -> float:
     """Return the duration in units.time. Raises InputError unless it is finite and not zero."""
-    value = single_number(units.time_value(duration, "duration"), "duration")
+    value = _time(units, duration, "duration")
     if not math.isfinite(value):
         raise InputError(f"duration must be finite, got {value}; a run has to end")
     if value == 0.0:
@@ -56,7 +56,7 @@ def checked_duration(units: UnitSystem, duration: Any) -> float:
 
 def checked_until(units: UnitSystem, until: Any, h: float) -> float:
     """Return the time to extend a run to, in units.time. Raises InputError unless it is finite and can be reached."""
-    value = single_number(units.time_value(until, "until"), "until")
+    value = _time(units, until, "until")
     if not math.isfinite(value) or abs(value / h) > MOST_STEPS:
         raise InputError(f"until = {value:g} cannot be reached with steps of {abs(h):g}; give a nearer time")
     return value
@@ -111,6 +111,12 @@ def split(times: Array, h: float) -> tuple[NDArray[np.int64], Array]:
     remainder = np.fmod(times, h)
     steps = np.rint((times - remainder) / h).astype(np.int64)
     return steps, remainder
+
+
+def _time(units: UnitSystem, value: Any, what: str) -> float:
+    unit = units.time or "units of time"
+    expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
+    return single_number(units.time_value(quantity_from_text(value, what, expected), what), what)
 
 
 def single_number(value: Any, what: str) -> float:

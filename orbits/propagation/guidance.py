@@ -22,6 +22,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
 from orbits.kernels.passages import fastest_passage
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -141,15 +142,11 @@ def parsed_step(system: System, dt: Any, span: float) -> Any:
         return dt
     match = re.fullmatch(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*", dt)
     if match is None:
-        from astropy import units as u
-
-        try:
-            return u.Quantity(dt)
-        except (TypeError, ValueError):
-            raise InputError(
-                f"dt = {dt!r}; expected a quantity (6 * u.day), a number in {system.units.time or 'units of time'}, "
-                'a text with a unit ("6 d"), or a fraction of the shortest period ("P/20").'
-            ) from None
+        expected = (
+            f'a quantity (6 * u.day), a number in {system.units.time or "units of time"}, a text with a unit ("6 d"), '
+            'or a fraction of the shortest period ("P/20")'
+        )
+        return quantity_from_text(dt, "dt", expected)
     period, parts = _fastest(system, span)[5], float(match[1])
     if not (math.isfinite(period) and period > 0.0):
         raise InputError(

@@ -67,7 +67,7 @@ def propagate(
     integrator : e.g. `Gauss(stages=8)`
     dt : step > 0, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a fraction of the
         shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used)
-    duration : how far to go; negative for backwards in time
+    duration : how far to go, a quantity, a number or a text ("10 yr"); negative for backwards in time
     samples : a count that includes both ends, or an array of times since the epoch; off the grid of steps a sample is
         a partial step on a copy, so that sampling never changes the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed

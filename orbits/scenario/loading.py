@@ -47,7 +47,7 @@ def load(what: str) -> Scenario | Study:
     if path.suffix != ".py" and len(path.parts) == 1:
         return load_file(_bundled_path(what))
     if not path.is_file():
-        found = "is a folder" if path.is_dir() else "does not exist"
+        found = "is a folder" if path.is_dir() else "is no regular file" if path.exists() else "does not exist"
         names = ", ".join(each.name for each in bundled())
         raise InputError(f"the scenario file {what!r} {found}; expected a Python file, or one of: {names}.")
     return load_file(path)
@@ -85,7 +85,8 @@ def located(path: Path | None = None) -> Iterator[None]:
     except OrbitsError:
         raise
     except SyntaxError as error:
-        where = f"{error.filename or path}, line {error.lineno}"
+        line = f", line {error.lineno}" if error.lineno else ""  # a file with null bytes has no lines
+        where = f"{error.filename or path}{line}"
         raise InputError(f"{where}: {error.msg}") from error
     except KeyboardInterrupt:
         raise

@@ -295,3 +295,8 @@ def test_epochs_that_differ_are_refused_or_carried_over_when_asked() -> None:
     assert orbits.System.from_mpcorb(text, propagate_to_epoch=True, epoch="2022-08-09").epoch.mjd == 59800.0
     with pytest.raises(InputError, match="the catalogue has no bodies"):
         orbits.System.from_mpcorb(TWO, classes="TNO")
+
+
+def test_an_empty_path_is_told_so() -> None:
+    with pytest.raises(InputError, match="the path is empty; expected"):
+        read_mpcorb("")

@@ -199,6 +199,7 @@ def bad(tmp_path):
     return [
         (["run", "keppler"], "Did you mean"),
         (["run", tmp_path / "none.py"], "does not exist"),
+        (["run", "/dev/null"], "is no regular file"),
         (["run", "kepler", "--dt", "0"], "dt must be positive"),
         (["run", "kepler", "--dt", "nan"], "dt must be positive"),
         (["run", "kepler", "--dt", "3 km"], "dt"),
@@ -275,3 +276,8 @@ def test_a_reader_that_stops_early_is_no_error():
 
 def test_interrupted_is_an_error_with_its_own_exit_code():
     assert Interrupted("stopped").exit_code == 130
+
+
+def test_the_package_is_run_as_the_command():
+    done = subprocess.run([sys.executable, "-m", "orbits", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"orbits {orbits.__version__}\n"

@@ -128,12 +128,12 @@ def test_a_killed_process_leaves_a_file_that_resumes_to_the_same_bits(tmp_path, 
     assert np.array_equal(resumed.v[:count], straight.v)
 
 
-@pytest.mark.parametrize("until", [500 * u.day, 800 * u.day])
+@pytest.mark.parametrize("until", [500 * u.day, 800 * u.day, "800 d"])
 def test_a_finished_run_is_extended_bit_for_bit(tmp_path, until):
     path = tmp_path / "run.h5"
     orbits.propagate(belt(), METHODS[1], dt=5 * u.day, duration=400 * u.day, samples=9, archive=path)
     longer = orbits.resume(path, until=until)
-    count = 9 + round((until.value - 400) / 50)
+    count = 9 + round((u.Quantity(until).value - 400) / 50)
     straight = orbits.propagate(belt(), METHODS[1], dt=5 * u.day, duration=until, samples=count)
     assert same(longer, straight)
 

@@ -234,6 +234,14 @@ def test_a_file_that_is_no_scenario_is_refused_with_file_and_line(tmp_path, text
         load(str(path))
 
 
+def test_a_scenario_file_with_null_bytes_is_refused_without_a_line(tmp_path):
+    path = tmp_path / "x.py"
+    path.write_bytes(b"scenario = 1\n\0")
+    with pytest.raises(InputError, match=r"x\.py.*null bytes") as error:
+        load(str(path))
+    assert "None" not in str(error.value)
+
+
 def test_unknown_scenarios_are_refused_with_the_names_that_come_close(tmp_path):
     with pytest.raises(UnknownNameError, match="Did you mean 'kepler'"):
         load("keppler")

@@ -1,0 +1,32 @@
+"""Lagrangians of this package are pickled by name and parameters; a user's own have code that does not travel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from orbits.errors import InputError
+from orbits.lagrangians.base import Lagrangian
+
+
+def reduced(L: Lagrangian) -> tuple[Any, ...]:
+    """Return how pickle makes L again. Raises InputError for one that is not of this package."""
+    from orbits.lagrangians import registry
+
+    own = registry().get(L.name)
+    # Other values of the parameters leave these parts as they are; whoever makes another Lagrangian makes them anew.
+    parts = ("coordinates", "example", "symmetries")
+    if own is None or any(getattr(L, part) is not getattr(own, part) for part in parts):
+        raise InputError(
+            f"'{L.name}' cannot be pickled: its kernels are code, and not of this package. Make it again where it is "
+            "needed, such as in a module that both processes import."
+        )
+    return named, (L.name, dict(L.parameters))
+
+
+def named(name: str, parameters: Mapping[str, float]) -> Lagrangian:
+    """Return the Lagrangian of this package with that name, with these values of its parameters."""
+    from orbits.lagrangians import registry
+
+    own = registry()[name]
+    return own if own.parameters == parameters else own.with_parameters(**parameters)
