@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.catalogue import Catalogue, asteroids, read_mpcorb, read_sbdb
-from orbits.errors import EpochError, InputError, UnknownNameError
+from orbits.errors import EpochError, InputError, UnknownNameError, shown
 from orbits.resources import data_path
 
 __all__ = [
@@ -82,7 +82,7 @@ def canonical_name(name: str) -> str:
     Raises UnknownNameError with close matches.
     """
     if not isinstance(name, str):
-        raise InputError(f"a body is called {name!r}; expected a string such as 'Jupiter'")
+        raise InputError(f"a body is called {shown(name)}; expected a string such as 'Jupiter'")
     aliases = _aliases()
     key = _plain(name)
     if key in aliases:
@@ -91,7 +91,7 @@ def canonical_name(name: str) -> str:
     meant = (
         f"; did you mean {' or '.join(repr(n) for n in dict.fromkeys(aliases[k] for k in close))}?" if close else "."
     )
-    raise UnknownNameError(f"DE440 has no body {name!r}{meant} It has: {', '.join(BODIES)}")
+    raise UnknownNameError(f"DE440 has no body {shown(name)}{meant} It has: {', '.join(BODIES)}")
 
 
 def gm(names: Iterable[str]) -> NDArray[np.float64]:

@@ -88,3 +88,12 @@ class Interrupted(OrbitsError):
     def __init__(self, message: str, *, trajectory: Any = None) -> None:
         super().__init__(message)
         self.trajectory = trajectory
+
+
+def shown(value: object) -> str:
+    """Return how a message shows what it was given: on one line, not too long, whatever `repr` does."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        text = f"an object of type {type(value).__name__}"
+    return text if len(text) <= 80 else text[:77] + "..."

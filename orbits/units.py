@@ -14,7 +14,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import EpochError, InputError
+from orbits.errors import EpochError, InputError, shown
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -49,7 +49,7 @@ class UnitSystem:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise InputError(f"a unit system is called {self.name!r}; expected a name such as 'SI'.")
+            raise InputError(f"a unit system is called {shown(self.name)}; expected a name such as 'SI'.")
         kinds = {"length": u.m, "time": u.s, "mass": u.kg}
         for what in kinds:
             object.__setattr__(self, what, _unit(getattr(self, what), f"the unit of {what} of {self.name!r}"))
@@ -68,7 +68,7 @@ class UnitSystem:
         try:
             G = float(self.G)
         except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"unit system {self.name!r}: G = {self.G!r}; expected a number.") from error
+            raise InputError(f"unit system {self.name!r}: G = {shown(self.G)}; expected a number.") from error
         if not self.is_physical:
             if math.isnan(G):
                 raise InputError(f"unit system {self.name!r} has no physical units; give G, usually G=1.")
@@ -79,7 +79,7 @@ class UnitSystem:
             nature = float(constants.G.to_value(self.gm / self.mass))
             G = nature if math.isnan(G) else G
         if not (math.isfinite(G) and G > 0.0):
-            raise InputError(f"unit system {self.name!r}: G = {G!r}; expected a finite number > 0.")
+            raise InputError(f"unit system {self.name!r}: G = {shown(G)}; expected a finite number > 0.")
         if nature is not None and abs(G / nature - 1.0) > G_TOLERANCE:
             raise InputError(
                 f"unit system {self.name!r}: G = {G!r}, but G is {nature:.6g} {self.gm / self.mass}. Leave G out to "
@@ -166,7 +166,7 @@ class UnitSystem:
         # An object of the caller's may raise what it likes when it is asked for its numbers.
         except Exception as error:
             raise InputError(
-                f"{what} is {_short(x)}; expected real numbers, {self._expected(unit, kind)} ({error})."
+                f"{what} is {shown(x)}; expected real numbers, {self._expected(unit, kind)} ({error})."
             ) from error
 
     def _expected(self, unit: u.UnitBase, kind: str) -> str:
@@ -182,7 +182,7 @@ def quantity_from_text(value: Any, what: str, expected: str) -> Any:
     try:
         return u.Quantity(value)
     except (TypeError, ValueError):
-        raise InputError(f"{what} = {value!r}; expected {expected}.") from None
+        raise InputError(f"{what} = {shown(value)}; expected {expected}.") from None
 
 
 def kind_of(array: NDArray[Any]) -> str:
@@ -195,7 +195,7 @@ def _unit(unit: Any, what: str) -> u.UnitBase:
     try:
         return u.Unit(unit)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{what} is {unit!r}; expected an astropy unit such as u.km ({error}).") from error
+        raise InputError(f"{what} is {shown(unit)}; expected an astropy unit such as u.km ({error}).") from error
 
 
 def _gathered(x: Any) -> Any:
@@ -214,11 +214,6 @@ def _remedy(x: Any, unit: u.UnitBase) -> str:
     if got is not None and got.is_equivalent(u.kg) and unit.is_equivalent(u.m**3 / u.s**2):
         return " This is a mass: give mass=... where it is taken, or GM, such as astropy.constants.GM_sun."
     return ""
-
-
-def _short(x: Any) -> str:
-    text = " ".join(repr(x).split())
-    return text if len(text) <= 80 else text[:77] + "..."
 
 
 SOLAR = UnitSystem("SOLAR", length=u.au, time=u.day, mass=u.M_sun, G=GM_SUN)
@@ -265,5 +260,5 @@ def as_epoch(epoch: Any, what: str = "epoch") -> Time:
     # What astropy raises for a date it cannot read has no base class of its own: ValueError, ErfaError, UnitsError, ...
     except Exception as error:
         reason = str(error).strip().partition("\n")[0].rstrip(".:")
-        raise EpochError(f"{what} is {_short(epoch)}; {expected} ({reason}).") from error
+        raise EpochError(f"{what} is {shown(epoch)}; {expected} ({reason}).") from error
     return time

@@ -48,16 +48,16 @@ class Odd:
 
 
 ODDITIES = [
-    Odd(), object(), int, len, slice(1), range(3), b"Sun", {"a": 1}, 2**63, 10**400, -1, 0, 1, 1.5, np.nan, np.inf,
-    1e308, 5e-324, 1j, "NaN", "Sun", "J2000", "9999-99-99", "2000-01-01T00:00:61", "\ud800", "\x00", "../x",
-    np.datetime64("2000-01-01"), np.timedelta64(3, "D"), np.float32(3), np.array("x"), np.zeros((3, 3)), np.zeros(0),
-    np.ones((3, 3, 3)), np.array([object()]), np.zeros(3, dtype=[("a", "f8")]), np.ma.masked_array([1.0, 2], [0, 1]),
+    Odd(), object(), int, len, slice(1), range(3), b"Sun", {"a": 1}, 2**63, 10**400, 10**5000, -1, 0, 1, 1.5,
+    np.nan, np.inf, 1e308, 5e-324, 1j, "NaN", "Sun", "J2000", "9999-99-99", "2000-01-01T00:00:61", "\ud800", "\x00",
+    "../x", np.datetime64("2000-01-01"), np.timedelta64(3, "D"), np.float32(3), np.array("x"), np.zeros((3, 3)),
+    np.zeros(0), np.ones((3, 3, 3)), np.array([object()]), np.zeros(3, dtype=[("a", "f8")]), np.ma.masked_array([1.0, 2], [0, 1]),
     3 * u.au, 3 * u.kg, np.nan * u.day, [1, 2] * u.km, u.au, Time("J2000.0"), Time(["J2000.0", "J2001.0"]),
 ]  # fmt: skip
 
 junk = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.complex_numbers() | st.text(max_size=6)
-    | st.integers(0, len(ODDITIES) - 1).map(ODDITIES.__getitem__),
+    | st.integers(0, len(ODDITIES) - 1).map(lambda i: ODDITIES[i]),
     lambda x: st.lists(x, max_size=4) | st.tuples(x, x, x) | st.dictionaries(st.text(max_size=3), x, max_size=2),
     max_leaves=6,
 )  # fmt: skip

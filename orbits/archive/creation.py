@@ -16,7 +16,7 @@ from orbits.archive import schema
 from orbits.archive.header import Header
 from orbits.archive.schema import Layout
 from orbits.archive.storage import Storage, free_bytes, human, sync_folder
-from orbits.errors import ArchiveError, StorageError
+from orbits.errors import ArchiveError, StorageError, shown
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _WRONG_USE = {
@@ -40,7 +40,7 @@ def built(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) ->
     """Make the file beside `path`, locked and with all of its room; nothing is left behind where that fails."""
     for name, array in checkpoint.items():
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or "/" in name or name in ("", "."):
-            raise ArchiveError(f"checkpoint {name!r} is {array!r}; expected an array of numbers and a plain name.")
+            raise ArchiveError(f"checkpoint {name!r} is {shown(array)}; expected an array of numbers and a plain name.")
     needed = schema.bytes_needed(header, checkpoint)
     partial = partial_path(path)
     storage = _fresh(partial, path, needed)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
-from orbits.errors import ArchiveError
+from orbits.errors import ArchiveError, shown
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -52,8 +52,8 @@ def to_items(header: Header) -> dict[str, Item]:
         integrator = json.dumps(dict(header.integrator), sort_keys=True, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise ArchiveError(
-            f"integrator is {header.integrator!r}, which JSON cannot hold ({error}); expected its name and parameters, "
-            "as orbits.integrators.describe gives them."
+            f"integrator is {shown(header.integrator)}, which JSON cannot hold ({error}); expected its name and "
+            "parameters, as orbits.integrators.describe gives them."
         ) from error
     items: dict[str, Item] = {
         "times": np.asarray(header.times, dtype=np.float64),
@@ -146,6 +146,8 @@ def _check_text(text: str, item: str) -> None:
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        raise ArchiveError(f"{item} holds {text!r}, which is not valid Unicode; expected text. Rename it.") from error
+        raise ArchiveError(
+            f"{item} holds {shown(text)}, which is not valid Unicode; expected text. Rename it."
+        ) from error
     if "\0" in text:
-        raise ArchiveError(f"{item} holds {text!r}; HDF5 cannot hold a text with a NUL character. Rename it.")
+        raise ArchiveError(f"{item} holds {shown(text)}; HDF5 cannot hold a text with a NUL character. Rename it.")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.catalogue.sources import short
 from orbits.catalogue.value import Floats, passage
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 # What this package calls a column: what the database calls it, whatever the case; the first that is there.
 ALIASES = {
@@ -219,7 +219,7 @@ def _number(value: Any) -> float:
     if value is None or (isinstance(value, str) and not value.strip()):
         return math.nan
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise TypeError(f"{value!r} is no number")
+        raise TypeError(f"{shown(value)} is no number")
     return float(value)
 
 

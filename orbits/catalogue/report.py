@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-from orbits.errors import InputError, OrbitsWarning
+from orbits.errors import InputError, OrbitsWarning, shown
 
 SHOWN = 3
 MOST = 100_000
@@ -17,7 +17,7 @@ class Report:
     def __init__(self, errors: Any, name: str) -> None:
         if errors not in ("raise", "skip"):
             raise InputError(
-                f"errors = {errors!r}; expected 'raise', to stop at the first entry that cannot be read, or 'skip'"
+                f"errors = {shown(errors)}; expected 'raise', to stop at the first entry that cannot be read, or 'skip'"
             )
         self.skips = errors == "skip"
         self.name = name

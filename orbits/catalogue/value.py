@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from orbits.catalogue.classes import CLASSES, GROUPS
 from orbits.catalogue.names import is_comet, plain
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, UnknownNameError, shown
 
 Floats = NDArray[np.float64]
 
@@ -173,8 +173,8 @@ def choose(
     if checked_count(count) is not None:
         if count > len(rows):  # type: ignore[operator]
             raise InputError(
-                f"count = {count}, but there are only {len(rows)} such asteroids in {table.source}. Ask for fewer, "
-                "or leave out count to have them all"
+                f"count = {shown(count)}, but there are only {len(rows)} such asteroids in {table.source}. Ask for "
+                "fewer, or leave out count to have them all"
             )
         rows = sorted(rows, key=lambda row: _faintness(float(table.H[row])))[:count]
     return table if len(rows) == len(table) and rows == list(range(len(rows))) else table[rows]
@@ -199,7 +199,7 @@ def checked_count(count: Any) -> int | None:
     if count is None:
         return None
     if isinstance(count, bool | np.timedelta64) or not isinstance(count, int | np.integer) or count < 1:
-        raise InputError(f"count = {count!r}; expected a whole number of asteroids, 1 or more")
+        raise InputError(f"count = {shown(count)}; expected a whole number of asteroids, 1 or more")
     return int(count)
 
 
@@ -210,7 +210,7 @@ def checked_magnitude(brighter_than: Any) -> float | None:
     number = isinstance(brighter_than, int | float | np.integer | np.floating)
     number = number and not isinstance(brighter_than, bool | np.timedelta64)
     if not number or not abs(brighter_than) < math.inf:
-        raise InputError(f"brighter_than = {brighter_than!r}; expected an absolute magnitude, such as 10.5")
+        raise InputError(f"brighter_than = {shown(brighter_than)}; expected an absolute magnitude, such as 10.5")
     return float(min(max(brighter_than, -MOST_NUMBER), MOST_NUMBER))
 
 
@@ -222,7 +222,7 @@ def checked_strings(given: Any, what: str) -> list[str]:
     for value in values:
         if not isinstance(value, str):
             example = "'belt'" if what == "classes" else "'Ceres' (numbers= takes numbers)"
-            raise InputError(f"{what} holds {value!r}; expected strings such as {example}")
+            raise InputError(f"{what} holds {shown(value)}; expected strings such as {example}")
     return values
 
 
@@ -234,7 +234,7 @@ def checked_numbers(numbers: Any) -> list[int]:
     for number in values:
         if isinstance(number, bool | np.timedelta64) or not isinstance(number, int | np.integer):
             raise InputError(
-                f"numbers holds {number!r}; expected whole numbers such as 1 for Ceres (names= takes names)"
+                f"numbers holds {shown(number)}; expected whole numbers such as 1 for Ceres (names= takes names)"
             )
         if abs(int(number)) > MOST_NUMBER:
             raise InputError("numbers holds one beyond 10^15; expected numbers of asteroids, such as 1 for Ceres")
@@ -263,7 +263,7 @@ def _codes(name: str) -> tuple[str, ...]:
     if found:
         return tuple(found)
     raise UnknownNameError(
-        f"there is no class {name!r} of asteroids here; expected {', '.join(map(repr, GROUPS))} or one of "
+        f"there is no class {shown(name)} of asteroids here; expected {', '.join(map(repr, GROUPS))} or one of "
         + ", ".join(f"{code} ({meaning})" for code, meaning in CLASSES.items())
     )
 
@@ -276,7 +276,7 @@ def row_of_name(name: str, rows: Mapping[str, int], table: Catalogue) -> int:
     close = dict.fromkeys(table.names[rows[k]] for k in difflib.get_close_matches(key, rows, n=3, cutoff=0.7))
     meant = f"; did you mean {' or '.join(map(repr, close))}?" if close else "."
     raise UnknownNameError(
-        f"there is no asteroid {name!r} here{meant} Expected a name or designation of one of these {len(table)}, "
+        f"there is no asteroid {shown(name)} here{meant} Expected a name or designation of one of these {len(table)}, "
         f"{table.source}"
     )
 

@@ -13,7 +13,7 @@ from orbits.certificate.measuring import EPS, Measured, Problem
 from orbits.certificate.values import Certificate, Finding
 from orbits.diagnostics.convergence import Slope
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
-from orbits.errors import InputError, IntegrationError
+from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.flow import starting_state
 from orbits.lagrangians.base import Lagrangian
@@ -55,7 +55,7 @@ def certify(
         print(orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), dt=0.1))
     """
     if not isinstance(integrator, Integrator):
-        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
     if isinstance(problem, Lagrangian):
         start, p = starting_state(problem, q, v, None, t)
         step = float(_plain(dt))
@@ -88,7 +88,7 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
 
 def _certificate(problem: Problem, name: str, unit: str, particles: list[Any]) -> Certificate:
     if not (math.isfinite(problem.dt) and problem.dt != 0.0):
-        raise InputError(f"dt must be finite and not zero, got {problem.dt!r}")
+        raise InputError(f"dt must be finite and not zero, got {shown(problem.dt)}")
     findings = tuple(_findings(problem, particles))
     return Certificate(name, problem.integrator.label, problem.dt, unit, findings)
 
@@ -159,4 +159,4 @@ def _plain(dt: Any) -> float:
     try:
         return float(dt)
     except (TypeError, ValueError):
-        raise InputError(f"a Lagrangian has no units: dt must be a number, got {dt!r}") from None
+        raise InputError(f"a Lagrangian has no units: dt must be a number, got {shown(dt)}") from None

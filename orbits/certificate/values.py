@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.tables import html_table
 
 FORMAT = "orbits-certificate"
@@ -78,7 +78,9 @@ class Certificate:
         for finding in self.findings:
             if finding.name == name:
                 return finding
-        raise InputError(f"the certificate has no finding {name!r}; it has: {', '.join(f.name for f in self.findings)}")
+        raise InputError(
+            f"the certificate has no finding {shown(name)}; it has: {', '.join(f.name for f in self.findings)}"
+        )
 
     def table(self) -> str:
         """Return the certificate as text, one property a line."""

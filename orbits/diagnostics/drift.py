@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.diagnostics.momenta import centre_of_mass
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def drift(series: ArrayLike, scale: float | None = None) -> Drift:
     vectors = values.reshape(len(values), -1)
     size = float(np.linalg.norm(vectors[0])) if scale is None else abs(float(scale))
     if not np.isfinite(size):
-        raise InputError(f"the scale is {scale!r}; expected a finite number.")
+        raise InputError(f"the scale is {shown(scale)}; expected a finite number.")
     strays = np.linalg.norm(vectors - vectors[0], axis=1)
     largest, last = float(strays.max()), float(strays[-1])
     return Drift(

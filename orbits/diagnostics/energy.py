@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from orbits.diagnostics.doubledouble import Floats, Pair, dot, scale, subtract, total, two_product
 from orbits.diagnostics.states import blocks, massive_rows
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.potential import doubled_attraction
 
@@ -28,7 +28,7 @@ def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) ->
     """
     gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
     if not (math.isfinite(softening) and softening >= 0):
-        raise InputError(f"softening is {softening!r}; expected a finite length >= 0.")
+        raise InputError(f"softening is {shown(softening)}; expected a finite length >= 0.")
     shape = q_massive.shape[:-2]
     q_flat, v_flat = (x.reshape((-1, *x.shape[-2:])) for x in (q_massive, v_massive))
     out = np.empty(len(q_flat))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.diagnostics.doubledouble import Floats, Pair, two_sum
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
@@ -43,7 +43,7 @@ class Bodies:
         if not (masses >= 0.0).all() or not (masses > 0.0).any():
             raise InputError(f"gm is {masses}; expected values >= 0, at least one of them > 0.")
         if not (math.isfinite(softening) and softening >= 0.0):
-            raise InputError(f"softening is {softening!r}; expected a finite length >= 0.")
+            raise InputError(f"softening is {shown(softening)}; expected a finite length >= 0.")
         return cls(masses, x, w, float(softening))
 
     @property
@@ -59,9 +59,9 @@ class Bodies:
         from orbits.lagrangians.newtonian import newtonian, parameters
 
         if not isinstance(integrator, Integrator):
-            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
         if not (math.isfinite(dt) and dt != 0.0):
-            raise InputError(f"dt must be finite and not zero, got {dt!r}")
+            raise InputError(f"dt must be finite and not zero, got {shown(dt)}")
         integrator.check(newtonian, registry())
         values = parameters(self.gm[self.massive], self.softening)
         return Marcher(newtonian, integrator, values, self.massive, self.q, self.v, dt)
@@ -70,7 +70,7 @@ class Bodies:
 def count(value: int, what: str) -> int:
     """Return a positive whole number. Raises InputError for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(f"{what} must be a positive whole number, got {value!r}")
+        raise InputError(f"{what} must be a positive whole number, got {shown(value)}")
     return int(value)
 
 

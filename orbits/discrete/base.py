@@ -20,7 +20,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import InputError, SingularityError
+from orbits.errors import InputError, SingularityError, shown
 
 Array = NDArray[np.float64]
 
@@ -184,7 +184,7 @@ def finite_number(x: object, what: str) -> float:
     """Return x as a float; InputError unless it is one finite real number."""
     values = np.asarray(x)
     if values.ndim or values.dtype.kind not in "fiu" or not np.isfinite(values):
-        raise InputError(f"{what} must be one finite number; got {x!r}")
+        raise InputError(f"{what} must be one finite number; got {shown(x)}")
     return float(values)
 
 
@@ -192,7 +192,7 @@ def finite_vector(x: ArrayLike, what: str) -> Array:
     """Return x as a vector of finite floats, (d,)."""
     values = np.asarray(x)
     if values.dtype.kind not in "fiu" or values.ndim > 1 or values.size == 0:
-        raise InputError(f"{what} must be a vector of real numbers; got {x!r}")
+        raise InputError(f"{what} must be a vector of real numbers; got {shown(x)}")
     values = np.array(values, dtype=np.float64).reshape(-1)
     if not np.all(np.isfinite(values)):
         raise InputError(f"{what} must be finite; got {show(values)}")

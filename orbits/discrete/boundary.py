@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from orbits.discrete.base import Array, DiscreteLagrangian, Jet, finite_number, show, time_step
 from orbits.discrete.newton import solve
 from orbits.discrete.path import points_of
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 DENSE_UP_TO = 400
 """Unknowns up to which the matrix is solved as a whole, with pivoting, which an action that is no minimum may need."""
@@ -41,7 +41,7 @@ def boundary_value(
     """
     step, start = time_step(h), finite_number(t0, "t0")
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
-        raise InputError(f"steps must be a whole number >= 1; got {steps!r}")
+        raise InputError(f"steps must be a whole number >= 1; got {shown(steps)}")
     shape = np.shape(q_start)
     first, last = discrete.vector(q_start, "q_start"), discrete.vector(q_end, "q_end")
     if first.shape != last.shape:

@@ -20,7 +20,7 @@ from orbits.discrete.boundary import block_solve, jets_of, stationary
 from orbits.discrete.lambert import Way, exact_kepler
 from orbits.discrete.linear import exact_linear
 from orbits.discrete.vprk import Vprk, vprk
-from orbits.errors import ConvergenceError, InputError
+from orbits.errors import ConvergenceError, InputError, shown
 from orbits.tableaux.gauss import gauss
 
 STAGES, FEWER = 8, 6
@@ -132,7 +132,7 @@ def exact(lagrangian: Mechanics, *, way: Way = "short") -> DiscreteLagrangian:
         if gm > 0.0 and _close(p, mass * probe, p) and _close(f, -mass * gm * probe / r2**1.5, f):
             return exact_kepler(gm, way, mass=mass, lagrangian=lagrangian)
     if way != "short":
-        raise InputError(f"way = {way!r} chooses an arc of a Kepler orbit; '{lagrangian.name}' has no such arcs")
+        raise InputError(f"way = {shown(way)} chooses an arc of a Kepler orbit; '{lagrangian.name}' has no such arcs")
     return exact_by_collocation(lagrangian)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, show, time_step
 from orbits.discrete.marching import advance, invert, step
 from orbits.discrete.newton import solve
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 Sign = Literal["minus", "plus"]
 
@@ -84,7 +84,7 @@ def phase_map(
     if sign == "plus":
         q0, q1 = inverse_legendre_plus(discrete, q, p, h, t - h)
         return legendre_plus(discrete, *advance(discrete, q0, q1, h, t - h), h, t)
-    raise InputError(f"sign is 'minus' or 'plus'; got {sign!r}")
+    raise InputError(f"sign is 'minus' or 'plus'; got {shown(sign)}")
 
 
 def require_regular(discrete: DiscreteLagrangian, q0: ArrayLike, q1: ArrayLike, h: float, t: float = 0.0) -> None:
@@ -116,7 +116,7 @@ def legendre_derivative(
         return np.block([[one, zero], [-d11, -d12]])
     if sign == "plus":
         return np.block([[zero, one], [d12.T, d22]])
-    raise InputError(f"sign is 'minus' or 'plus'; got {sign!r}")
+    raise InputError(f"sign is 'minus' or 'plus'; got {shown(sign)}")
 
 
 def pull_back(

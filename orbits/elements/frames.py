@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from orbits.elements.checks import shaped
 from orbits.elements.kepler import Floats
-from orbits.errors import UnknownNameError
+from orbits.errors import UnknownNameError, shown
 
 OBLIQUITY = math.radians(84381.448 / 3600.0)
 """The obliquity of the ecliptic at J2000, radians."""
@@ -54,8 +54,8 @@ def checked_frame(frame: str) -> str:
     if isinstance(frame, str) and frame.lower() in FRAMES:
         return frame.lower()
     raise UnknownNameError(
-        f"there is no frame {frame!r}; expected one of {', '.join(map(repr, FRAMES))}: 'ecliptic' is the ecliptic and "
-        "equinox of J2000, 'icrf' the axes of the ephemerides (and of the system itself)"
+        f"there is no frame {shown(frame)}; expected one of {', '.join(map(repr, FRAMES))}: 'ecliptic' is the ecliptic "
+        "and equinox of J2000, 'icrf' the axes of the ephemerides (and of the system itself)"
     )
 
 

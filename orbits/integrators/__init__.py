@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any
 
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
 
 
@@ -92,4 +92,4 @@ def _find(name: str) -> type[Integrator]:
             return cls
     close = get_close_matches(name.replace("_", "-").lower(), known, n=1, cutoff=0.4)
     hint = f"; did you mean {close[0]}?" if close else "."
-    raise UnknownNameError(f"no integrator is called {name!r}{hint} Known: {', '.join(sorted(known))}.")
+    raise UnknownNameError(f"no integrator is called {shown(name)}{hint} Known: {', '.join(sorted(known))}.")

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import ConvergenceError, InputError, SingularityError
+from orbits.errors import ConvergenceError, InputError, SingularityError, shown
 from orbits.integrators import registry
 from orbits.integrators.base import NOT_CONVERGED, NOT_REGULAR, OK, Integrator, padded
 from orbits.integrators.methods import method_tag
@@ -73,9 +73,9 @@ class Flow:
         self, lagrangian: Lagrangian, integrator: Integrator, dt: float, *, t: float = 0.0, canonical: bool = False
     ) -> None:
         if not isinstance(lagrangian, Lagrangian):
-            raise InputError(f"expected a Lagrangian such as orbits.lagrangians.pendulum, got {lagrangian!r}")
+            raise InputError(f"expected a Lagrangian such as orbits.lagrangians.pendulum, got {shown(lagrangian)}")
         if not isinstance(integrator, Integrator):
-            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
         integrator.check(lagrangian, registry())
         self.lagrangian, self.integrator = lagrangian, integrator
         self.dt, self.t = _finite(dt, "dt"), _finite(t, "t")
@@ -285,15 +285,15 @@ def _finite(value: Any, what: str) -> float:
             raise TypeError
         number = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{what} must be a real number, got {value!r}") from None
+        raise InputError(f"{what} must be a real number, got {shown(value)}") from None
     if not np.isfinite(number):
-        raise InputError(f"{what} must be finite, got {value!r}")
+        raise InputError(f"{what} must be finite, got {shown(value)}")
     return number
 
 
 def _count(value: Any, what: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(f"{what} must be a whole number >= 1, got {value!r}")
+        raise InputError(f"{what} must be a whole number >= 1, got {shown(value)}")
     return int(value)
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.integrators.vprk.family import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, gauss
 
@@ -41,7 +41,9 @@ class Gauss(VariationalRungeKutta):
 
     def __post_init__(self) -> None:
         if not isinstance(self.stages, int) or isinstance(self.stages, bool) or not 1 <= self.stages <= MOST:
-            raise InputError(f"Gauss needs stages between 1 and {MOST}, got {self.stages!r}; use e.g. Gauss(stages=8)")
+            raise InputError(
+                f"Gauss needs stages between 1 and {MOST}, got {shown(self.stages)}; use e.g. Gauss(stages=8)"
+            )
 
     @property
     def tableau(self) -> SymplecticTableau:

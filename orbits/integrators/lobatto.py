@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.integrators.vprk.family import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
 from orbits.tableaux import SymplecticTableau, lobatto_iiia_iiib, lobatto_iiib_iiia
@@ -21,7 +21,7 @@ from orbits.tableaux import SymplecticTableau, lobatto_iiia_iiib, lobatto_iiib_i
 
 def _check(name: str, stages: object) -> None:
     if not isinstance(stages, int) or isinstance(stages, bool) or not 2 <= stages <= WIDTH:
-        raise InputError(f"{name} needs stages between 2 and {WIDTH}, got {stages!r}; use e.g. {name}(stages=3)")
+        raise InputError(f"{name} needs stages between 2 and {WIDTH}, got {shown(stages)}; use e.g. {name}(stages=3)")
 
 
 @dataclass(frozen=True)

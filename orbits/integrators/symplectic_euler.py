@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMPLECTIC
 from orbits.integrators.vprk.family import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, drift_kick, kick_drift
@@ -40,7 +40,7 @@ class SymplecticEuler(VariationalRungeKutta):
 
     def __post_init__(self) -> None:
         if not isinstance(self.variant, str) or self.variant not in _VARIANTS:
-            raise InputError(f"SymplecticEuler knows the variants {' and '.join(_VARIANTS)}; got {self.variant!r}")
+            raise InputError(f"SymplecticEuler knows the variants {' and '.join(_VARIANTS)}; got {shown(self.variant)}")
 
     @property
     def tableau(self) -> SymplecticTableau:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import InputError, SingularityError
+from orbits.errors import InputError, SingularityError, shown
 from orbits.lagrangians.symmetry import Symmetry
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Lagrangian:
         if not names or not all(isinstance(x, str) and x for x in names) or len(set(names)) < len(names):
             raise InputError(f"'{self.name}': coordinates must be different names, one for each, got {list(names)}")
         if not isinstance(self.parameters, Mapping):
-            raise InputError(f"'{self.name}': parameters must be values by name, got {self.parameters!r}")
+            raise InputError(f"'{self.name}': parameters must be values by name, got {shown(self.parameters)}")
         object.__setattr__(self, "parameters", {key: real(value, key) for key, value in self.parameters.items()})
         if self.example is not None:
             self.vector(self.example.q, "the example's q")
@@ -337,7 +337,7 @@ class Lagrangian:
         except ValueError:
             given = np.array(None)
         if given.dtype == object or given.dtype.kind not in "fiub":
-            raise InputError(f"'{self.name}': {what} must be {self.dimension} real numbers; got {x!r}")
+            raise InputError(f"'{self.name}': {what} must be {self.dimension} real numbers; got {shown(x)}")
         if given.size != self.dimension or (given.ndim > 1 and given.shape != (self.dimension // 3, 3)):
             names = ", ".join(self.coordinates[:6]) + (", ..." if self.dimension > 6 else "")
             count = f"{self.dimension} coordinate{'s' * (self.dimension > 1)}"
@@ -377,7 +377,7 @@ class Lagrangian:
 def require_name(name: Any) -> None:
     """Raise InputError unless `name` can be a Lagrangian's."""
     if not isinstance(name, str) or not name.strip():
-        raise InputError(f"a Lagrangian's name must be a word, got {name!r}")
+        raise InputError(f"a Lagrangian's name must be a word, got {shown(name)}")
 
 
 def real(value: Any, what: str) -> float:
@@ -387,9 +387,9 @@ def real(value: Any, what: str) -> float:
             raise TypeError
         number = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"parameter {what} must be a real number; got {value!r}") from None
+        raise InputError(f"parameter {what} must be a real number; got {shown(value)}") from None
     if not np.isfinite(number):
-        raise InputError(f"parameter {what} must be finite; got {value!r}")
+        raise InputError(f"parameter {what} must be finite; got {shown(value)}")
     return number
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Compiled, Lagrangian, Motion
 from orbits.lagrangians.symmetry import Symmetry
@@ -33,7 +33,9 @@ def from_kernels(
 ) -> Lagrangian:
     """Return a Lagrangian from kernels; see `Lagrangian.from_kernels`."""
     if not isinstance(kernels, Mapping):
-        raise InputError(f"'{name}': kernels must be functions by name, such as {{'accelerate': f}}; got {kernels!r}")
+        raise InputError(
+            f"'{name}': kernels must be functions by name, such as {{'accelerate': f}}; got {shown(kernels)}"
+        )
     unknown = [str(key) for key in kernels if key not in KNOWN]
     if unknown:
         raise InputError(f"'{name}': no kernel is called {', '.join(unknown)}; known are {', '.join(KNOWN)}")
@@ -53,7 +55,7 @@ def from_kernels(
     if not kernels:
         raise InputError(f"'{name}': no kernels were given; expected accelerate, or {', '.join(CANONICAL)}")
     if isinstance(coordinates, str) or not isinstance(coordinates, Sequence):
-        raise InputError(f"'{name}': coordinates must be a list of names, got {coordinates!r}")
+        raise InputError(f"'{name}': coordinates must be a list of names, got {shown(coordinates)}")
     traits = {SEPARABLE} if "accelerate" in kernels else set()
     traits |= {GRADIENTS} if canonical else set()
     d = len(coordinates)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def translation(direction: ArrayLike, *, copies: int = 1, name: str = "translati
     """
     u = np.tile(np.asarray(direction, dtype=np.float64), copies)
     if u.ndim != 1 or not np.all(np.isfinite(u)) or not np.any(u):
-        raise InputError(f"a translation needs a direction, a finite vector that is not zero; got {direction!r}")
+        raise InputError(f"a translation needs a direction, a finite vector that is not zero; got {shown(direction)}")
 
     def flow(s: float, q: Array) -> Array:
         moved: Array = q + s * u
@@ -73,7 +73,7 @@ def rotation(axis: ArrayLike | None = None, *, copies: int = 1, name: str = "rot
     else:
         n = np.asarray(axis, dtype=np.float64)
         if n.shape != (3,) or not np.all(np.isfinite(n)) or not np.any(n):
-            raise InputError(f"a rotation needs an axis, three finite numbers not all zero; got {axis!r}")
+            raise InputError(f"a rotation needs an axis, three finite numbers not all zero; got {shown(axis)}")
         n = n / np.sqrt(n @ n)
         width, spin = 3, np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
 

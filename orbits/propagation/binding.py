@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits._version import __version__
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
@@ -34,9 +34,9 @@ def bound(
     Raises InputError if the integrator cannot serve the Lagrangian.
     """
     if not isinstance(integrator, Integrator):
-        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {integrator!r}")
+        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
     if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool) or threads < 1):
-        raise InputError(f"threads must be a positive whole number or None for all processors, got {threads!r}")
+        raise InputError(f"threads must be a positive whole number or None for all processors, got {shown(threads)}")
     integrator.check(newtonian, registry())
     values = system.values
     massive: NDArray[np.bool_] = values.gm > 0.0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.units import UnitSystem, quantity_from_text
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
     Raises InputError unless the times are finite, within the run and strictly ordered in the direction of the run.
     """
     if isinstance(samples, bool) or (isinstance(samples, float) and not samples.is_integer()):
-        raise InputError(f"samples must be a whole number or an array of times, got {samples!r}")
+        raise InputError(f"samples must be a whole number or an array of times, got {shown(samples)}")
     if isinstance(samples, int | np.integer | float):
         count = int(samples)
         if count < 2:
@@ -123,8 +123,8 @@ def single_number(value: Any, what: str) -> float:
     """Return a scalar as float. Raises InputError, naming it, for an array."""
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} must be a single real number, got {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{what} must be a single real number, got {shown(value)}") from None
     if array.ndim:
         raise InputError(f"{what} must be a single number or quantity, got an array of shape {array.shape}")
     return float(array)

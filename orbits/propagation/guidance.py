@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from orbits.elements import state_from_elements
-from orbits.errors import InputError, IntegrationError, StepWarning
+from orbits.errors import InputError, IntegrationError, StepWarning, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
 from orbits.kernels.passages import fastest_passage
@@ -150,10 +150,10 @@ def parsed_step(system: System, dt: Any, span: float) -> Any:
     period, parts = _fastest(system, span)[5], float(match[1])
     if not (math.isfinite(period) and period > 0.0):
         raise InputError(
-            f"dt = {dt!r}: P is the shortest orbital period, and no body is bound to another. Give a time."
+            f"dt = {shown(dt)}: P is the shortest orbital period, and no body is bound to another. Give a time."
         )
     if not parts > 0.0:
-        raise InputError(f"dt = {dt!r}; expected P divided by a number above 0.")
+        raise InputError(f"dt = {shown(dt)}; expected P divided by a number above 0.")
     return period / parts
 
 

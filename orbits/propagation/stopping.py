@@ -12,7 +12,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.grid import single_number
 from orbits.system.checks import index_of
@@ -112,8 +112,8 @@ class Conditions:
         given = [stop] if isinstance(stop, Condition) else stop
         if not isinstance(given, list | tuple) or not all(isinstance(c, Condition) for c in given):
             raise InputError(
-                f"stop = {stop!r}; expected conditions such as orbits.CloserThan(0.01 * u.au, 'Apophis', 'Earth'), "
-                "orbits.FartherThan, orbits.EnergyErrorAbove or orbits.WallTimeOver, one or a list of them."
+                f"stop = {shown(stop)}; expected conditions such as orbits.CloserThan(0.01 * u.au, 'Apophis', "
+                "'Earth'), orbits.FartherThan, orbits.EnergyErrorAbove or orbits.WallTimeOver, one or a list of them."
             )
         self._system = system
         self._distances = [c for c in given if isinstance(c, CloserThan | FartherThan)]
@@ -176,7 +176,7 @@ def check_callback(callback: Any) -> None:
         return
     expected = "expected a function of the time and the system, or None."
     if not callable(callback):
-        raise InputError(f"callback is {callback!r}; {expected}")
+        raise InputError(f"callback is {shown(callback)}; {expected}")
     try:
         signature = inspect.signature(callback)
     except (TypeError, ValueError):  # some functions written in C do not tell
@@ -192,7 +192,7 @@ def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity
     answer = callback(t, system)
     if answer is None or isinstance(answer, bool | np.bool_):
         return bool(answer)
-    raise InputError(f"callback returned {answer!r} at t = {t:.10g}; expected True, False or None.")
+    raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
 
 
 def _check_pair(condition: CloserThan | FartherThan) -> None:
@@ -200,20 +200,20 @@ def _check_pair(condition: CloserThan | FartherThan) -> None:
     _bound(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
     for name in (condition.body, condition.other):
         if not isinstance(name, str | None):
-            raise InputError(f"{what} of {name!r}; expected the name of a body, or None for any.")
+            raise InputError(f"{what} of {shown(name)}; expected the name of a body, or None for any.")
 
 
 def _bound(value: Any, what: str) -> float:
     number = single_number(value, what)
     if not (math.isfinite(number) and number > 0.0):
-        raise InputError(f"{what} is {value!r}; expected a finite number above 0.")
+        raise InputError(f"{what} is {shown(value)}; expected a finite number above 0.")
     return number
 
 
 def _seconds(value: Any) -> float:
     try:
         return _bound(u.Quantity(value, u.s).value, "WallTimeOver.duration")
-    except (u.UnitConversionError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"WallTimeOver.duration is {value!r}; expected a time, such as 60 * u.s.") from error
+    except InputError:
+        raise
+    except (u.UnitConversionError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"WallTimeOver.duration is {shown(value)}; expected a time, such as 60 * u.s.") from error

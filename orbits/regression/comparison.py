@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits import integrators as methods
-from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning
+from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import available_threads
 from orbits.propagation import propagate
@@ -85,7 +85,7 @@ def compare(
     """
     ours = _ours(integrators)
     if not isinstance(against, Iterable):
-        raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {against!r}")
+        raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {shown(against)}")
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
     grid = _Grid.of(system, dt, duration, samples)
@@ -159,7 +159,9 @@ def _ours(integrators: Any) -> list[Integrator]:
     for method in out:
         if not isinstance(method, Integrator):
             names = ", ".join(kind.__name__ for kind in methods.registry().values())
-            raise InputError(f"{method!r} is no integrator; expected one of {names}, such as orbits.Gauss(stages=8).")
+            raise InputError(
+                f"{shown(method)} is no integrator; expected one of {names}, such as orbits.Gauss(stages=8)."
+            )
     labels = [method.label for method in out]
     for label in labels:
         if labels.count(label) > 1:
@@ -172,7 +174,7 @@ def _yardstick(system: System, yardstick: Any, problem: Problem, grid: _Grid) ->
     if not isinstance(yardstick, str):
         return abs(signed_step(system.units, system.units.time_value(yardstick, "yardstick"), grid.duration))
     if yardstick not in _YARDSTICKS:
-        raise InputError(f"yardstick is {yardstick!r}; expected {', '.join(_YARDSTICKS)} or a step (a time).")
+        raise InputError(f"yardstick is {shown(yardstick)}; expected {', '.join(_YARDSTICKS)} or a step (a time).")
     exact = rod.exact_applies(problem.gm, problem.q, problem.v, problem.softening)
     if yardstick == "exact" and not exact:
         raise InputError(

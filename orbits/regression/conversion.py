@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from orbits.errors import ArchiveError, EpochError, InputError, OrbitsWarning
+from orbits.errors import ArchiveError, EpochError, InputError, OrbitsWarning, shown
 from orbits.regression import snapshot as snapshots
 from orbits.regression.peers import Start, simulation
 from orbits.regression.snapshot import Array, Particles
@@ -46,7 +46,7 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
     time = 0.0
     if isinstance(system, Trajectory):
         if isinstance(sample, str):
-            raise InputError(f"sample is {sample!r}; expected the number of a sample, -1 for the last.")
+            raise InputError(f"sample is {shown(sample)}; expected the number of a sample, -1 for the last.")
         state: System = system[sample]
         time = float(system.times[sample])
     elif isinstance(system, System):
@@ -172,12 +172,12 @@ def _particles(source: Any, index: int, time: float | None) -> Particles:
         return _readable(lambda: snapshots.of_simulation(source), "the Simulation")
     if isinstance(index, bool) or not isinstance(index, int):
         raise InputError(
-            f"snapshot is {index!r}; expected the number of a snapshot, -1 for the last (time= takes a t)."
+            f"snapshot is {shown(index)}; expected the number of a snapshot, -1 for the last (time= takes a t)."
         )
     if time is not None and index != -1:
         raise InputError("snapshot and time are both given; expected one of them.")
     if time is not None and (isinstance(time, bool) or not isinstance(time, int | float)):
-        raise InputError(f"time is {time!r}; expected a plain number, t as the simulation counts it.")
+        raise InputError(f"time is {shown(time)}; expected a plain number, t as the simulation counts it.")
     if isinstance(source, rebound.Simulationarchive):
         return _readable(lambda: snapshots.of_opened(source, index=index, time=time), source)
     if isinstance(source, str | os.PathLike):
@@ -202,10 +202,12 @@ def _refuse(found: Particles) -> None:
         what = " and ".join(name.replace("_", " ") for name in found.functions)
         raise InputError(f"the simulation has {what}; a System knows Newton's gravity only. Remove them.")
     if found.gravity not in GRAVITIES or found.integrator == "sei":
-        what = f"gravity is {found.gravity!r}" if found.gravity not in GRAVITIES else "integrator is 'sei'"
+        what = f"gravity is {shown(found.gravity)}" if found.gravity not in GRAVITIES else "integrator is 'sei'"
         raise InputError(f"the simulation's {what}; a System has Newton's. Set 'basic' (or another integrator).")
     if found.boundary != "none":
-        raise InputError(f"the simulation's boundary is {found.boundary!r}; a System lives in open space. Set 'none'.")
+        raise InputError(
+            f"the simulation's boundary is {shown(found.boundary)}; a System lives in open space. Set 'none'."
+        )
     if found.variations:
         raise InputError(
             f"the simulation has {found.variations} variational particles; a System has bodies only. Convert a "
@@ -262,7 +264,9 @@ def _units_of(found: Particles) -> UnitSystem:
         plain = DIMENSIONLESS
         if found.G == 1.0:
             return plain
-        return UnitSystem(name=f"G = {found.G!r}", length=plain.length, time=plain.time, mass=plain.mass, G=found.G)
+        return UnitSystem(
+            name=f"G = {shown(found.G)}", length=plain.length, time=plain.time, mass=plain.mass, G=found.G
+        )
     if found.units == SOLAR_UNITS and found.G == 1.0:
         return SOLAR
     from astropy import units as u

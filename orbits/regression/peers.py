@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import IntegrationError, Interrupted, UnknownNameError
+from orbits.errors import IntegrationError, Interrupted, UnknownNameError, shown
 
 Array = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ def lookup(name: str) -> Peer:
     if peer is None:
         near = get_close_matches(str(name).lower(), PEERS, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise UnknownNameError(f"no peer is called {name!r}; there are {', '.join(PEERS)}.{hint}")
+        raise UnknownNameError(f"no peer is called {shown(name)}; there are {', '.join(PEERS)}.{hint}")
     return peer
 
 
@@ -215,7 +215,7 @@ def run(
             source.serialize_particle_data(xyz=q_now, vxvyvz=v_now)
             q_out[i, order], v_out[i, order] = q_now, v_now
             if not np.all(np.isfinite(q_now)):
-                raise IntegrationError(f"{peer.label}: positions are no longer finite at t = {t!r}.", time=t)
+                raise IntegrationError(f"{peer.label}: positions are no longer finite at t = {shown(t)}.", time=t)
             if advance is not None:
                 advance(i)
         messages = tuple(dict.fromkeys(str(w.message) for w in caught))

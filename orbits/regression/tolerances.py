@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Any
 
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, UnknownNameError, shown
 from orbits.units import UnitSystem
 
 _SCALARS = {"energy": "max |dE/E|", "angular_momentum": "max |dL/L|"}
@@ -84,7 +84,7 @@ def parse(
             general[key] = value
         elif key in callable_by:
             if not isinstance(value, Mapping):
-                raise InputError(f"tolerances[{key!r}] must be a mapping from {', '.join(KEYS)}; got {value!r}.")
+                raise InputError(f"tolerances[{key!r}] must be a mapping from {', '.join(KEYS)}; got {shown(value)}.")
             for inner in value:
                 if inner not in KEYS:
                     raise _unknown(f"tolerances[{key!r}]", inner, KEYS)
@@ -143,9 +143,9 @@ def _bound(key: str, value: Any) -> float:
     try:
         bound = float(value)
     except (TypeError, ValueError):
-        raise InputError(f"tolerances[{key!r}] is {value!r}; expected a number >= 0.") from None
+        raise InputError(f"tolerances[{key!r}] is {shown(value)}; expected a number >= 0.") from None
     if not (math.isfinite(bound) and bound >= 0):
-        raise InputError(f"tolerances[{key!r}] is {bound!r}; expected a finite number >= 0.")
+        raise InputError(f"tolerances[{key!r}] is {shown(bound)}; expected a finite number >= 0.")
     return bound
 
 

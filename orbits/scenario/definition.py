@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,9 +39,11 @@ class Check:
 def check_label(name: Any, title: Any) -> None:
     """Raise InputError unless `name` can be a folder's name and `title` is one line of text."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise InputError(f"a scenario's name becomes a folder: letters, digits, '_', '-' and '.' only; got {name!r}.")
+        raise InputError(
+            f"a scenario's name becomes a folder: letters, digits, '_', '-' and '.' only; got {shown(name)}."
+        )
     if not isinstance(title, str) or not title.strip() or "\n" in title:
-        raise InputError(f"scenario {name!r}: title must be one line of text; got {title!r}.")
+        raise InputError(f"scenario {name!r}: title must be one line of text; got {shown(title)}.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +102,7 @@ class Scenario:
         if not all(isinstance(peer, str) for peer in peers):
             raise InputError(
                 f"scenario {self.name!r}: against must be a list of peers' names, such as ['whfast']; "
-                f"got {self.against!r}."
+                f"got {shown(self.against)}."
             )
         listed = isinstance(self.integrators, Sequence) and not isinstance(self.integrators, str)
         integrators = tuple(self.integrators) if listed else (self.integrators,)
@@ -109,12 +111,12 @@ class Scenario:
         for method in integrators:
             if isinstance(method, str | type) or not hasattr(method, "declares"):
                 raise InputError(
-                    f"scenario {self.name!r}: integrators holds {method!r}, which is not a method; "
+                    f"scenario {self.name!r}: integrators holds {shown(method)}, which is not a method; "
                     "expected values such as orbits.Gauss(stages=8)."
                 )
         if isinstance(self.samples, bool) or not isinstance(self.samples, int) or self.samples < 2:
             raise InputError(
-                f"scenario {self.name!r}: samples must be a whole number >= 2 (both ends); got {self.samples!r}."
+                f"scenario {self.name!r}: samples must be a whole number >= 2 (both ends); got {shown(self.samples)}."
             )
         if not isinstance(self.tolerances, Mapping) or not all(isinstance(key, str) for key in self.tolerances):
             raise InputError(
@@ -144,7 +146,7 @@ class Scenario:
             if not isinstance(key, str) or not isinstance(system, System):
                 raise InputError(
                     f"scenario {self.name!r}: system must give a System, or systems by name; "
-                    f"got {key!r}: {type(system).__name__}."
+                    f"got {shown(key)}: {type(system).__name__}."
                 )
         slugs = [slug(key) for key in cases]
         if len(set(slugs)) < len(slugs):

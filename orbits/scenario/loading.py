@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from orbits import resources
-from orbits.errors import InputError, OrbitsError, UnknownNameError
+from orbits.errors import InputError, OrbitsError, UnknownNameError, shown
 from orbits.scenario.definition import Scenario
 from orbits.scenario.study import Study
 
@@ -122,7 +122,7 @@ def _bundled_path(name: str) -> Path:
     file = Path(f"{name}.py")
     if file.is_file():
         hint = f" There is a file {file}: give it with its ending."
-    raise UnknownNameError(f"no scenario is called {name!r}; there are {', '.join(known)}.{hint}")
+    raise UnknownNameError(f"no scenario is called {shown(name)}; there are {', '.join(known)}.{hint}")
 
 
 def _summary(path: Path) -> str:

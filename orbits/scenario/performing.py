@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, StepWarning
+from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, StepWarning, shown
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -116,7 +116,7 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
     with located():
         result = study.experiment(say)
     if not isinstance(result, StudyResult):
-        raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {result!r}.")
+        raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {shown(result)}.")
     _require_checks(study.name, result.checks)
     files: list[Path] = []
     complaints: list[str] = []
@@ -150,13 +150,13 @@ def _plain(value: Any) -> Any:
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):
         return value
-    raise InputError(f"a study's tables and record hold text, numbers, lists and mappings; got {value!r}.")
+    raise InputError(f"a study's tables and record hold text, numbers, lists and mappings; got {shown(value)}.")
 
 
 def _require_checks(name: str, checks: Sequence[Any]) -> None:
     for check in checks:
         if not isinstance(check, Check):
-            raise InputError(f"scenario {name!r}: checks must yield orbits.Check values, got {check!r}.")
+            raise InputError(f"scenario {name!r}: checks must yield orbits.Check values, got {shown(check)}.")
 
 
 def _runs(

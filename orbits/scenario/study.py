@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.scenario.definition import Check, check_label
 
 if TYPE_CHECKING:
@@ -81,11 +81,13 @@ class Study:
     def __post_init__(self) -> None:
         check_label(self.name, self.title)
         if not callable(self.experiment):
-            raise InputError(f"study {self.name!r}: experiment must be a function of `say`; got {self.experiment!r}.")
+            raise InputError(
+                f"study {self.name!r}: experiment must be a function of `say`; got {shown(self.experiment)}."
+            )
         for entry in self.certifies:
             if not isinstance(entry, tuple) or len(entry) not in (3, 5) or not hasattr(entry[1], "declares"):
                 raise InputError(
-                    f"study {self.name!r}: certifies holds {entry!r}; expected (Lagrangian, integrator, dt), or "
+                    f"study {self.name!r}: certifies holds {shown(entry)}; expected (Lagrangian, integrator, dt), or "
                     "(Lagrangian, integrator, dt, q, v)."
                 )
         object.__setattr__(self, "certifies", tuple(self.certifies))

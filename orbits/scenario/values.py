@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 
 def quantity(text: str, option: str) -> Any:
@@ -22,7 +22,7 @@ def quantity(text: str, option: str) -> Any:
         value = u.Quantity(text)
     except (TypeError, ValueError):
         raise InputError(
-            f"{option} is {text!r}; expected a number in the system's unit of time, or a time with its unit: "
+            f"{option} is {shown(text)}; expected a number in the system's unit of time, or a time with its unit: "
             "'6 d', '1000 yr'."
         ) from None
     return value

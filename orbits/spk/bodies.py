@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from orbits import ephemeris
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, UnknownNameError, shown
 from orbits.system import checks
 
 PLANETS = dict(zip(ephemeris.BODIES, (10, 1, 2, 3, 399, 301, 4, 5, 6, 7, 8, 9), strict=True))
@@ -28,7 +28,7 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
     a name in `given` that no body has.
     """
     if given is not None and not isinstance(given, Mapping):
-        raise InputError(f"ids is {given!r}; expected numbers by name, such as {{'probe': -1001}}.")
+        raise InputError(f"ids is {shown(given)}; expected numbers by name, such as {{'probe': -1001}}.")
     given = dict(given or {})
     for name in given:
         checks.index_of(name, names)
@@ -40,8 +40,8 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
             missing.append(name)
         elif isinstance(number, bool) or not isinstance(number, int) or not -(2**31) < number < 2**31 or number == 0:
             raise InputError(
-                f"ids[{name!r}] is {number!r}; expected a whole number of 32 bits, such as -1001, and not 0, which is "
-                "the barycentre of the Solar System."
+                f"ids[{name!r}] is {shown(number)}; expected a whole number of 32 bits, such as -1001, and not 0, "
+                "which is the barycentre of the Solar System."
             )
         elif number in found.values():
             other = next(body for body in found if found[body] == number)

@@ -22,7 +22,7 @@ from numpy.polynomial import chebyshev as series
 from numpy.typing import NDArray
 
 from orbits._version import __version__
-from orbits.errors import ArchiveError, EpochError, InputError
+from orbits.errors import ArchiveError, EpochError, InputError, shown
 from orbits.propagation.binding import bound
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
@@ -171,7 +171,7 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
     if len(run) < 2:
         raise InputError(f"{run!r} covers no span of time; expected a run with at least two samples.")
     if not (isinstance(tolerance_km, int | float) and math.isfinite(tolerance_km) and tolerance_km > 0.0):
-        raise InputError(f"tolerance_km is {tolerance_km!r}; expected a number of kilometres > 0, such as 0.001.")
+        raise InputError(f"tolerance_km is {shown(tolerance_km)}; expected a number of kilometres > 0, such as 0.001.")
 
 
 def _fitted(
@@ -309,7 +309,7 @@ def _target(path: str | PathLike[str], overwrite: bool) -> Path:
     try:
         target = Path(path)
     except TypeError as error:
-        raise ArchiveError(f"{path!r} is not a path; expected something like 'run.bsp'.") from error
+        raise ArchiveError(f"{shown(path)} is not a path; expected something like 'run.bsp'.") from error
     if target.exists() and not overwrite:
         raise ArchiveError(f"{target} exists; choose another name, or replace it with overwrite=True.")
     return target

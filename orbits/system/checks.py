@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, UnknownNameError, shown
 from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
@@ -40,7 +40,7 @@ def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any
     check_not_negative("gm", values.gm, names, units.gm)
     check_some_mass(values.gm, names)
     if values.softening < 0.0:
-        raise InputError(f"softening is {values.softening!r} {units.length}; expected a length >= 0.")
+        raise InputError(f"softening is {shown(values.softening)} {units.length}; expected a length >= 0.")
     if values.softening == 0.0:
         check_apart(values.gm, values.q, names, units.length)
     return values
@@ -65,22 +65,23 @@ def scalar(value: Floats, what: str, unit: Any) -> float:
 def checked_names(names: Any) -> tuple[str, ...]:
     """Return names as a tuple of str; raise InputError for one that is no name, and for names that occur twice."""
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise InputError(f"names is {names!r}; expected a sequence of strings, one for each body, such as ['Sun'].")
+        raise InputError(
+            f"names is {shown(names)}; expected a sequence of strings, one for each body, such as ['Sun']."
+        )
     result = []
     for i, name in enumerate(names):
         if not isinstance(name, str):
-            raise InputError(f"the name of body {i} is {name!r}; expected a string.")
+            raise InputError(f"the name of body {i} is {shown(name)}; expected a string.")
         if not name or len(name) > LONGEST_NAME or name != name.strip() or not name.isprintable():
-            shown = repr(name if len(name) <= LONGEST_NAME else name[:32] + "...")
             raise InputError(
-                f"the name of body {i} is {shown}; expected 1 to {LONGEST_NAME} printable characters without blanks at "
-                "the ends."
+                f"the name of body {i} is {shown(name)}; expected 1 to {LONGEST_NAME} printable characters without "
+                "blanks at the ends."
             )
         result.append(str(name))
     if len(set(result)) < len(result):
         twice = next(name for name in result if result.count(name) > 1)
         places = [i for i, name in enumerate(result) if name == twice]
-        raise InputError(f"bodies {places[0]} and {places[1]} are both called {twice!r}; give each its own name.")
+        raise InputError(f"bodies {places[0]} and {places[1]} are both called {shown(twice)}; give each its own name.")
     return tuple(result)
 
 
@@ -142,10 +143,11 @@ def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
     """Return the place of `name` in `names`; raise UnknownNameError with the names that come close."""
     if isinstance(name, str) and name in names:
         return names.index(name)
-    close = difflib.get_close_matches(str(name).lower(), {n.lower(): None for n in names}, n=3, cutoff=0.6)
+    given = shown(name).strip("'\"").lower()
+    close = difflib.get_close_matches(given, {n.lower(): None for n in names}, n=3, cutoff=0.6)
     meant = [n for n in names if n.lower() in close]
     hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
-    raise UnknownNameError(f"there is no {what} {name!r}; expected one of {few(names)}.{hint}")
+    raise UnknownNameError(f"there is no {what} {shown(name)}; expected one of {few(names)}.{hint}")
 
 
 def few(names: Sequence[str], most: int = 12) -> str:

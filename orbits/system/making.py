@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
-from orbits.errors import EpochError, InputError, UnknownNameError
+from orbits.errors import EpochError, InputError, UnknownNameError, shown
 from orbits.system import checks
 from orbits.units import UnitSystem, as_epoch
 
@@ -75,10 +75,14 @@ def extended_radii(
 def split_mapping(bodies: Any) -> tuple[str, dict[str, Mapping[str, Any]]]:
     """Return the name of the primary and the other entries of what `System.from_elements` is given, checked by key."""
     if not isinstance(bodies, Mapping) or not bodies:
-        raise InputError(f"from_elements got {bodies!r}; expected names with what is known of each, as in {EXAMPLE}.")
+        raise InputError(
+            f"from_elements got {shown(bodies)}; expected names with what is known of each, as in {EXAMPLE}."
+        )
     for name, given in bodies.items():
         if not isinstance(given, Mapping):
-            raise InputError(f"{name!r} is {given!r}; expected a dict of gm or mass and elements, as in {EXAMPLE}.")
+            raise InputError(
+                f"{name!r} is {shown(given)}; expected a dict of gm or mass and elements, as in {EXAMPLE}."
+            )
     first, *others = bodies
     checks.checked_names([first])
     for key in bodies[first]:
@@ -98,10 +102,12 @@ def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[flo
         raise InputError(f"{name!r} is the primary and needs gm or mass, as in {EXAMPLE}.")
     gm = float(masses([name], given.get("gm"), given.get("mass"), units)[0])
     if gm == 0.0:
-        raise InputError(f"gm of {name!r} is {gm!r} {units.gm}; expected > 0: it is what the others go around.")
+        raise InputError(
+            f"gm of {shown(name)} is {shown(gm)} {units.gm}; expected > 0: it is what the others go around."
+        )
     if given.get("radius") is None:
         return gm, None
-    what = f"radius of {name!r}"
+    what = f"radius of {shown(name)}"
     return gm, checks.scalar(units.length_value(given["radius"], what), what, units.length)
 
 
@@ -186,7 +192,7 @@ def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
     """Return the arguments of `System` for bodies of DE440, relative to the barycentre of the Solar System."""
     if isinstance(bodies, str) or not isinstance(bodies, Iterable | None) or getattr(bodies, "shape", None) == ():
         example = bodies if isinstance(bodies, str) else "Sun"
-        raise InputError(f"bodies is {bodies!r}; expected a sequence of names, such as [{example!r}].")
+        raise InputError(f"bodies is {shown(bodies)}; expected a sequence of names, such as [{example!r}].")
     names = [ephemeris.canonical_name(name) for name in (ephemeris.SOLAR_SYSTEM if bodies is None else bodies)]
     pair = {"Earth", "Moon"}
     if 0 < len(pair & set(names)) < 2:

@@ -10,7 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
-from orbits.errors import EpochError, InputError
+from orbits.errors import EpochError, InputError, shown
 from orbits.system import checks, making
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.checks import StateValues
@@ -64,7 +64,7 @@ class System(FromCatalogues, Tabular):
         softening: Any = 0.0,
     ) -> None:
         if not isinstance(units, UnitSystem):
-            raise InputError(f"units is {units!r}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
+            raise InputError(f"units is {shown(units)}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
         if epoch is not None and not units.is_physical:
             raise EpochError(f"epoch is {epoch}, but {units.name} has no unit of time. Leave it out, or choose units.")
         names = checks.checked_names(names)
@@ -208,7 +208,7 @@ class System(FromCatalogues, Tabular):
         for key in changes:
             if key not in values or key == "units":
                 raise InputError(
-                    f"replaced() got {key!r}; expected some of {', '.join(k for k in values if k != 'units')}."
+                    f"replaced() got {shown(key)}; expected some of {', '.join(k for k in values if k != 'units')}."
                 )
         return type(self)(**{**values, **changes})
 

@@ -27,7 +27,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.tableaux.partitioned import DIGITS, Array, Exact, PartitionedTableau
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
 
@@ -123,11 +123,11 @@ def require_order(base_order: int, order: Any) -> None:
     if isinstance(order, bool) or not isinstance(order, int) or order % 2 or not base_order < order:
         raise InputError(
             f"a composition of a symmetric method of order {base_order} has an even order above {base_order}, got "
-            f"{order!r}; use e.g. order={base_order + 2}"
+            f"{shown(order)}; use e.g. order={base_order + 2}"
         )
     if order > base_order + HIGHEST:
         raise InputError(
-            f"order {order} from order {base_order} takes thousands of steps; expected at most "
+            f"order {shown(order)} from order {base_order} takes thousands of steps; expected at most "
             f"{base_order + HIGHEST}. Compose a method of higher order, such as Gauss(stages=4), or use it by itself."
         )
 
@@ -144,7 +144,7 @@ def scheme(base_order: int, order: int, name: str, *, splittings: bool = False) 
     if name not in known:
         elsewhere = (order, name) in COMPOSITIONS or (order, name) in SPLITTINGS
         reason = "is made for Störmer–Verlet or methods of order 2" if elsewhere else "is no scheme for this"
-        raise InputError(f"{name!r} {reason}; order {order} from order {base_order} has {', '.join(known)}")
+        raise InputError(f"{shown(name)} {reason}; order {order} from order {base_order} has {', '.join(known)}")
     with mpmath.workdps(DIGITS):
         if (order, name) in SPLITTINGS and splittings and name not in ANY_BASE:
             source, kicks, drifts, kick_in_the_middle = SPLITTINGS[order, name]

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import mpmath
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.tableaux.interpolation import collocation, legendre_zeros
 from orbits.tableaux.partitioned import DIGITS
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
@@ -24,7 +24,9 @@ def gauss(stages: int) -> SymplecticTableau:
     Raises InputError if `stages` is not a positive integer.
     """
     if not isinstance(stages, int) or isinstance(stages, bool) or stages < 1:
-        raise InputError(f"the number of stages must be a positive integer, got {stages!r}; use e.g. Gauss(stages=8)")
+        raise InputError(
+            f"the number of stages must be a positive integer, got {shown(stages)}; use e.g. Gauss(stages=8)"
+        )
     with mpmath.workdps(DIGITS + 10):
         a, b = collocation(legendre_zeros(stages))
         return symplectic(f"Gauss({stages})", a, a, b, 2 * stages)

@@ -16,7 +16,7 @@ from typing import Any
 
 import mpmath
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.tableaux.interpolation import collocation, legendre
 from orbits.tableaux.partitioned import DIGITS
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
@@ -55,7 +55,7 @@ def lobatto_iiib_iiia(stages: int) -> SymplecticTableau:
 
 def _pair(stages: int) -> tuple[Any, Any, Any]:
     if not isinstance(stages, int) or isinstance(stages, bool) or stages < 2:
-        raise InputError(f"a Lobatto method needs a whole number of stages >= 2, got {stages!r}")
+        raise InputError(f"a Lobatto method needs a whole number of stages >= 2, got {shown(stages)}")
     with mpmath.workdps(DIGITS + 10):
         a, b = collocation(_nodes(stages))
         s = range(stages)

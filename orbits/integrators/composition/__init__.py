@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.integrators.base import SYMMETRIC, Array, Integrator, padded
 from orbits.integrators.composition import chain, substeps
 from orbits.integrators.methods import method_tag
@@ -59,7 +59,7 @@ class Composition(Integrator):
 
     def __post_init__(self) -> None:
         if not isinstance(self.base, Integrator):
-            raise InputError(f"Composition needs a method such as orbits.StormerVerlet(), got {self.base!r}")
+            raise InputError(f"Composition needs a method such as orbits.StormerVerlet(), got {shown(self.base)}")
         if isinstance(self.base, Composition):
             raise InputError(f"{self.base.label} is composed already; compose its base, {self.base.base.label}, once")
         if SYMMETRIC not in self.base.declares:
@@ -70,6 +70,8 @@ class Composition(Integrator):
         require_order(self.base.order, self.order)
         if self.scheme is None:
             object.__setattr__(self, "scheme", self._default())
+        if not isinstance(self.scheme, str):
+            raise InputError(f"scheme is {shown(self.scheme)}; expected the name of one, such as 'suzuki', or None")
         _ = self._scheme
 
     def _default(self) -> str:
@@ -78,7 +80,7 @@ class Composition(Integrator):
 
     @property
     def _scheme(self) -> Scheme:
-        return scheme(self.base.order, self.order, str(self.scheme), splittings=self._chain)
+        return scheme(self.base.order, self.order, self.scheme or "", splittings=self._chain)
 
     @property
     def _chain(self) -> bool:

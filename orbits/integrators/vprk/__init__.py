@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC
 from orbits.integrators.vprk.family import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
@@ -99,12 +99,12 @@ def _row(values: Any, what: str) -> tuple[Any, ...]:
             Fraction(x)
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         raise InputError(
-            f'VPRK: {what} must consist of finite numbers, or texts such as "1/6"; got {values!r}'
+            f'VPRK: {what} must consist of finite numbers, or texts such as "1/6"; got {shown(values)}'
         ) from None
     return row
 
 
 def _rows(values: Any, what: str) -> Table:
     if isinstance(values, str) or not hasattr(values, "__iter__") or getattr(values, "shape", None) == ():
-        raise InputError(f"VPRK: {what} must be a square table, such as ((0, 0), (0.5, 0.5)); got {values!r}")
+        raise InputError(f"VPRK: {what} must be a square table, such as ((0, 0), (0.5, 0.5)); got {shown(values)}")
     return tuple(_row(row, what) for row in values)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
 from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, real, require_name
 from orbits.lagrangians.symbolic.generation import Formula, name_of, source
@@ -116,7 +116,7 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
     if not isinstance(expression, sympy.Expr):
         raise InputError(f"'{name}': L must be a SymPy expression, got {type(L).__name__}")
     if not isinstance(parameters, Mapping):
-        raise InputError(f"'{name}': parameters must be a mapping from symbols to values, got {parameters!r}")
+        raise InputError(f"'{name}': parameters must be a mapping from symbols to values, got {shown(parameters)}")
     if not all(isinstance(x, list | tuple) for x in (q, v)) or len(q) != len(v) or not len(q):
         raise InputError(
             f"'{name}': q and v must be lists of as many coordinates as velocities, such as q=[x, y], v=[vx, vy]; got "
@@ -124,7 +124,7 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
         )
     for x in (*q, *v, *([] if t is None else [t]), *parameters):
         if not isinstance(x, sympy.Symbol | sympy.Derivative | sympy.core.function.AppliedUndef):
-            raise InputError(f"'{name}': q, v, t and the keys of parameters must be SymPy symbols; got {x!r}")
+            raise InputError(f"'{name}': q, v, t and the keys of parameters must be SymPy symbols; got {shown(x)}")
     everything = [*q, *v, *([] if t is None else [t]), *parameters]
     if len(set(everything)) < len(everything):
         twice = sorted({str(x) for x in everything if everything.count(x) > 1})
