@@ -28,7 +28,7 @@ from orbits.archive import header as headers
 from orbits.archive.commits import CHUNK, ROW, SLOTS
 from orbits.archive.header import Header, Item
 from orbits.archive.storage import Storage
-from orbits.errors import ArchiveError
+from orbits.errors import ArchiveError, shown
 
 SCHEMA = "1"
 
@@ -236,4 +236,4 @@ def resolved(path: str | os.PathLike[str]) -> Path:
     try:
         return Path(os.path.realpath(os.fspath(path)))
     except (TypeError, ValueError) as error:
-        raise ArchiveError(f"{path!r} is not a path ({error}); expected something like 'run.h5'.") from error
+        raise ArchiveError(f"{shown(path)} is not a path ({error}); expected something like 'run.h5'.") from error

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.diagnostics.stepping import Bodies, count, march
+from orbits.diagnostics.stepping import Bodies, check_step, count, march, numbers
 from orbits.errors import InputError, IntegrationError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Slope:
 
 def slope(h: Sequence[float], errors: Sequence[float], *, floor: float, ceiling: float, most: int = 5) -> Slope:
     """Fit the errors that lie between `floor` and `ceiling`, at most `most` of them, those of the shortest steps."""
-    x, y = np.asarray(h, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    x, y = numbers(h, "h"), numbers(errors, "errors")
     order = np.argsort(x)
     x, y = x[order], y[order]
     keep = np.flatnonzero(np.isfinite(y) & (y > floor) & (y < ceiling))[:most]
@@ -78,7 +78,7 @@ def convergence(h: ArrayLike, errors: ArrayLike) -> Convergence:
     counts: that whose two halves differ least in slope, relative to the root of the number of its points.
     Raises InputError for arrays that do not fit.
     """
-    x, y = np.asarray(h, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    x, y = numbers(h, "h"), numbers(errors, "errors")
     if x.ndim != 1 or x.shape != y.shape or not np.isfinite(x).all() or not (x > 0.0).all():
         raise InputError(f"h and errors must be of one shape (n,), h > 0; got {x.shape} and {y.shape}, h = {x}")
     by_h = np.argsort(x)
@@ -137,6 +137,7 @@ def order(
     from orbits.integrators.gauss import Gauss
 
     bodies = Bodies.of(gm, q, v, softening)
+    check_step(dt)
     first, span = count(steps, "steps"), count(steps, "steps") * dt
     fine = 4 * first
     truth = march(bodies, Gauss(stages=8), span / fine, [fine])[0][-1]

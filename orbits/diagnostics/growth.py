@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.diagnostics.doubledouble import Floats
+from orbits.diagnostics.stepping import numbers
 from orbits.errors import InputError
 
 LEAST_STARTS, LEAST_TIMES = 8, 4
@@ -48,7 +49,7 @@ def growth(t: ArrayLike, errors: ArrayLike) -> Growth:
     Raises InputError for fewer than 8 starts or 4 times, shapes that do not fit, and values that are not finite or
     vanish for all starts at some time.
     """
-    x, e = np.asarray(t, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    x, e = numbers(t, "t"), numbers(errors, "errors")
     if x.ndim != 1 or e.ndim != 2 or e.shape[1] != len(x):
         raise InputError(f"errors must be (starts, times) for times (k,); got {e.shape} and {x.shape}.")
     if len(e) < LEAST_STARTS or len(x) < LEAST_TIMES:

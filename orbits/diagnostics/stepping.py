@@ -33,8 +33,7 @@ class Bodies:
     @classmethod
     def of(cls, gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) -> Bodies:
         """Check what a caller gave. Raises InputError for shapes that do not fit and values that are not finite."""
-        masses = np.atleast_1d(np.asarray(gm, dtype=np.float64))
-        x, w = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
+        masses, x, w = np.atleast_1d(numbers(gm, "gm")), numbers(q, "q"), numbers(v, "v")
         for name, array, shape in (("gm", masses, (len(masses),)), ("q", x, (len(masses), 3)), ("v", w, x.shape)):
             if array.shape != shape:
                 raise InputError(f"{name} has shape {array.shape}; expected {shape} for {len(masses)} bodies.")
@@ -42,7 +41,7 @@ class Bodies:
                 raise InputError(f"{name} holds values that are not finite; expected finite ones.")
         if not (masses >= 0.0).all() or not (masses > 0.0).any():
             raise InputError(f"gm is {masses}; expected values >= 0, at least one of them > 0.")
-        if not (math.isfinite(softening) and softening >= 0.0):
+        if not (_is_finite(softening) and softening >= 0.0):
             raise InputError(f"softening is {shown(softening)}; expected a finite length >= 0.")
         return cls(masses, x, w, float(softening))
 
@@ -60,11 +59,33 @@ class Bodies:
 
         if not isinstance(integrator, Integrator):
             raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
-        if not (math.isfinite(dt) and dt != 0.0):
-            raise InputError(f"dt must be finite and not zero, got {shown(dt)}")
+        check_step(dt)
         integrator.check(newtonian, registry())
         values = parameters(self.gm[self.massive], self.softening)
         return Marcher(newtonian, integrator, values, self.massive, self.q, self.v, dt)
+
+
+def numbers(value: ArrayLike, what: str) -> Floats:
+    """Return an array as float64. Raises InputError, naming it, for one that does not hold real numbers."""
+    try:
+        if not np.iscomplexobj(value):
+            return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InputError(f"{what} is {shown(value)}; expected an array of real numbers.")
+
+
+def check_step(dt: float) -> None:
+    """Raise InputError for a step that is not finite or vanishes."""
+    if not (_is_finite(dt) and dt != 0.0):
+        raise InputError(f"dt must be finite and not zero, got {shown(dt)}")
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except (TypeError, ValueError, OverflowError):
+        return False
 
 
 def count(value: int, what: str) -> int:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from orbits.elements import icrf_to_ecliptic
 from orbits.plotting import style
+from orbits.system import presenting
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +71,7 @@ def plot_trajectory(run: Trajectory, *, title: str | None = None, bodies: Sequen
 def paths(axes: Axes, run: Trajectory, *, bodies: Sequence[str] | None = None) -> None:
     """Draw the sampled paths as seen from above; many massless particles become points at the last sample."""
     system = run.system
-    chosen = [system.index(name) for name in (bodies if bodies is not None else system.names)]
+    chosen = np.arange(len(system))[presenting.chosen(system.names, bodies)].tolist()
     cloud = [i for i in chosen if not system.massive[i]] if len(chosen) > MOST_PATHS else []
     if cloud and len(run):
         last = in_plane(system, run[len(run) - 1].values.q[cloud])

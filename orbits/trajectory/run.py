@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics
 from orbits.diagnostics.drift import uniform_motion_drift
-from orbits.errors import ArchiveError, InputError
+from orbits.errors import ArchiveError, InputError, shown
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.checks import few, index_of
 from orbits.system.making import primary_name
@@ -175,7 +175,7 @@ class Trajectory(Tabular):
             q, v = self._q[:, i], self._v[:, i]
             return BodyTrajectory(key, self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
         if isinstance(key, bool) or not isinstance(key, int | np.integer):
-            raise InputError(f'run[{key!r}]: give a name, run["Sun"], or the number of a sample, run[-1].')
+            raise InputError(f'run[{shown(key)}]: give a name, run["Sun"], or the number of a sample, run[-1].')
         if not -len(self) <= key < len(self):
             raise IndexError(f"sample {key} of a run with {len(self)} samples")
         k = int(key) % len(self)

@@ -101,6 +101,14 @@ WRONG = [
     ({"integrator": "gauss"}, "integrator must be a method"),
     ({"dt": 0.0}, "dt must be finite and not zero"),
     ({"dt": float("nan")}, "dt must be finite"),
+    ({"dt": "a"}, "dt must be finite"),
+    ({"dt": [0.1, 0.2]}, "dt must be finite"),
+    ({"softening": "soft"}, "softening is 'soft'"),
+    ({"gm": "a"}, "gm is 'a'; expected an array of real numbers"),
+    ({"gm": [[1.0], 2.0]}, "expected an array of real numbers"),
+    ({"q": None}, "q has shape"),
+    ({"q": np.ones((3, 3), dtype=complex)}, "expected an array of real numbers"),
+    ({"v": {}}, "v is {}; expected an array of real numbers"),
     ({"gm": [1.0, 2.0]}, "q has shape"),
     ({"gm": [0.0, 0.0, 0.0]}, "at least one of them > 0"),
     ({"q": [[0, 0, np.nan]] * 3}, "q holds values that are not finite"),
@@ -116,6 +124,15 @@ def test_what_cannot_be_marched_is_refused_in_words(wrong, message):
         diagnostics.symplecticity(**given)
     with pytest.raises(InputError, match=message):
         diagnostics.reversibility(**given, steps=3)
+    with pytest.raises(InputError, match=message):
+        diagnostics.order(**given, steps=3)
+
+
+@pytest.mark.parametrize("measure", [diagnostics.convergence, diagnostics.growth])
+@pytest.mark.parametrize("given", [("a", [1.0]), ([1.0], "a"), (None, None), ({}, [1.0]), ([1.0], [1j])])
+def test_what_holds_no_numbers_cannot_be_fitted(measure, given):
+    with pytest.raises(InputError, match=r"expected an array of real numbers|must be"):
+        measure(*given)
 
 
 def test_no_steps_are_refused():

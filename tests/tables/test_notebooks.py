@@ -114,3 +114,9 @@ def test_a_run_shows_whether_its_certificate_holds():
     shown = run()
     shown.certificate = certificate()
     assert any("symplectic: 3.00 ulps" in text for text in Texts(shown._repr_html_()).texts)
+
+
+@pytest.mark.parametrize("bodies", [3, [3], ["Vulcan"], "Vulcan"])
+def test_a_run_cannot_be_drawn_for_what_names_no_body(bodies):
+    with pytest.raises(orbits.InputError, match=r"expected a s|Vulcan"):
+        run().plot(bodies=bodies)
