@@ -1,47 +1,174 @@
-"""Thousands of bodies: the march of a method of kicks and drifts, its force evaluations shared among threads.
+"""Thousands of bodies: the march of a method of kicks and drifts, and the look for closest approaches, by a team of
+threads.
 
-The bits are those of the method's own compiled loop, whatever the number of threads: a body's acceleration does not
-depend on the share that it is in.
+The bits are those of the method's own compiled loop, whatever the number of threads: neither a body's acceleration nor
+a closest approach depends on who finds it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from concurrent.futures import Executor
+from collections.abc import Callable
+from concurrent.futures import Executor, wait
 from itertools import pairwise
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
-from orbits.integrators.base import NOT_FINITE, OK, Array, Integrator
+from orbits.integrators.base import NOT_FINITE, OK, Array, Integrator, padded
 from orbits.kernels.binding import Tag, accelerate_some
 from orbits.kernels.compile import kernel
+from orbits.kernels.encounters import QUANTITIES, enter_record, follow_row, longest_way, note_rows
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import record_state
+from orbits.kernels.paths import Watch, record_strip
 from orbits.kernels.state import all_finite, drift, kick
+from orbits.kernels.team import ABANDONED, COUNTERS, claim, meet
 
 LEAST_CROWD = 1000
-"""Bodies from which on a force evaluation outlasts the handing out of shares by far."""
+"""Bodies from which on a force evaluation outlasts the meetings of threads by far."""
+
+PIECE = 64
+"""Bodies whose accelerations a thread takes at once: whole pairs of registers."""
+
+PARTS = 32
+"""Into how many parts the looking at pairs is divided: each has a record of its own, whoever fills it."""
 
 
 @kernel
-def accelerate_share(tag, parameters, q, out, start, stop):
-    """Write the accelerations of bodies start ... stop - 1."""
-    accelerate_some(tag, parameters, q, out, start, stop)
+def accelerate_together(counters, team, round_, tag, parameters, q, g):
+    """Write the accelerations of all bodies, each of a team some of them; rounds count from 0."""
+    n = parameters.shape[0] - 1
+    pieces = (n + PIECE - 1) // PIECE
+    meet(counters, team, 2 * round_ + 1)
+    piece = claim(counters, team, round_, pieces)
+    while piece < pieces:
+        accelerate_some(tag, parameters, q, g, PIECE * piece, min(PIECE * (piece + 1), n))
+        piece = claim(counters, team, round_, pieces)
+    meet(counters, team, 2 * round_ + 2)
+
+
+@kernel
+def march_together(
+    counters, team, member, tag, parameters, kicks, drifts, q, q_lo, v, v_lo, g, field_record, path, steps, fresh
+):
+    """March the bodies by `steps` steps, as one of a team: each moves a strip of the coordinates.
+
+    fresh : whether g holds the accelerations at q
+    """
+    size = 3 * (parameters.shape[0] - 1)
+    groups = (size + WIDTH - 1) // WIDTH
+    start, stop = WIDTH * (groups * member // team), min(WIDTH * (groups * (member + 1) // team), size)
+    x, x_lo, w, w_lo, a = q[start:], q_lo[start:], v[start:], v_lo[start:], g[start:]
+    round_ = 0
+    if kicks[0] != 0.0 and not fresh:
+        accelerate_together(counters, team, round_, tag, parameters, q, g)
+        round_ += 1
+    for step in range(steps):
+        record_strip(path, step, q, v, start, stop)
+        record = field_record[step % field_record.shape[0]]
+        record[0, start:stop] = q[start:stop]
+        if kicks[0] != 0.0:
+            kick(w, w_lo, kicks[0], a, stop - start)
+        for i in range(drifts.shape[0]):
+            drift(x, x_lo, drifts[i], w, w_lo, stop - start)
+            record[i + 1, start:stop] = q[start:stop]
+            if kicks[i + 1] != 0.0:
+                accelerate_together(counters, team, round_, tag, parameters, q, g)
+                round_ += 1
+                kick(w, w_lo, kicks[i + 1], a, stop - start)
+
+
+@kernel
+def follow_together(counters, team, member, watch, track, h, steps, records):
+    """Look for closest approaches among the bodies, as one of a team, each part with a record of its own.
+
+    records : (PARTS, 4, 2, padded n)
+    """
+    n = watch.bodies
+    rows = (n + PARTS - 1) // PARTS
+    if watch.first == 0:
+        part = claim(counters, team, 0, PARTS)
+        while part < PARTS:
+            note_rows(watch, track, 0.0, min(rows * part, n), min(rows * (part + 1), n))
+            part = claim(counters, team, 0, PARTS)
+        meet(counters, team, 1)
+    way = longest_way(watch, h, steps)
+    round_ = 1 if watch.first == 0 else 0
+    part = claim(counters, team, round_, PARTS)
+    while part < PARTS:
+        follow_part(watch, track, h, steps, way, records[part], part)
+        part = claim(counters, team, round_, PARTS)
+    meet(counters, team, round_ + 1)
+    if member == 0:
+        for part in range(PARTS):
+            enter_record(watch.record, records[part], n)
+
+
+@kernel
+def follow_part(watch, track, h, steps, way, record, part):
+    """Look at each PARTS-th body from `part` on and those behind it, into a record that begins as the whole one."""
+    n = watch.bodies
+    record[:] = watch.record[:, :, : record.shape[2]]
+    own = Watch(
+        watch.path,
+        watch.stride,
+        n,
+        watch.first,
+        watch.dominant,
+        watch.mu,
+        watch.annuli,
+        record,
+        watch.stops,
+        watch.hits,
+    )
+    for i in range(part, n - 1, PARTS):
+        follow_row(own, track, h, steps, way, i)
+
+
+class Team:
+    """Threads that run one compiled function together; of one, the caller's own.
+
+    pool : as many workers as there are threads, or None for one alone
+    """
+
+    def __init__(self, threads: int, pool: Executor | None) -> None:
+        self._threads = threads if pool else 1
+        self._pool = pool
+        self._counters = np.zeros(COUNTERS, dtype=np.int64)
+
+    def run(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Call function(counters, team, member, *arguments) in all threads; raise what any of them raises."""
+        self._counters[:] = 0
+        if self._pool is None:
+            function(self._counters, 1, 0, *arguments)
+            return
+
+        def work(member: int) -> None:
+            try:
+                function(self._counters, self._threads, member, *arguments)
+            except BaseException:
+                self._counters[ABANDONED] = 1
+                raise
+
+        try:
+            members = [self._pool.submit(work, member) for member in range(self._threads)]
+            wait(members)
+        except BaseException:
+            # Who waits for somebody that will not come goes on, and ends.
+            self._counters[ABANDONED] = 1
+            raise
+        for member in members:
+            member.result()
 
 
 class Crowd:
-    """Marches as `integrator.advance` does, for a method of kicks and drifts.
+    """Marches as `integrator.advance` does, for a method of kicks and drifts, and looks for closest approaches."""
 
-    bodies : how many; threads, pool : how many work, and who; no pool for one alone
-    """
-
-    def __init__(self, integrator: Integrator, bodies: int, threads: int, pool: Executor | None) -> None:
+    def __init__(self, integrator: Integrator, bodies: int, team: Team) -> None:
         self._integrator = integrator
-        self._shares = shares(bodies, threads)
-        self._pool = pool
+        self._team = team
         self._size = 3 * bodies
         self._at = np.zeros(0)
+        self._records = np.zeros((PARTS, QUANTITIES, 2, padded(bodies)))
 
     @staticmethod
     def serves(integrator: Integrator, tag: Tag, bodies: int) -> bool:
@@ -67,34 +194,21 @@ class Crowd:
         steps: int,
     ) -> tuple[int, int, int, int]:
         """March the bodies by `steps` steps of h. Returns (status, steps done, body, evaluations)."""
-        size, g = self._size, work[0]
+        size = self._size
         kicks, drifts = cast(tuple[Array, Array], self._integrator.kicks_and_drifts(h))
-        evaluations = 0
-        if kicks[0] != 0.0 and not np.array_equal(q[:size], self._at):
-            self._accelerate(tag, parameters, q, g)
-        for step in range(steps):
-            record_state(path, step, q, v, size)
-            record = field_record[step % field_record.shape[0]]
-            record[0, :size] = q[:size]
-            if kicks[0] != 0.0:
-                kick(v, v_lo, kicks[0], g, size)
-            for i, length in enumerate(drifts):
-                drift(q, q_lo, length, v, v_lo, size)
-                record[i + 1, :size] = q[:size]
-                if kicks[i + 1] != 0.0:
-                    self._accelerate(tag, parameters, q, g)
-                    kick(v, v_lo, kicks[i + 1], g, size)
-                    evaluations += 1
+        fresh = bool(np.array_equal(q[:size], self._at))
+        self._at = np.zeros(0)
+        self._team.run(
+            march_together, tag, parameters, kicks, drifts, q, q_lo, v, v_lo, work[0], field_record, path, steps, fresh
+        )
+        if kicks[-1] != 0.0:
+            self._at = q[:size].copy()
+        evaluations = steps * int(np.count_nonzero(kicks[1:]))
         return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, evaluations
 
-    def _accelerate(self, tag: Tag, parameters: Array, q: Array, g: Array) -> None:
-        def share(edges: tuple[int, int]) -> None:
-            accelerate_share(tag, parameters, q, g, *edges)
-
-        done: Iterable[None] = self._pool.map(share, self._shares) if self._pool else map(share, self._shares)
-        for _ in done:
-            pass  # an exception of a thread is raised here
-        self._at = q[: self._size].copy()
+    def follow(self, watch: Watch, track: Array, h: float, steps: int) -> None:
+        """Look for closest approaches among the bodies, as `follow_bodies` does."""
+        self._team.run(follow_together, watch, track, h, steps, self._records)
 
 
 def shares(bodies: int, threads: int) -> list[tuple[int, int]]:

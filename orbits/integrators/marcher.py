@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
-from orbits.integrators.crowd import Crowd, shares
+from orbits.integrators.crowd import Crowd, Team, shares
 from orbits.integrators.watcher import Watcher, empty_record
+from orbits.kernels.encounters import follow_bodies
 from orbits.kernels.lanes import WIDTH
 from orbits.lagrangians.base import Lagrangian
 
@@ -113,7 +114,10 @@ class Marcher:
         self._tracks = [np.empty((12 * (self.block + 1), WIDTH)) for _ in range(max(1, len(self._tasks)))]
         crowded = Crowd.serves(integrator, lagrangian.tag, n)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
-        self._advance = Crowd(integrator, n, threads, self._pool).advance if crowded else integrator.advance
+        self._advance, self._follow = integrator.advance, follow_bodies
+        if crowded:
+            crowd = Crowd(integrator, n, Team(threads, self._pool))
+            self._advance, self._follow = crowd.advance, crowd.follow
         self.met: tuple[int, int, int] | None = None
         self._watcher = Watcher(
             self.parameters,
@@ -255,7 +259,7 @@ class Marcher:
             self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
         watch = self._watcher.watch(record, self.step)
         if record is not None:
-            self._watcher.look(watch, self._tracks[0], h, count, state["q"], state["v"])
+            self._watcher.look(watch, self._tracks[0], h, count, state["q"], state["v"], self._follow)
         if not self._tasks:
             return
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))

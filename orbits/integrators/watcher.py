@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.base import Array, padded
-from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, follow_bodies, note_end
+from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, note_end
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import Watch
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
@@ -75,10 +77,13 @@ class Watcher:
             hits=self._hits,
         )
 
-    def look(self, watch: Watch, track: Array, h: float, steps: int, q: Array, v: Array) -> None:
-        """Look at the massive bodies in the block of `steps` steps just marched, which ended at q and v."""
+    def look(self, watch: Watch, track: Array, h: float, steps: int, q: Array, v: Array, follow: Any) -> None:
+        """Look at the massive bodies in the block of `steps` steps just marched, which ended at q and v.
+
+        follow : `follow_bodies`, or what does the same
+        """
         self._set_state(steps, q, v)
-        follow_bodies(watch, track, h, steps)
+        follow(watch, track, h, steps)
         if len(self._stops):
             find_met(watch, track, h, steps)
         if len(self._particles) and self._dominant >= 0:

@@ -119,18 +119,18 @@ def _note_pair(watch, track, row, j, time):
 
 
 @kernel
-def _note_bodies(watch, track, time):
-    """Enter the least distances of the massive bodies from each other at the beginning of a block."""
+def note_rows(watch, track, time, start, stop):
+    """Enter how far massive bodies start ... stop - 1 are from the nearest and the dominant one when a block begins."""
     n, path, closest = watch.bodies, watch.path, watch.record[DISTANCE2, OTHER]
-    for i in range(n):
-        for start in range(0, n, WIDTH):
-            x = load(path, start) - path[i]
-            y = load(path, n + start) - path[n + i]
-            z = load(path, 2 * n + start) - path[2 * n + i]
+    for i in range(start, stop):
+        for first in range(0, n, WIDTH):
+            x = load(path, first) - path[i]
+            y = load(path, n + first) - path[n + i]
+            z = load(path, 2 * n + first) - path[2 * n + i]
             nearer = x * x + y * y + z * z < closest[i]
-            if any_lane(nearer) or start <= watch.dominant < start + WIDTH:
-                for j in range(start, min(start + WIDTH, n)):
-                    if j != i and (lane(nearer, j - start) != 0.0 or j == watch.dominant):
+            if any_lane(nearer) or first <= watch.dominant < first + WIDTH:
+                for j in range(first, min(first + WIDTH, n)):
+                    if j != i and (lane(nearer, j - first) != 0.0 or j == watch.dominant):
                         _note_pair(watch, track, i, j, time)
 
 
@@ -144,7 +144,7 @@ def _note_particle(watch, track, row, time):
 @kernel
 def note_end(watch, track, q, v, particles):
     """Enter all distances where a run ends: the bodies' state is the first of `path`, q and v are the particles'."""
-    _note_bodies(watch, track, 1.0 * watch.first)
+    note_rows(watch, track, 1.0 * watch.first, 0, watch.bodies)
     for p in range(particles):
         for k in range(3):
             track[k, p % WIDTH], track[3 + k, p % WIDTH] = q[k, p], v[k, p]
@@ -165,9 +165,13 @@ def _steps_until(valid, x, y, z, u, v, w, du, dv, dw, h, left):
 
 
 @kernel
-def _longest_way(watch, h, steps):
-    """Return more than any body travels in a block of `steps` steps of h."""
+def longest_way(watch, h, steps):
+    """Return more than any body travels in a block of `steps` steps of h; for a few bodies, no bound: it costs more
+    than what it saves.
+    """
     n, P, path = watch.bodies, watch.stride, watch.path
+    if n < CROWD:
+        return math.inf
     fastest2 = 0.0
     for step in range(steps + 1):
         first = (2 * step + 1) * P
@@ -179,67 +183,79 @@ def _longest_way(watch, h, steps):
 
 @kernel
 def follow_bodies(watch, track, h, steps):
-    """Look for closest approaches among the massive bodies in a block of `steps` steps of h.
-
-    One body against eight others in lanes. `track` is not read.
-    """
+    """Look for closest approaches among the massive bodies in a block of `steps` steps of h. `track` is not read."""
     if watch.first == 0:
-        _note_bodies(watch, track, 0.0)
+        note_rows(watch, track, 0.0, 0, watch.bodies)
+    way = longest_way(watch, h, steps)
+    for i in range(watch.bodies - 1):
+        follow_row(watch, track, h, steps, way, i)
+
+
+@kernel
+def follow_row(watch, track, h, steps, way, i):
+    """Look at body i and those behind it, eight at a time in lanes; `way` is more than any body travels."""
     n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
     closest = record[DISTANCE2, OTHER]
-    # For a few bodies the bound costs more than what it saves.
-    way = _longest_way(watch, h, steps) if n >= CROWD else math.inf
-    for i in range(n - 1):
-        for start in range(i + 1, n, WIDTH):
-            valid = full(1.0)
-            for j in range(n, start + WIDTH):
-                valid = valid - unit(j - start)
-            if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
-                # Who stays farther apart in this block than both have already been from another is not looked at:
-                # two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
-                x, y, z = (
-                    load(path, start) - path[i],
-                    load(path, n + start) - path[n + i],
-                    load(path, 2 * n + start) - path[2 * n + i],
+    for start in range(i + 1, n, WIDTH):
+        valid = full(1.0)
+        for j in range(n, start + WIDTH):
+            valid = valid - unit(j - start)
+        if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
+            # Who stays farther apart in this block than both have already been from another is not looked at:
+            # two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
+            x, y, z = (
+                load(path, start) - path[i],
+                load(path, n + start) - path[n + i],
+                load(path, 2 * n + start) - path[2 * n + i],
+            )
+            known = maximum(load(closest, start), full(closest[i]))
+            if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
+                continue
+        k = last = 0 * steps  # a literal 0 would compile `_passage` three times
+        before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
+        while True:
+            a = 2 * k * P
+            b = a + P
+            x = load(path, a + start) - path[a + i]
+            y = load(path, a + n + start) - path[a + n + i]
+            z = load(path, a + 2 * n + start) - path[a + 2 * n + i]
+            u = load(path, b + start) - path[b + i]
+            v = load(path, b + n + start) - path[b + n + i]
+            w = load(path, b + 2 * n + start) - path[b + 2 * n + i]
+            now = (x * u + y * v + z * w) * h
+            turned = valid * (before < 0.0) * (now >= 0.0)
+            if any_lane(turned):
+                d2 = _estimate(
+                    h * (k - last), before * (k - last), now * (k - last), x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
                 )
-                known = maximum(load(closest, start), full(closest[i]))
-                if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
-                    continue
-            k = last = 0 * steps  # a literal 0 would compile `_passage` three times
-            before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
-            while True:
-                a = 2 * k * P
-                b = a + P
-                x = load(path, a + start) - path[a + i]
-                y = load(path, a + n + start) - path[a + n + i]
-                z = load(path, a + 2 * n + start) - path[a + 2 * n + i]
-                u = load(path, b + start) - path[b + i]
-                v = load(path, b + n + start) - path[b + n + i]
-                w = load(path, b + 2 * n + start) - path[b + 2 * n + i]
-                now = (x * u + y * v + z * w) * h
-                turned = valid * (before < 0.0) * (now >= 0.0)
-                if any_lane(turned):
-                    d2 = _estimate(
-                        h * (k - last), before * (k - last), now * (k - last), x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
-                    )
-                    nearest = record[DISTANCE2, OTHER, i]
-                    if start <= watch.dominant < start + WIDTH:
-                        nearest = max(nearest, record[DISTANCE2, DOMINANT, i])
-                    column = DOMINANT if i == watch.dominant else OTHER
-                    known = maximum(load(record[DISTANCE2, column], start), full(nearest))
-                    turned = turned * (SLACK * d2 < known)
-                    for j in range(start, min(start + WIDTH, n)):
-                        if lane(turned, j - start) != 0.0:
-                            _passage(watch, track, i, j, last, k, h, True)
-                if k == steps:
-                    break
-                before, last = now, k
-                x0, y0, z0, u0, v0, w0 = x, y, z, u, v, w
-                c = b + 2 * P
-                u = load(path, c + start) - path[c + i] - u
-                v = load(path, c + n + start) - path[c + n + i] - v
-                w = load(path, c + 2 * n + start) - path[c + 2 * n + i] - w
-                k += _steps_until(valid, x, y, z, u0, v0, w0, u, v, w, h, steps - k)
+                nearest = record[DISTANCE2, OTHER, i]
+                if start <= watch.dominant < start + WIDTH:
+                    nearest = max(nearest, record[DISTANCE2, DOMINANT, i])
+                column = DOMINANT if i == watch.dominant else OTHER
+                known = maximum(load(record[DISTANCE2, column], start), full(nearest))
+                turned = turned * (SLACK * d2 < known)
+                for j in range(start, min(start + WIDTH, n)):
+                    if lane(turned, j - start) != 0.0:
+                        _passage(watch, track, i, j, last, k, h, True)
+            if k == steps:
+                break
+            before, last = now, k
+            x0, y0, z0, u0, v0, w0 = x, y, z, u, v, w
+            c = b + 2 * P
+            u = load(path, c + start) - path[c + i] - u
+            v = load(path, c + n + start) - path[c + n + i] - v
+            w = load(path, c + 2 * n + start) - path[c + 2 * n + i] - w
+            k += _steps_until(valid, x, y, z, u0, v0, w0, u, v, w, h, steps - k)
+
+
+@kernel
+def enter_record(record, other, rows):
+    """Enter into a record what is closer in another one."""
+    for column in range(record.shape[1]):
+        for row in range(rows):
+            if other[DISTANCE2, column, row] < record[DISTANCE2, column, row]:
+                for k in range(QUANTITIES):
+                    record[k, column, row] = other[k, column, row]
 
 
 @kernel

@@ -69,9 +69,15 @@ def relative(watch, track, row, j, step):
 @kernel(inline=True)
 def record_state(path, step, q, v, size):
     """Write the state of the bodies at the beginning of a step into `path`, where there is one."""
+    record_strip(path, step, q, v, 0, size)
+
+
+@kernel(inline=True)
+def record_strip(path, step, q, v, start, stop):
+    """As `record_state`, of the coordinates start ... stop - 1; start is a multiple of 8."""
     if path.shape[0] > 0:
         first = 2 * step * q.shape[0]
-        for k in range(0, size, WIDTH):
+        for k in range(start, stop, WIDTH):
             store(path, first + k, load(q, k))
             store(path, first + q.shape[0] + k, load(v, k))
 

@@ -1,5 +1,7 @@
 """Thousands of bodies: force evaluations shared among threads give the bits of the compiled loop."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.marcher import Marcher
 from orbits.integrators.stormer_verlet import StormerVerlet
+from orbits.kernels.compile import kernel
+from orbits.kernels.team import claim, meet
 from orbits.lagrangians.newtonian import newtonian, parameters
 
 BODIES = 150
@@ -61,9 +65,40 @@ def test_an_error_in_a_thread_is_raised(monkeypatch):
     def fail(*arguments):
         raise MemoryError
 
-    monkeypatch.setattr(crowd, "accelerate_share", fail)
+    monkeypatch.setattr(crowd, "march_together", fail)
     with pytest.raises(MemoryError):
         march(*cluster(), threads=2)
+
+
+@kernel
+def _meet_often(counters, team, meetings):
+    for meeting in range(1, meetings + 1):
+        meet(counters, team, meeting)
+
+
+@pytest.mark.parametrize("absent", [0, 1, 2])
+def test_who_waits_for_one_that_failed_goes_home(absent):
+    def go(counters, team, member):
+        if member == absent:
+            raise MemoryError
+        _meet_often(counters, team, 1000)
+
+    with ThreadPoolExecutor(3) as pool, pytest.raises(MemoryError):
+        crowd.Team(3, pool).run(go)
+
+
+def test_a_team_takes_each_piece_once_in_every_round():
+    taken = [[] for _ in range(7)]
+
+    def go(counters, team, member):
+        for round_, pieces in enumerate(taken):
+            while (piece := claim(counters, team, round_, 50)) < 50:
+                pieces.append(piece)
+            meet(counters, team, round_ + 1)
+
+    with ThreadPoolExecutor(3) as pool:
+        crowd.Team(3, pool).run(go)
+    assert [sorted(pieces) for pieces in taken] == [list(range(50))] * 7
 
 
 def test_no_close_approach_in_a_cluster_is_passed_over():
