@@ -82,8 +82,8 @@ class Marcher:
         self.step = 0
         self.evaluations = 0
         self.particle_evaluations = 0
-        self._massive = np.flatnonzero(massive)
-        self._particles = np.flatnonzero(~np.asarray(massive))
+        self._massive = np.asarray(massive).nonzero()[0]
+        self._particles = (~np.asarray(massive)).nonzero()[0]
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
@@ -101,7 +101,7 @@ class Marcher:
             "particle_memory": np.zeros((m, integrator.particle_memory_rows, WIDTH)),
             "approaches": empty_record(n + m),
         }
-        self._backup = {name: array.copy() for name, array in self._state.items()}
+        self._backup: dict[str, Array] = {}
         shape = integrator.field_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
         room = FIELD_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
@@ -111,7 +111,8 @@ class Marcher:
         self._work = np.zeros(integrator.work_shape(3 * n))
         self._tasks = shares(m, threads)
         self._task_work = [np.zeros(integrator.work_shape(3 * n)) for _ in self._tasks]
-        self._tracks = [np.empty((12 * (self.block + 1), WIDTH)) for _ in range(max(1, len(self._tasks)))]
+        rows = 12 * (self.block + 1) if m else 0
+        self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
         crowded = Crowd.serves(integrator, lagrangian.tag, n)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
         self._advance, self._follow = integrator.advance, follow_bodies
@@ -137,9 +138,7 @@ class Marcher:
         """
         while steps > 0:
             count = min(steps, self.block)
-            for name, array in self._state.items():
-                np.copyto(self._backup[name], array)
-            self._counts = self.evaluations, self.particle_evaluations
+            self._back_up()
             failure: IntegrationError | None = None
             try:
                 self._march_block(self._state, self.h, count)
@@ -161,7 +160,7 @@ class Marcher:
 
     def _stop(self, count: int) -> bool:
         """Look whether a condition was met in the block of `count` steps just marched; then go to where it was."""
-        found = self._watcher.met(self._watcher.watch(self._state["approaches"], self.step), count)
+        found = self._watcher.met(self._state["approaches"], self.step, count)
         if found is None:
             return False
         steps, self.met = found
@@ -169,6 +168,15 @@ class Marcher:
             self._replay(steps)
         self.step += steps
         return True
+
+    def _back_up(self) -> None:
+        """Keep the state at the beginning of a block."""
+        if self._backup:
+            for name, array in self._state.items():
+                self._backup[name][...] = array
+        else:
+            self._backup = {name: array.copy() for name, array in self._state.items()}
+        self._counts = self.evaluations, self.particle_evaluations
 
     def _steps_before_failure(self, count: int) -> int:
         """Return how many steps of the block of `count` that has just failed can be taken, by bisection."""
@@ -310,14 +318,18 @@ class Marcher:
         )
 
     def _gather(self, state: dict[str, Array]) -> tuple[Array, Array]:
+        return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])
+
+    def _in_order(self, bodies: Array, particles: Array) -> Array:
+        """Return one vector of the massive bodies and one of the particles as (n, 3), in the order of the caller."""
         n, m = self._bodies, len(self._particles)
-        out = []
-        for name in ("q", "v"):
-            x = np.empty((n + m, 3))
-            x[self._massive] = state[name][: 3 * n].reshape(3, n).T
-            x[self._particles] = state[f"particle_{name}"][:, :m].T
-            out.append(x)
-        return out[0], out[1]
+        columns = bodies[: 3 * n].reshape(3, n)
+        if not m:
+            return columns.T.copy()
+        x = np.empty((n + m, 3))
+        x[self._massive] = columns.T
+        x[self._particles] = particles[:, :m].T
+        return x
 
 
 _COMPILED: set[tuple[Any, str, bool]] = set()
@@ -346,6 +358,7 @@ def _vector(x: Array) -> Array:
 
 def _columns(x: Array) -> Array:
     """Return (m, 3) as (3, padded). What stands in the padding is finite and read by nobody."""
-    out = np.full((3, padded(len(x))), 1e6)
+    out = np.empty((3, padded(len(x))))
+    out.fill(1e6)
     out[:, : len(x)] = x.T
     return out

@@ -53,9 +53,11 @@ class Watcher:
         self._parameters, self._stride = parameters, len(q)
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
-        self._stops = self._in_rows(np.zeros((0, 4)) if stops is None else stops)
+        self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
-        self._dominant, self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
+        self._dominant = self._dominant_body()
+        self._mu = float(parameters[1 + self._dominant]) if self._dominant >= 0 else 0.0
+        self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -70,7 +72,7 @@ class Watcher:
             bodies=len(self._massive) if watching else 0,
             first=first,
             dominant=self._dominant if watching else -1,
-            mu=float(self._parameters[1 + self._dominant]) if self._dominant >= 0 else 0.0,
+            mu=self._mu,
             annuli=self._annuli,
             record=record if record is not None else _NO_RECORD,
             stops=self._stops,
@@ -93,9 +95,10 @@ class Watcher:
             distance = np.sqrt(((positions - positions[:, :, [self._dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
-    def met(self, watch: Watch, steps: int) -> tuple[int, tuple[int, int, int]] | None:
-        """Return after how many of the `steps` steps just looked at a condition first held, and which one for which
-        bodies of the caller: (condition, body, massive body), condition -1 for the energy. None if none did.
+    def met(self, record: Array, first: int, steps: int) -> tuple[int, tuple[int, int, int]] | None:
+        """Return after how many of the `steps` steps just looked at, which came after `first`, a condition first held,
+        and which one for which bodies of the caller: (condition, body, massive body), condition -1 for the energy.
+        None if none did.
         """
         if not steps or (not len(self._stops) and self._energy_bound is None):
             return None
@@ -104,7 +107,7 @@ class Watcher:
             found, *which = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])])
         if self._energy_bound is not None:
             bound = self._energy_bound * abs(self._energy)
-            step = first_energy_error(watch, self._parameters, steps, self._energy, bound)
+            step = first_energy_error(self.watch(record, first), self._parameters, steps, self._energy, bound)
             if step < found:
                 found, which = step, [-1, 0, 0]
         if found > steps:
@@ -132,19 +135,27 @@ class Watcher:
         out[:, 1:3] = row[out[:, 1:3].astype(int)]
         return out
 
-    def _reaches(self, q: Array) -> tuple[int, Array]:
-        """Return the body that dominates the others, or -1, and how close to each body is close, in `annuli`."""
+    def _dominant_body(self) -> int:
+        """Return the body that dominates the others, or -1."""
         gm = self._parameters[1:]
+        heaviest = int(gm.argmax())
+        return -1 if gm[heaviest] <= RULE * gm.sum() else heaviest
+
+    def _reaches(self, q: Array) -> Array:
+        """Return how close to each body is close for a particle, in `annuli`."""
+        gm, dominant = self._parameters[1:], self._dominant
         annuli = np.zeros((len(gm), 3))
-        dominant = int(np.argmax(gm))
-        if gm[dominant] <= RULE * gm.sum():
+        if not len(self._particles):
+            return annuli
+        if dominant < 0:
             annuli[:, REACH] = np.inf
-            return -1, annuli
+            return annuli
         distance = np.sqrt(((q - q[:, [dominant]]) ** 2).sum(axis=0))
         hill = distance * np.cbrt(gm / (3.0 * gm[dominant]))
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0
-        return dominant, annuli
+        return annuli
 
 
 _NO_RECORD = empty_record(0)
+_NO_STOPS = np.zeros((0, 4))
