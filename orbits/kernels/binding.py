@@ -26,6 +26,7 @@ class Tag:
 
     def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
         self.name = name
+        self.type = TagType(name)
         _KERNELS[name] = dict(kernels)
 
     def provides(self, name: str) -> bool:
@@ -46,7 +47,7 @@ class TagType(types.Type):
 
 @typeof_impl.register(Tag)
 def _typeof_tag(value, context):
-    return TagType(value.name)
+    return value.type
 
 
 register_model(TagType)(OpaqueModel)

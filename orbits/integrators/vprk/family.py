@@ -8,6 +8,7 @@ Separable Lagrangians are marched in second-order form, all others in canonical 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, ClassVar
 
 from orbits.errors import InputError
@@ -31,7 +32,7 @@ class VariationalRungeKutta(Integrator):
         """The pair of coefficients."""
         raise NotImplementedError
 
-    @property
+    @cached_property
     def registers(self) -> int:
         """How many registers of eight the stages of a coordinate fill."""
         return wide.registers(self.tableau.stages)
