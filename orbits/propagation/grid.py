@@ -113,10 +113,17 @@ def split(times: Array, h: float) -> tuple[NDArray[np.int64], Array]:
     return steps, remainder
 
 
+def whole_steps(time: float, h: float) -> int:
+    """Return how many whole steps of h there are up to a time in the direction of h."""
+    return round((time - math.fmod(time, h)) / h)
+
+
 def _time(units: UnitSystem, value: Any, what: str) -> float:
-    unit = units.time or "units of time"
-    expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
-    return single_number(units.time_value(quantity_from_text(value, what, expected), what), what)
+    if isinstance(value, str):
+        unit = units.time or "units of time"
+        expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
+        value = quantity_from_text(value, what, expected)
+    return single_number(units.time_value(value, what), what)
 
 
 def single_number(value: Any, what: str) -> float:

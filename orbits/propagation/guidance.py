@@ -182,7 +182,7 @@ def percent(share: float) -> str:
 def _fastest(system: System, span: float) -> tuple[int, int, float, float, float, float]:
     values = system.values
     found: tuple[int, int, float, float, float, float] = fastest_passage(
-        values.gm, values.softening, values.q, values.v, np.flatnonzero(values.gm > 0.0), span
+        values.gm, values.softening, values.q, values.v, (values.gm > 0.0).nonzero()[0], span
     )
     return found
 

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,15 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
 from orbits.propagation import approaches, guidance
 from orbits.propagation.binding import bound, differences, provenance
-from orbits.propagation.grid import MOST_SAMPLES, checked_duration, checked_until, sample_times, signed_step, split
+from orbits.propagation.grid import (
+    MOST_SAMPLES,
+    checked_duration,
+    checked_until,
+    sample_times,
+    signed_step,
+    split,
+    whole_steps,
+)
 from orbits.propagation.guidance import parsed_step
 from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
@@ -206,10 +215,9 @@ def _march(
             marcher.compile()
             compiled = time.perf_counter()
             keeper = _Keeper(len(system.names), times, first, writer)
-            last_step = int(split(times[-1:], marcher.h)[0][0])
-            bar = Progress(
-                progress, label=integrator.label, total=float(times[-1]), unit=system.units.time, steps=last_step
-            )
+            end = float(times[-1])
+            steps = whole_steps(end, marcher.h)
+            bar = Progress(progress, label=integrator.label, total=end, unit=system.units.time, steps=steps)
             try:
                 _sample(system, marcher, times, first, keeper, bar, stop, watch)
             except IntegrationError as error:
@@ -339,6 +347,7 @@ def _sample(
             return
 
 
+@cache
 def _memory() -> float:
     """Return the size of this machine's memory in bytes; infinity where the system does not say."""
     try:

@@ -119,7 +119,9 @@ class Conditions:
         self._distances = [c for c in given if isinstance(c, CloserThan | FartherThan)]
         self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
         self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
-        self.stops: NDArray[np.float64] = np.array([self._row(c) for c in self._distances]).reshape(-1, 4)
+        self.stops: NDArray[np.float64] = np.empty((len(self._distances), 4))
+        for row, condition in enumerate(self._distances):
+            self.stops[row] = self._row(condition)
         self.energy = math.inf if self._energy is None else _bound(self._energy.fraction, "EnergyErrorAbove.fraction")
         self.seconds = math.inf if self._clock is None else _seconds(self._clock.duration)
 
