@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,8 +19,12 @@ from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.propagation.binding import bound
 from orbits.propagation.guidance import ALWAYS, UNRESOLVED, bold_angle, passage_error, percent
 from orbits.system.checks import index_of
+from orbits.system.presenting import attributes, chosen
+from orbits.tables import MOST_ROWS, headed, html_table, text_table
 
 if TYPE_CHECKING:
+    from astropy.table import QTable
+
     from orbits.integrators.base import Integrator
     from orbits.system import System
     from orbits.trajectory import Trajectory
@@ -58,66 +64,116 @@ class Approaches:
         the closest other. For a massless particle, passages beyond three Hill radii of a planet (or 5 % of the planet's
         distance) are not recorded, and the closest is the smallest share of that.
 
-    Distances between two steps are those of a cubic polynomial. approaches["Ceres"] gives the passages of one body;
-    iterating gives all passages that are not by the dominant body, closest first.
+    Distances between two steps are those of a cubic polynomial. approaches["Ceres"] gives the passages of one body.
+    Iterating gives the closest passage of every body that is not by the dominant one, and the dominant body's own, each
+    pair once, closest first; these are what len(approaches) counts, `to_table` holds, and print and notebooks begin.
     """
 
     def __init__(self, system: System, record: Array) -> None:
         self.names = system.names
-        self._units, self._gm = system.units, system.values.gm
+        self._system = system
         self._distance, self._time, self._speed = record[DISTANCE2], record[TIME], record[SPEED2]
         self.partner = record[PARTNER].astype(int)
 
     @property
     def distance(self) -> u.Quantity:
         """Distances, (bodies, 2)."""
-        return u.Quantity(self._distance, self._units.length)
+        return u.Quantity(self._distance, self._system.units.length)
 
     @property
     def time(self) -> u.Quantity:
         """Times since the epoch, (bodies, 2)."""
-        return u.Quantity(self._time, self._units.time)
+        return u.Quantity(self._time, self._system.units.time)
 
     @property
     def speed(self) -> u.Quantity:
         """Relative speeds, (bodies, 2)."""
-        return u.Quantity(self._speed, self._units.speed)
+        return u.Quantity(self._speed, self._system.units.speed)
 
     def __getitem__(self, name: str) -> list[Approach]:
         """Return the recorded passages of a body: by the dominant body, then by the closest other."""
         row = index_of(name, self.names, "body")
         return [self.one(row, column) for column in (0, 1) if math.isfinite(self._distance[row, column])]
 
+    def __len__(self) -> int:
+        """Return how many passages iterating gives."""
+        return len(self._closest)
+
     def __iter__(self) -> Iterator[Approach]:
-        """Yield the passages that are not by the dominant body, each pair once, closest first."""
-        seen = set()
-        for row in np.argsort(self._distance[:, 1], kind="stable"):
-            pair = frozenset((int(row), int(self.partner[row, 1])))
-            if math.isfinite(self._distance[row, 1]) and pair not in seen:
-                seen.add(pair)
-                yield self.one(int(row), 1)
+        """Yield each body's passage by the closest other than the dominant body, each pair once, closest first."""
+        return (self.one(int(row), 1) for row in self._closest)
+
+    def to_table(self, bodies: Sequence[str] | None = None) -> QTable:
+        """Return an astropy QTable of body, other, distance, time (since the epoch) and speed, closest first.
+
+        A row for each passage that iterating gives; `body` is the lighter one. The meta has the epoch (TDB) and what
+        else is known.
+
+        bodies : names; only passages of one of them, all by default. UnknownNameError for one that is not there.
+        """
+        from astropy.table import QTable
+
+        rows, light, heavy = self._closest, *self._pairs
+        wanted = np.zeros(len(self.names), dtype=bool)
+        wanted[chosen(self.names, bodies)] = True
+        pick = wanted[light] | wanted[heavy]
+        names = np.array(self.names)
+        columns = {"body": names[light[pick]], "other": names[heavy[pick]]}
+        columns |= {key: getattr(self, key)[rows[pick], 1] for key in ("distance", "time", "speed")}
+        return QTable(columns, meta=attributes(self._system))
+
+    @cached_property
+    def _closest(self) -> NDArray[np.intp]:
+        """The rows of the passages that iterating gives, in their order."""
+        rows = np.argsort(self._distance[:, 1], kind="stable")
+        rows = rows[np.isfinite(self._distance[rows, 1])]
+        pairs = np.sort(np.column_stack([rows, self.partner[rows, 1]]), axis=1)
+        _, first = np.unique(pairs, axis=0, return_index=True)
+        closest: NDArray[np.intp] = rows[np.sort(first)]
+        return closest
+
+    @property
+    def _pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The lighter and the heavier body of each passage that iterating gives."""
+        rows = self._closest
+        partner = self.partner[rows, 1]
+        first = self._system.values.gm[rows] <= self._system.values.gm[partner]
+        return np.where(first, rows, partner), np.where(first, partner, rows)
 
     def one(self, row: int, column: int, error: float | None = None) -> Approach:
         """Return one entry as an `Approach`."""
         pair = (row, int(self.partner[row, column]))
-        lighter, heavier = sorted(pair, key=lambda body: self._gm[body])
+        lighter, heavier = sorted(pair, key=lambda body: self._system.values.gm[body])
         return Approach(
             self.names[lighter],
             self.names[heavier],
-            u.Quantity(self._distance[row, column], self._units.length),
-            u.Quantity(self._time[row, column], self._units.time),
-            u.Quantity(self._speed[row, column], self._units.speed),
+            u.Quantity(self._distance[row, column], self._system.units.length),
+            u.Quantity(self._time[row, column], self._system.units.time),
+            u.Quantity(self._speed[row, column], self._system.units.speed),
             error,
         )
 
     def __str__(self) -> str:
-        rows = [f"{'body':24}{'passes':24}{'distance':>14}{'time':>14}{'speed':>14}"]
-        for _, a in zip(range(SHOWN), self, strict=False):
-            rows.append(f"{a.body:24}{a.other:24}{a.distance:14.6g}{a.time:14.6g}{a.speed:14.4g}")
-        return "\n".join(rows)
+        return text_table(repr(self), *self._shown(), words=2)
+
+    def _repr_html_(self) -> str:
+        return html_table(repr(self), *self._shown(), words=2)
 
     def __repr__(self) -> str:
-        return f"Approaches({len(self.names)} bodies, closest {next(iter(self), None)})"
+        bodies = f"Approaches({len(self.names)} bod{'y' if len(self.names) == 1 else 'ies'}"
+        if not len(self):
+            return f"{bodies}, none{' but by the dominant one' * bool(np.isfinite(self._distance).any())})"
+        return f"{bodies}, {len(self):,} passage{'s' * (len(self) > 1)}, closest {next(iter(self))})"
+
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        """Return the head of a table, its rows, those of the closest, and how many more there are."""
+        units = self._system.units
+        figures = {"distance": units.length, "time": units.time, "speed": units.speed}
+        head = ["body", "passes", *(headed(key, unit) for key, unit in figures.items())]
+        rows = [
+            [a.body, a.other, *(f"{getattr(a, key).value:.6g}" for key in figures)] for a in islice(self, MOST_ROWS)
+        ]
+        return head, rows, len(self) - len(rows)
 
 
 def in_units(record: Array, system: System, h: float) -> Array:

@@ -16,7 +16,7 @@ from orbits.elements import elements_from_state, to_frame
 from orbits.elements.kepler import positive_angle
 from orbits.errors import InputError
 from orbits.system import checks, making, presenting
-from orbits.tables import MOST_ROWS, Labelled, Tabular, Variable, html_table
+from orbits.tables import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
 from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
@@ -93,33 +93,34 @@ class OrbitalElements(Tabular):
         return Labelled(names, self.t if run else None, variables, {"primary": self.primary, "frame": self.frame})
 
     def _repr_html_(self) -> str:
-        head, rows = self._head(), self._rows()
-        if not rows:
-            return html_table(head, [], [])
-        return html_table(head, rows[0], rows[1:], len(self.names) - len(rows) + 1)
+        return html_table(self._caption(), *self._shown())
 
     def __repr__(self) -> str:
-        head, rows = self._head(), self._rows()
-        if not rows:
-            return f"<{head}>"
-        widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
-        lines = ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows]
-        more = [f"... and {len(self.names) - MOST_ROWS} more"] if len(self.names) > MOST_ROWS else []
-        return "\n".join([head, *lines, *more])
+        return text_table(self._caption(), *self._shown())
 
-    def _head(self) -> str:
-        shape = f" at {len(self.t)} samples" if self.t.ndim else ""
-        return f"elements of {checks.few(self.names)}{shape} about {self.primary}, {self.frame}"
+    def _caption(self) -> str:
+        what = f"elements of {checks.few(self.names)} about {self.primary}, {self.frame}"
+        if not self.t.ndim:
+            return what
+        return f"{what}, lowest ... highest of {len(self.t):,} samples, {presenting.span(self.t)}"
 
-    def _rows(self) -> list[list[str]]:
-        """Return the head and the first bodies of a table; nothing where there are several times."""
-        if self.t.ndim:
-            return []
-        shown = {"a": self.a, "e": self.e, "inc": self.inc.to(u.deg), "Omega": self.Omega.to(u.deg),
-                 "omega": self.omega.to(u.deg), "M": self.M.to(u.deg)}  # fmt: skip
-        rows = [["", *(f"{key} [{x.unit}]" if str(x.unit) else key for key, x in shown.items())]]
-        columns = [np.atleast_1d(x.value) for x in shown.values()]
-        return rows + [[name, *(f"{c[i]:.6g}" for c in columns)] for i, name in enumerate(self.names[:MOST_ROWS])]
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        """Return the head of a table, its first rows and how many more there are; of a run the ranges of a, e, inc."""
+        units = {"a": self.a.unit, "e": "", "inc": u.deg}
+        if not self.t.ndim:
+            units |= dict.fromkeys(("Omega", "omega", "M"), u.deg)
+        head = ["body", *(headed(key, unit) for key, unit in units.items())]
+        if not self.t.size:
+            return head, [], 0
+        columns = [self._cells(key, unit) for key, unit in units.items()]
+        return head, list(map(list, zip(self.names, *columns, strict=False))), max(0, len(self.names) - MOST_ROWS)
+
+    def _cells(self, key: str, unit: Any) -> list[str]:
+        """Return an element of the first bodies as text, and of a run its range."""
+        values = getattr(self, key).reshape((*self.t.shape, len(self.names)))[..., :MOST_ROWS].to_value(unit)
+        if values.ndim == 1:
+            return [f"{x:.6g}" for x in values]
+        return [f"{low:.6g} ... {high:.6g}" for low, high in zip(values.min(axis=0), values.max(axis=0), strict=True)]
 
 
 def osculating(

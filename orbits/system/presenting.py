@@ -10,7 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.system import checks
-from orbits.tables import MOST_ROWS, Labelled, Variable, html_table
+from orbits.tables import MOST_ROWS, Labelled, Variable, headed, html_table
 
 if TYPE_CHECKING:
     from orbits.system.value import System
@@ -74,12 +74,17 @@ def labelled_run(
     return Labelled(start.names, u.Quantity(times, units.time), variables, {**start.attributes, **known})
 
 
+def span(t: u.Quantity) -> str:
+    """Return in words from when to when times of shape (n,) reach."""
+    return f"t = {t[0].value:g} ... {t[-1].value:g} {t.unit}".rstrip() if len(t) else "no samples yet"
+
+
 def state_html(system: System) -> str:
     """Return the first bodies of a system as an HTML table."""
     gm, q, v, _ = system.values
     units = system.units
     heads: list[tuple[str, Any]] = [("GM", units.gm), *((c, units.length) for c in "xyz")]
     heads += [(f"v{c}", units.speed) for c in "xyz"]
-    head = ["body", *(f"{name} [{unit}]" if str(unit) else name for name, unit in heads)]
+    head = ["body", *(headed(name, unit) for name, unit in heads)]
     rows = [[name, *(f"{x:.6g}" for x in (gm[i], *q[i], *v[i]))] for i, name in enumerate(system.names[:MOST_ROWS])]
     return html_table(repr(system), head, rows, len(system) - len(rows))

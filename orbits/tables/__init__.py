@@ -1,4 +1,4 @@
-"""Values as tables of other packages: astropy's QTable, pandas, xarray, and HTML for notebooks.
+"""Values as tables of other packages: astropy's QTable, pandas, xarray, text for print and HTML for notebooks.
 
 Nothing here knows a System or a run: what is to be shown is handed over as named arrays with units (`Labelled`).
 """
@@ -6,5 +6,6 @@ Nothing here knows a System or a run: what is to be shown is handed over as name
 from orbits.tables.html import MOST_ROWS, html_pairs, html_table
 from orbits.tables.labelled import Labelled, Variable
 from orbits.tables.tabular import Tabular
+from orbits.tables.text import headed, text_table
 
-__all__ = ["MOST_ROWS", "Labelled", "Tabular", "Variable", "html_pairs", "html_table"]
+__all__ = ["MOST_ROWS", "Labelled", "Tabular", "Variable", "headed", "html_pairs", "html_table", "text_table"]

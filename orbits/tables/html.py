@@ -9,14 +9,14 @@ MOST_ROWS = 20
 """More rows than this are cut short."""
 
 
-def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], more: int = 0) -> str:
-    """Return a table as HTML; the first column is text, the others are figures.
+def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], more: int = 0, words: int = 1) -> str:
+    """Return a table as HTML; the first `words` columns are text, the others are figures.
 
     more : how many rows were left out, which a last line says
     """
-    cells = "".join(f'<th style="text-align:{_align(k)}">{escape(text)}</th>' for k, text in enumerate(head))
+    cells = "".join(f'<th style="text-align:{_align(k < words)}">{escape(text)}</th>' for k, text in enumerate(head))
     lines = [f"<tr>{cells}</tr>"]
-    lines += ["<tr>" + "".join(_cell(k, text) for k, text in enumerate(row)) + "</tr>" for row in rows]
+    lines += ["<tr>" + "".join(_cell(k < words, text) for k, text in enumerate(row)) + "</tr>" for row in rows]
     if more:
         lines.append(f'<tr><td colspan="{len(head)}" style="text-align:left">... and {more:,} more</td></tr>')
     return _table(caption, lines)
@@ -26,7 +26,7 @@ def html_pairs(caption: str, pairs: Iterable[tuple[str, str]]) -> str:
     """Return a table of names and what they are as HTML."""
     return _table(
         caption,
-        [f'<tr><th style="text-align:left">{escape(name)}</th>{_cell(0, text)}</tr>' for name, text in pairs],
+        [f'<tr><th style="text-align:left">{escape(name)}</th>{_cell(True, text)}</tr>' for name, text in pairs],
     )
 
 
@@ -35,9 +35,9 @@ def _table(caption: str, lines: Sequence[str]) -> str:
     return f"<table>{head}<tbody>{''.join(lines)}</tbody></table>"
 
 
-def _cell(column: int, text: str) -> str:
-    return f'<td style="text-align:{_align(column)}">{escape(text)}</td>'
+def _cell(is_text: bool, text: str) -> str:
+    return f'<td style="text-align:{_align(is_text)}">{escape(text)}</td>'
 
 
-def _align(column: int) -> str:
-    return "right" if column else "left"
+def _align(is_text: bool) -> str:
+    return "left" if is_text else "right"

@@ -18,7 +18,7 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.checks import few, index_of
 from orbits.system.making import primary_name
-from orbits.system.presenting import labelled_run
+from orbits.system.presenting import labelled_run, span
 from orbits.tables import Labelled, Tabular, html_pairs
 from orbits.trajectory.values import BodyTrajectory, ConservedQuantities, Samples, Statistics
 
@@ -304,10 +304,9 @@ class Trajectory(Tabular):
         where = f", in {self.path}" if self.path else ""
         state = "" if self.complete else ", incomplete"
         unit = self.system.units.time
-        span = f"t = {self.times[0]:g} ... {self.times[-1]:g} {unit}".rstrip() if len(self) else "no samples yet"
         dt = f"{abs(self.step):g} {unit}".rstrip()
         return (
-            f"Trajectory({len(self.names)} bodies, {len(self)} samples, {span}; {self.integrator.label}, "
+            f"Trajectory({len(self.names)} bodies, {len(self)} samples, {span(self.t)}; {self.integrator.label}, "
             f"dt = {dt}{state}{where})"
         )
 

@@ -10,6 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
+from orbits.system.presenting import span
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ class ConservedQuantities:
         return "\n".join(rows)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BodyTrajectory:
     """One body's path: q and v of shape (samples, 3), t of shape (samples,), with units."""
 
@@ -74,3 +75,6 @@ class BodyTrajectory:
     t: u.Quantity
     q: u.Quantity
     v: u.Quantity
+
+    def __repr__(self) -> str:
+        return f"BodyTrajectory({self.name}, {len(self.t)} samples, {span(self.t)})"

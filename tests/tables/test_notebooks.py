@@ -11,6 +11,8 @@ import pytest
 
 import orbits
 from orbits.certificate.values import Certificate, Finding
+from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
+from orbits.propagation.approaches import Approaches
 from orbits.report import Report, Row
 
 NASTY = "<script>alert('&\"')</script>"
@@ -52,6 +54,15 @@ def run() -> orbits.Trajectory:
     return orbits.Trajectory(start, [0, 1], q, v, step=1.0, integrator=orbits.Gauss(stages=2), path=NASTY)
 
 
+def met(bodies: int = 3) -> Approaches:
+    """Neighbours on a line that pass at 1, 2, 3, ...; nothing is near the first body."""
+    start = system(bodies)
+    record = np.full((4, bodies, 2), np.inf)
+    record[DISTANCE2, 1:, 1] = record[TIME, 1:, 1] = record[SPEED2, 1:, 1] = np.arange(1, bodies)
+    record[PARTNER] = np.arange(bodies)[:, None] - 1.0
+    return Approaches(start, record)
+
+
 def certificate() -> Certificate:
     finding = Finding("symplectic", 3.0, 64.0, "ulps", False, True, True)
     return Certificate(NASTY, "Gauss(stages=2)", 0.5, "d", (finding,))
@@ -71,11 +82,12 @@ VALUES = [
     lambda: system().elements("body 1"),
     run,
     lambda: run().elements("body 1"),
+    met,
     certificate,
     report,
     catalogue,
 ]
-KINDS = ["system", "elements", "run", "elements of a run", "certificate", "report", "catalogue"]
+KINDS = ["system", "elements", "run", "elements of a run", "approaches", "certificate", "report", "catalogue"]
 
 
 @pytest.mark.parametrize("make", VALUES, ids=KINDS)
@@ -94,12 +106,44 @@ def test_a_thousand_bodies_make_no_larger_table_than_twenty():
     assert Texts(system(20)._repr_html_()).tags.count("tr") == 21
     assert Texts(orbits.asteroids(1000)._repr_html_()).texts[-1] == "... and 980 more"
     assert Texts(system(1000).elements("body 1")._repr_html_()).texts[-1] == "... and 979 more"
+    assert Texts(met(1001)._repr_html_()).texts[-1] == "... and 980 more"
 
 
-@pytest.mark.parametrize("make", [system, run, certificate, report], ids=["system", "run", "certificate", "report"])
+def test_of_a_thousand_passages_the_closest_are_printed():
+    caption, head, first, *_, last = str(met(1001)).split("\n")
+    assert caption == repr(met(1001))
+    assert head.split() == ["body", "passes", "distance", "time", "speed"]
+    assert first.split()[-3:] == ["1", "1", "1"]
+    assert last == "... and 980 more"
+    assert len(str(met(1001)).split("\n")) == 23
+    assert max(map(len, str(met(1001)).split("\n"))) < 120
+
+
+def test_elements_of_a_run_are_printed_as_the_range_of_each_body():
+    solar = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter", "Saturn"])
+    found = orbits.propagate(solar, orbits.Gauss(stages=4), dt=20, duration=4000).elements("Sun")
+    caption, head, jupiter, saturn = repr(found).split("\n")
+    assert caption.endswith("lowest ... highest of 101 samples, t = 0 ... 4000 d")
+    assert head.split() == ["body", "a", "[AU]", "e", "inc", "[deg]"]
+    a = found["Saturn"].a.value
+    assert saturn.startswith(f"Saturn   {a.min():.6g} ... {a.max():.6g}")
+    assert repr(found["Jupiter"]).split("\n")[2].split() == jupiter.split()
+    assert f"{a.min():.6g} ... {a.max():.6g}" in Texts(found._repr_html_()).texts
+
+
+def test_elements_of_no_samples_say_so():
+    start = system()
+    empty = orbits.Trajectory(
+        start, np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3, 3)), step=1.0, integrator=orbits.Gauss(stages=2)
+    )
+    assert repr(empty.elements("body 1")).endswith("0 samples, no samples yet")
+    assert repr(empty["body 1"]) == "BodyTrajectory(body 1, 0 samples, no samples yet)"
+
+
+@pytest.mark.parametrize("make", [system, run, lambda: run()["body 1"], met, certificate, report])
 def test_repr_is_one_line_of_words(make):
     text = repr(make())
-    assert re.fullmatch(r"(System|Trajectory|Certificate|Report)\(.*\)", text)
+    assert re.fullmatch(r"(System|Trajectory|BodyTrajectory|Approaches|Certificate|Report)\(.*\)", text)
     assert len(text) < 300
 
 

@@ -115,6 +115,29 @@ def test_elements_are_tables_too_at_one_time_and_at_many(run, system):
     assert alone["Saturn"].to_table()["a"] == alone.a[1]
 
 
+def test_approaches_are_a_table_of_each_pair_closest_first(archived, system):
+    near = archived.closest_approaches()
+    table = near.to_table()
+    assert len(table) == len(near) == len(list(near)) > 0
+    for row, passage in zip(table, near, strict=True):
+        assert (row["body"], row["other"]) == (passage.body, passage.other)
+        assert (row["distance"], row["time"], row["speed"]) == (passage.distance, passage.time, passage.speed)
+    assert np.all(np.diff(table["distance"]) >= 0)
+    assert table.meta == system.to_table().meta
+    alone = near.to_table("Saturn")
+    assert len(alone) == sum("Saturn" in (passage.body, passage.other) for passage in near)
+    with pytest.raises(UnknownNameError, match="or 'Saturn'"):
+        near.to_table(["Satrun"])
+
+
+def test_approaches_to_the_dominant_body_alone_are_an_empty_table():
+    lonely = orbits.System.solar_system(bodies=["Sun"]).add("Ceres", primary="Sun", a=2.77 * u.au, e=0.08)
+    near = orbits.propagate(lonely, orbits.Gauss(stages=4), dt=20, duration=5000).closest_approaches()
+    assert (len(near), len(near.to_table())) == (0, 0)
+    assert repr(near) == str(near) == "Approaches(2 bodies, none but by the dominant one)"
+    assert [passage.other for passage in near["Ceres"]] == ["Sun"]
+
+
 def test_some_bodies_can_be_chosen_in_any_order(run, system):
     assert run.to_table(["Ceres", "Sun"])["body"].tolist()[:3] == ["Ceres", "Sun", "Ceres"]
     assert np.array_equal(run.to_xarray(["Ceres", "Sun"]).q, run.q[:, [3, 0]].value)
