@@ -36,7 +36,9 @@ def main() -> None:
 
 
 @app.callback(invoke_without_command=True)
-def _version(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False) -> None:
+def _version(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.", metavar="")] = False,
+) -> None:
     if version:
         print(f"orbits {__version__}")
         raise typer.Exit
@@ -67,9 +69,12 @@ def run(
 @app.command()
 def resume(
     file: File,
-    until: Annotated[str | None, typer.Option(help="Extend a finished run to this time since the epoch.")] = None,
+    until: Annotated[
+        str | None, typer.Option(help="Extend a finished run to this time since the epoch: '2000 yr'.", metavar="TIME")
+    ] = None,
     any_bits: Annotated[
-        bool, typer.Option("--any-bits", help="Go on although the processor, Numba or the kernels have changed.")
+        bool,
+        typer.Option("--any-bits", help="Go on although the processor, Numba or the kernels have changed.", metavar=""),
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -89,7 +94,7 @@ def resume(
 def compare(
     scenario: ScenarioName,
     against: Annotated[
-        str | None, typer.Option(help="Peers, with commas: whfast,whfast-corrector17,ias15,leapfrog.")
+        str | None, typer.Option(help="Peers, with commas: whfast,whfast-corrector17,ias15,leapfrog.", metavar="PEERS")
     ] = None,
     dt: Dt = None,
     duration: Duration = None,
@@ -135,7 +140,9 @@ def certify(
 @app.command()
 def plot(
     file: File,
-    out: Annotated[Path | None, typer.Option(help="Where to write the PNG. [default: FILE.png]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Where to write the PNG; beside FILE by default.", metavar="PICTURE")
+    ] = None,
 ) -> None:
     """Draw the run in an archive: paths, energy, angular momentum.
 

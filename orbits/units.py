@@ -7,6 +7,7 @@ turn GM into masses, energies and momenta.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -172,7 +173,7 @@ class UnitSystem:
     def _expected(self, unit: u.UnitBase, kind: str) -> str:
         if unit != u.dimensionless_unscaled:
             return f"{kind} in {unit} or a unit that converts to it, or plain numbers in {unit}"
-        return "no unit" if self.is_physical else f"no unit, as everywhere in {self.name}"
+        return "no unit" if self.is_physical else f"no unit, as everywhere in {self.name}: the number alone"
 
 
 def quantity_from_text(value: Any, what: str, expected: str) -> Any:
@@ -181,8 +182,14 @@ def quantity_from_text(value: Any, what: str, expected: str) -> Any:
         return value
     try:
         return u.Quantity(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} = {shown(value)}; expected {expected}.") from None
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} = {shown(value)}; expected {expected}.{unit_meant(error)}") from None
+
+
+def unit_meant(error: Exception) -> str:
+    """Return what astropy takes an unknown unit for, from its error, as a sentence; nothing where it has no idea."""
+    found = re.search(r"(\S+) is not a valid unit\.\s+Did you mean (.+?)\?", str(error))
+    return "" if found is None else f" {found[1]!r} is no unit; did you mean {found[2]}?"
 
 
 def kind_of(array: NDArray[Any]) -> str:

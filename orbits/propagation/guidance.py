@@ -126,8 +126,8 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
         remedy = "no step that is practical keeps that below 1 %: use another method"
     warnings.warn(
         f"dt = {_with_unit(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
-        f"{_with_unit(distance, units.length)}, a full turn would take {2 * math.pi / angle:.2g} steps, and the method "
-        f"gets {percent(error)} of the turn wrong; {remedy}.",
+        f"{_with_unit(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and the "
+        f"method gets {percent(error)} of the turn wrong; {remedy}.",
         StepWarning,
         stacklevel=3,
     )
@@ -177,6 +177,11 @@ def _bold(integrator: Integrator) -> float:
 def percent(share: float) -> str:
     """Return a share in percent."""
     return f"{100 * share:.2g} %" if share < 0.995 else "all"
+
+
+def _round(count: float) -> str:
+    """Return a count to two digits, without a power of ten while it can be read."""
+    return f"{float(f'{count:.2g}'):,g}"
 
 
 def _fastest(system: System, span: float) -> tuple[int, int, float, float, float, float]:

@@ -105,7 +105,7 @@ def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str
     seen: list[Any] = []
     for problem, method, step, *start in scenario.certifies:
         if integrator is not None:
-            if any(problem is other for other in seen):
+            if problem in seen:
                 continue
             seen.append(problem)
         yield "", problem, integrator or method, step, dict(zip(("q", "v"), start, strict=False))

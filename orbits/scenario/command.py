@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orbits.errors import InputError, OrbitsError
-from orbits.scenario.definition import Outcome, Scenario
+from orbits.scenario.definition import MIND, Outcome, Scenario
 from orbits.scenario.study import Study, StudyOutcome, Table
 from orbits.scenario.values import quantity
 
@@ -26,11 +26,13 @@ INTERRUPTED = 130
 
 Dt = Annotated[str | None, typer.Option(help="Step: '6 d', or a number in the system's unit of time.", metavar="TIME")]
 Duration = Annotated[str | None, typer.Option(help="How far: '100 yr'; negative for backwards.", metavar="TIME")]
-Method = Annotated[str | None, typer.Option(help="One method instead of the scenario's: 'gauss(stages=4)'.")]
-Samples = Annotated[int | None, typer.Option(help="Number of samples, both ends included.")]
-Out = Annotated[Path | None, typer.Option(help="Folder for the results. [default: results/NAME]", show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="Print the outcome as JSON on standard output.")]
-NoPlot = Annotated[bool, typer.Option("--no-plot", help="Draw nothing.")]
+Method = Annotated[
+    str | None, typer.Option(help="One method instead of the scenario's: 'gauss(stages=4)'.", metavar="METHOD")
+]
+Samples = Annotated[int | None, typer.Option(help="Number of samples, both ends included.", metavar="NUMBER")]
+Out = Annotated[Path | None, typer.Option(help="Folder for the results; results/NAME by default.", metavar="FOLDER")]
+Json = Annotated[bool, typer.Option("--json", help="Print the outcome as JSON on standard output.", metavar="")]
+NoPlot = Annotated[bool, typer.Option("--no-plot", help="Draw nothing.", metavar="")]
 
 
 def stderr() -> Console:
@@ -234,7 +236,11 @@ def main(scenario: Scenario | Study) -> None:
 
 
 def _saying(console: Console) -> Any:
-    return lambda text: console.print(f"[dim]{_escaped(text)} ...[/]")
+    def say(text: str) -> None:
+        under_way = "" if text.startswith(MIND) else " ..."
+        console.print(f"[dim]{_escaped(text)}{under_way}[/]")
+
+    return say
 
 
 def _escaped(text: Any) -> str:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 ONLY = ""
 """The name of the case of a scenario that has a single system."""
+MIND = "mind: "
+"""What is said while a scenario runs begins with this where it is a warning, not what is being done."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, StepWarning, shown
-from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
+from orbits.scenario.definition import MIND, CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 from orbits.scenario.study import Study, StudyOutcome, StudyResult
@@ -194,7 +194,7 @@ def _runs(
                         progress=progress,
                     )
                 for warning in caught:
-                    say(f"mind: {warning.message}")
+                    say(f"{MIND}{warning.message}")
         except IntegrationError as error:
             if error.trajectory is None or not len(error.trajectory):
                 raise

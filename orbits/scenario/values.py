@@ -18,11 +18,13 @@ def quantity(text: str, option: str) -> Any:
         pass
     from astropy import units as u
 
+    from orbits.units import unit_meant
+
     try:
         value = u.Quantity(text)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError) as error:
         raise InputError(
             f"{option} is {shown(text)}; expected a number in the system's unit of time, or a time with its unit: "
-            "'6 d', '1000 yr'."
+            f"'6 d', '1000 yr'.{unit_meant(error)}"
         ) from None
     return value

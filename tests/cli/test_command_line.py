@@ -60,6 +60,15 @@ def test_every_commands_help_has_an_example(command):
     assert f"Example: orbits {command}" in " ".join(out.output.split())
 
 
+@pytest.mark.parametrize(
+    ("command", "default"), [("run", "results/NAME by default"), ("plot", "beside FILE by default")]
+)
+def test_help_says_where_results_go_and_that_flags_take_no_value(command, default):
+    text = " ".join(call(command, "--help").output.replace("│", " ").split())
+    assert default in text
+    assert "bool" not in text.split("--help")[0]
+
+
 def test_the_commands_are_those_that_the_help_lists():
     out = call("--help")
     assert all(command in out.output for command in COMMANDS)
@@ -135,6 +144,26 @@ def test_certify_judges_variational_methods_and_shows_foils(tmp_path):
     assert call("certify", "pendulum", "--out", tmp_path).exit_code == 2
 
 
+def test_certify_takes_each_problem_of_a_study_once_for_a_method_that_was_asked_for(tmp_path):
+    (tmp_path / "twice.py").write_text(
+        "import orbits\n"
+        "def pair():\n"
+        "    bodies = {'s': {'gm': 1}, 'p': {'a': 1, 'gm': 0.001}}\n"
+        "    return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)\n"
+        "scenario = orbits.Study(name='twice', title='Twice', experiment=print,\n"
+        "    certifies=[(pair(), orbits.StormerVerlet(), 0.1), (pair(), orbits.RungeKutta4(), 0.1)])\n"
+    )
+    out = call("certify", tmp_path / "twice.py", "--integrator", "stormer-verlet", "--json", "--out", tmp_path)
+    assert len(json.loads(out.stdout)["certificates"]) == 1
+
+
+def test_what_a_run_minds_is_said_in_sentences(tmp_path):
+    out = call("run", "kepler", "--duration", "1", "--samples", "3", "--no-plot", "--out", tmp_path)
+    said = " ".join(out.stderr.split())
+    assert "a full turn would take 400 steps" in said
+    assert "keeps that below 1 %. e = 0, comparing with whfast, ias15 ..." in said
+
+
 def test_certify_fails_a_foil_that_was_asked_for(tmp_path):
     out = call("certify", "pendulum", "--integrator", "runge-kutta-4", "--dt", "0.2", "--json", "--out", tmp_path)
     assert out.exit_code == 1, out.output
@@ -204,6 +233,8 @@ def bad(tmp_path):
         (["run", "kepler", "--dt", "nan"], "dt must be positive"),
         (["run", "kepler", "--dt", "3 km"], "dt"),
         (["run", "kepler", "--dt", "soon"], "--dt is 'soon'"),
+        (["run", "kepler", "--dt", "3 days"], "'days' is no unit; did you mean day?"),
+        (["run", "kepler", "--dt", "3 d"], "as everywhere in DIMENSIONLESS: the number alone"),
         (["run", "kepler", "--duration", "inf"], "duration must be finite"),
         (["run", "kepler", "--duration", "0"], "duration is 0"),
         (["run", "kepler", "--integrator", "gaus"], "did you mean gauss"),
@@ -228,7 +259,7 @@ def bad(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("index", range(27))
+@pytest.mark.parametrize("index", range(29))
 def test_a_wrong_use_is_one_line_and_exit_code_2(tmp_path, index):
     arguments, message = bad(tmp_path)[index]
     out = call(*arguments)
