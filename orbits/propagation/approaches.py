@@ -202,10 +202,8 @@ def recorded(trajectory: Trajectory) -> Array:
 
 def hasty(integrator: Integrator, h: float, record: Array) -> bool:
     """Return whether some passage of a marcher's record is so fast for steps of h that it may be unresolved."""
-    ways2 = h * h * record[SPEED2]
-    return bool((ways2 > ALWAYS**2 * record[DISTANCE2]).any()) and bool(
-        (ways2 > bold_angle(integrator) ** 2 * record[DISTANCE2]).any()
-    )
+    ways, distances = abs(h) * np.sqrt(record[SPEED2]), np.sqrt(record[DISTANCE2])
+    return bool((ways > ALWAYS * distances).any()) and bool((ways > bold_angle(integrator) * distances).any())
 
 
 def unresolved(system: System, integrator: Integrator, h: float, record: Array) -> list[Approach]:

@@ -126,9 +126,18 @@ def _time(units: UnitSystem, value: Any, what: str) -> float:
     return single_number(units.time_value(value, what), what)
 
 
+def checked_flag(value: Any, what: str) -> bool:
+    """Return True or False as it was given. Raises InputError, naming it, for anything else."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise InputError(f"{what} is {shown(value)}; expected True or False")
+
+
 def single_number(value: Any, what: str) -> float:
     """Return a scalar as float. Raises InputError, naming it, for an array."""
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{what} must be a single real number, got {shown(value)}") from None

@@ -23,6 +23,7 @@ from orbits.propagation.binding import bound, differences, provenance
 from orbits.propagation.grid import (
     MOST_SAMPLES,
     checked_duration,
+    checked_flag,
     checked_until,
     sample_times,
     signed_step,
@@ -103,11 +104,11 @@ def propagate(
     conditions = Conditions(system, stop)
     check_callback(callback)
     marcher = bound(system, integrator, h, threads, conditions)
-    if check_step:
+    if checked_flag(check_step, "check_step"):
         guidance.check_step(system, integrator, h, length)
     watch = _Watch(conditions, callback, check_step)
     if archive is None:
-        if certificate:
+        if certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
         return _march(system, integrator, marcher, times, 0, None, progress, watch)
     from orbits.archive import ArchiveWriter

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,12 +64,16 @@ def scalar(value: Floats, what: str, unit: Any) -> float:
 
 def checked_names(names: Any) -> tuple[str, ...]:
     """Return names as a tuple of str; raise InputError for one that is no name, and for names that occur twice."""
-    if isinstance(names, str) or not isinstance(names, Iterable):
+    try:
+        given = None if isinstance(names, str) else list(names)
+    except TypeError:
+        given = None
+    if given is None:
         raise InputError(
             f"names is {shown(names)}; expected a sequence of strings, one for each body, such as ['Sun']."
         )
     result = []
-    for i, name in enumerate(names):
+    for i, name in enumerate(given):
         if not isinstance(name, str):
             raise InputError(f"the name of body {i} is {shown(name)}; expected a string.")
         if not name or len(name) > LONGEST_NAME or name != name.strip() or not name.isprintable():

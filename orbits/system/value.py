@@ -66,7 +66,9 @@ class System(FromCatalogues, Tabular):
         if not isinstance(units, UnitSystem):
             raise InputError(f"units is {shown(units)}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
         if epoch is not None and not units.is_physical:
-            raise EpochError(f"epoch is {epoch}, but {units.name} has no unit of time. Leave it out, or choose units.")
+            raise EpochError(
+                f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
+            )
         names = checks.checked_names(names)
         for attribute, value in (
             ("_names", names),

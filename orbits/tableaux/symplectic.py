@@ -31,6 +31,9 @@ from orbits.tableaux.partitioned import DIGITS, Array, PartitionedTableau, exact
 TOLERANCE = 1e-50
 """Defect of an identity, in numbers of 60 digits, below which it holds."""
 
+LARGEST = 1e6
+"""Size of coefficients that pairs are taken with."""
+
 FLOAT_TOLERANCE = 2.0**-50
 """The same, for coefficients given as float64."""
 
@@ -112,7 +115,8 @@ def symplectic(name: str, a: Any, a_bar: Any, b: Any, order: int, *, tolerance: 
     """Return a symplectic pair with exactly symplectic floats; every identity that it promises is checked here.
 
     a, a_bar : (s, s), b : (s,), of Fractions, mpmath numbers or floats
-    Raises InputError for shapes that do not fit, a weight that is zero, and a pair that is not symplectic.
+    Raises InputError for shapes that do not fit, a weight that is zero, a pair that is not symplectic, and coefficients
+    beyond a million.
     """
     with mpmath.workdps(DIGITS + 10):
         plain = PartitionedTableau(name, exact(a), exact(a_bar), exact(b), order)
@@ -121,6 +125,11 @@ def symplectic(name: str, a: Any, a_bar: Any, b: Any, order: int, *, tolerance: 
         symmetric = plain.symmetry_residual() <= tolerance
         exact_eta, exact_mu = _eta(plain), _mu(plain)
         size = max(1, *(abs(x) for row in (*exact_eta, plain.exact_c) for x in row))
+        if size > LARGEST:
+            raise InputError(
+                f"{name}: coefficients of size {float(size):.3g}; expected at most {LARGEST:.0f}: what two large ones "
+                "leave of each other would be rounding errors"
+            )
         grid = 53 - int(mpmath.ceil(mpmath.log(size, 2)))
         c = np.array([_on_grid(x, grid) for x in plain.exact_c])
         if symmetric:

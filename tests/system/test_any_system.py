@@ -122,11 +122,18 @@ def test_each_oddity_is_taken_or_refused(use: str) -> None:
         ("G", 10**400, "expected a number"),
         ("variant", {}, "SymplecticEuler knows the variants"),
         ("order", {}, "an even order above 2, got {}"),
+        ("tableau", [[2.0**53 + 2]], "coefficients of size .* expected at most 1000000"),
     ],
 )
 def test_what_this_campaign_found_is_told_in_words(use: str, x: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         USES[use](x)
+
+
+@pytest.mark.parametrize("names", ["Sun", 3, 3 * u.au, None])
+def test_names_are_a_sequence(names: Any) -> None:
+    with pytest.raises(InputError, match=r"names is .*; expected a sequence of strings"):
+        System.from_states(**{**GOOD, "names": names})
 
 
 def test_no_names_are_nothing_to_add() -> None:
