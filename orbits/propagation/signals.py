@@ -22,7 +22,9 @@ class StopRequest:
 
     def __enter__(self) -> StopRequest:
         if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, self._note) for number in CAUGHT}
+            # A handler that was not made in Python reads as None; nobody could put it back.
+            caught = [number for number in CAUGHT if signal.getsignal(number) is not None]
+            self._before = {number: signal.signal(number, self._note) for number in caught}
         return self
 
     def __exit__(

@@ -65,7 +65,7 @@ STATES: list[tuple[str, dict[str, Any], type[OrbitsError], str]] = [
     ("nan radius", {"radii": [1, 1, math.nan]}, InputError, r"radii of 'rock' is nan"),
     ("radii too few", {"radii": [1, 1]}, InputError, r"radii has shape \(2,\)"),
     ("no such units", {"units": "SI"}, InputError, r"units is 'SI'; expected orbits.SOLAR"),
-    ("epoch without days", {"epoch": "J2000"}, EpochError, r"epoch is J2000, but DIMENSIONLESS has no unit of time"),
+    ("epoch without days", {"epoch": "J2000"}, EpochError, r"epoch is 'J2000', but DIMENSIONLESS has no unit of time"),
     ("no epoch", {"epoch": "today", "units": SOLAR}, EpochError, r"epoch is 'today'; expected a moment"),
 ]  # fmt: skip
 
