@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 from orbits.diagnostics.doubledouble import Floats, Pair, dot, scale, subtract, total, two_product
 from orbits.diagnostics.states import blocks, massive_rows
 from orbits.errors import InputError, shown
-from orbits.kernels.lanes import WIDTH
-from orbits.kernels.potential import doubled_attraction
 
 
 def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) -> Floats:
@@ -40,6 +38,9 @@ def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) ->
 
 def _attraction(gm: Floats, q: Floats, softening: float) -> Pair:
     """Sum over i < j of gm_i gm_j / sqrt(r_ij^2 + softening^2) of q (samples, m, 3): shape (samples,)."""
+    from orbits.kernels.lanes import WIDTH
+    from orbits.kernels.potential import doubled_attraction
+
     samples, bodies = q.shape[:2]
     result = Pair(np.empty(samples), np.empty(samples))
     squared = two_product(np.float64(softening), np.float64(softening))  # type: ignore[arg-type]
