@@ -40,6 +40,8 @@ class UnitSystem:
     Its methods `*_value` turn a quantity in any fitting unit into float64 in this system's unit, and take plain numbers
     as being in that unit already; a bare unit, such as u.M_sun, is one of it. They raise InputError, naming the value,
     for another kind of unit.
+
+    Raises InputError for units of another kind, dimensionless ones without a G, and physical ones with a G of your own.
     """
 
     name: str

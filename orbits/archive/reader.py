@@ -36,7 +36,14 @@ class _DamageError(Exception):
 class Archive:
     """A finished, interrupted or still growing run in a file, as it stood when it was opened.
 
-    `Archive.open(path)` is the way to make one. Close it, or use it in a `with` statement, to give the file back.
+    `Archive.open(path)` is the way to make one, and raises ArchiveError for a file that cannot be read. Close it, or
+    use it in a `with` statement, to give the file back.
+
+    times : (n,) float64, since the epoch; all that were asked for, of which `committed` are there
+    q, v : (committed, bodies, 3) float64, read where they are indexed
+    dt : the signed step
+
+    All of these are in the units of `system`, the state at the start.
     """
 
     def __init__(

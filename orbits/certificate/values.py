@@ -56,6 +56,8 @@ class Certificate:
     problem, method : in words
     dt : the step, in the problem's unit of time (`time_unit`)
     findings : property by property
+
+    `certificate.ok` says whether the method is what it declares, `certificate.failures` what it is not.
     """
 
     problem: str

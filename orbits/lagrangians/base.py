@@ -70,6 +70,8 @@ class Lagrangian:
     order : (d,) which coordinate stands at each place of the kernels' vectors; None where it is the same
 
     Vectors of coordinates have shape (d,). Where a system consists of bodies in space, (n, 3) is accepted for (3n,).
+    Numbers are in units of your choice. Raises InputError for names, parameters, an example or symmetries that cannot
+    be those of a Lagrangian.
     """
 
     name: str

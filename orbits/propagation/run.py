@@ -71,7 +71,7 @@ def propagate(
     progress: bool | None = None,
     threads: int | None = None,
 ) -> Trajectory:
-    """Propagate `system` with constant steps and return the sampled trajectory.
+    """Propagate `system` with constant steps and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
 
     system : a `System`; bodies with GM = 0 are massless particles in the field of the others
     integrator : e.g. `Gauss(stages=8)`
@@ -86,7 +86,8 @@ def propagate(
         `orbits.certify` does, and stores it in the archive; or a certificate that is there already
     stop : conditions that end the run early, such as `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, one or a
         list; `run.stopped` then says which one and holds the state. An archive can be resumed past it.
-    callback : called after each sample with the time since the epoch and the `System` there; True ends the run
+    callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
+        the run
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage that is ahead, and
         after it of close passages that the step could not resolve (see `run.closest_approaches()`)
     progress : None or True draws a bar on a terminal, False never

@@ -58,6 +58,7 @@ def compare(
 ) -> Report:
     """Run our methods and REBOUND's from the same floats, at the same step, and judge ours.
 
+    system : a `System`, where all of them start
     integrators : one of ours or several, such as `[orbits.Gauss(stages=8), "stormer-verlet"]`
     dt, duration, samples, threads : as in `propagate`. dt is also the step of the fixed-step peers, to the bit, and the
         first that IAS15 tries; every method is sampled at the same times

@@ -51,6 +51,7 @@ class Trajectory(Tabular):
     stopped : why and where a condition or a callback ended the run, or None
 
     run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample.
+    Raises InputError for q and v of another shape.
     """
 
     def __init__(
