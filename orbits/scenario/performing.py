@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -178,11 +179,10 @@ def _runs(
         unfinished = first and _interrupted(scenario, system, archive)
         say(f"{task}, going on with the unfinished run in {archive}" if unfinished else task)
         try:
-            if unfinished:
-                runs[method.label] = resume(archive, progress=progress)
-            else:
-                with warnings.catch_warnings(record=True) as caught:
-                    warnings.simplefilter("always", StepWarning)
+            with _minding(say):
+                if unfinished:
+                    runs[method.label] = resume(archive, progress=progress)
+                else:
                     runs[method.label] = propagate(
                         system,
                         method,
@@ -193,14 +193,24 @@ def _runs(
                         overwrite=True,
                         progress=progress,
                     )
-                for warning in caught:
-                    say(f"{MIND}{warning.message}")
         except IntegrationError as error:
             if error.trajectory is None or not len(error.trajectory):
                 raise
             failures.append(f"{task}: {error}")
             runs[method.label] = error.trajectory
     return runs
+
+
+@contextmanager
+def _minding(say: Say) -> Iterator[None]:
+    """Say the warnings of a run, of one that fails too."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", StepWarning)
+        try:
+            yield
+        finally:
+            for warning in caught:
+                say(f"{MIND}{warning.message}")
 
 
 def _interrupted(scenario: Scenario, system: System, path: Path) -> bool:

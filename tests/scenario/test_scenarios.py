@@ -153,15 +153,18 @@ def test_tolerances_are_judged_also_without_peers(tmp_path):
     assert not outcome.ok
 
 
-def test_a_method_that_fails_is_reported_and_the_others_are_judged(tmp_path):
+def test_a_method_that_fails_is_reported_and_the_others_are_judged(tmp_path, recwarn):
     scenario = pair(integrators=[orbits.Gauss(stages=8), orbits.StormerVerlet()], dt=8.0, duration=100.0)
-    outcome = perform(scenario, out=tmp_path, plot=False)
+    said = []
+    outcome = perform(scenario, out=tmp_path, plot=False, say=said.append)
     assert not outcome.ok
     assert "did not converge" in outcome.failures[0]
     assert outcome.runs["StormerVerlet()"].complete
-    again = perform(scenario, out=tmp_path, plot=False)
+    assert any(text.startswith("mind: dt = 8 is too long for Gauss(stages=8)") for text in said)
+    again = perform(scenario, out=tmp_path, plot=False, say=said.append)
     assert again.failures == outcome.failures
     assert (tmp_path / "report.json").exists()
+    assert not [warning for warning in recwarn if warning.category is orbits.StepWarning]
 
 
 @pytest.mark.parametrize("wrong", [{"draw": lambda outcome: 3}, {"checks": lambda outcome: ["fine"]}])
