@@ -59,6 +59,17 @@ def test_every_registered_integrator_is_a_public_name() -> None:
         assert getattr(orbits, cls.__name__, None) is cls
 
 
+@pytest.mark.parametrize("cls", [c for c in registry().values() if "__post_init__" in vars(c)], ids=lambda c: c.name)
+def test_an_integrator_that_checks_its_parameters_says_what_it_raises(cls: type) -> None:
+    assert "Raises InputError" in (inspect.getdoc(cls) or "")
+
+
+def test_a_march_describes_each_of_its_parameters() -> None:
+    items = [line.split(" : ")[0] for line in (inspect.getdoc(orbits.march) or "").splitlines() if " : " in line]
+    described = {name.strip() for item in items for name in item.split(",")}
+    assert set(inspect.signature(orbits.march).parameters) - {"lagrangian", "integrator"} <= described
+
+
 def test_every_error_of_the_package_is_a_public_name() -> None:
     found = {name for name, value in vars(errors).items() if isinstance(value, type) and issubclass(value, Exception)}
     assert found

@@ -7,7 +7,7 @@ bodies with massless particles, units and archives are marched by `orbits.propag
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NoReturn
 
@@ -26,12 +26,16 @@ from orbits.lagrangians.symmetry import Symmetry
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DiscretePath:
     """A discrete trajectory: positions and the step's own momenta at uniform times.
 
     lagrangian, integrator, dt : what was marched, how, and the step
-    t : (n,) times; q, p : (n, d) positions and momenta; evaluations : of the forces, in all
+    t : (n,) times of the n samples
+    q, p : (n, d) positions and momenta, p = dL/dv
+    evaluations : of the forces, in all
+
+    All are plain numbers in the Lagrangian's own units, arrays of float64.
     """
 
     lagrangian: Lagrangian
@@ -40,10 +44,16 @@ class DiscretePath:
     t: Array
     q: Array
     p: Array
-    evaluations: int = field(default=0, repr=False)
+    evaluations: int = 0
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __repr__(self) -> str:
+        return (
+            f"DiscretePath({self.lagrangian.name}, {len(self)} samples, t = {self.t[0]:g} ... {self.t[-1]:g}; "
+            f"{self.integrator.label}, dt = {self.dt:g})"
+        )
 
     @cached_property
     def v(self) -> Array:
@@ -227,8 +237,13 @@ def march(
     """March a Lagrangian on R^d from (q, v) or (q, p) by `steps` steps of dt and record every `every`-th state.
 
     q, v, p : (d,); give either v or p, which is dL/dv(q, v); without q, the Lagrangian's own example
+    dt : the step, not 0; negative goes back in time
+    steps, every : whole numbers >= 1; steps must be a multiple of every, and steps/every + 1 states are recorded
+    t : time at the start, for Lagrangians that depend on it
+
+    All are plain numbers in the Lagrangian's own units.
     Raises InputError if the method cannot serve the Lagrangian, or for values that do not fit; ConvergenceError or
-    SingularityError, with the step and the state, if a step cannot be taken.
+    SingularityError, with the step and the state, if a step cannot be taken: its `trajectory` holds the samples before.
 
         path = orbits.march(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), q=[1.0], v=[0.0], dt=0.1, steps=1000)
         path.t, path.q, path.p, path.v, path.energy()

@@ -31,6 +31,7 @@ class Gauss(VariationalRungeKutta):
     Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off. With 8 stages, 15 steps
     for a nearly circular orbit leave nothing but round-off; eccentric ones want more. A step whose iteration does not
     converge is an error, never a result.
+    Raises InputError for other stages; a march raises ConvergenceError where a step does not converge.
     """
 
     stages: int = 8

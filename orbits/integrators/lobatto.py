@@ -32,6 +32,7 @@ class LobattoIIIAB(VariationalRungeKutta):
 
     Implicit except for two stages with a separable Lagrangian; symplectic, symmetric; keeps linear and angular
     momentum. The ends of a step are stages, so forces are known at the very positions that are output.
+    Raises InputError for other stages; a march raises ConvergenceError where a step does not converge.
     """
 
     stages: int = 3
@@ -62,6 +63,7 @@ class LobattoIIIBA(VariationalRungeKutta):
 
     Symplectic, symmetric; keeps linear and angular momentum. With two stages and a separable Lagrangian it is
     drift - kick - drift.
+    Raises InputError for other stages; a march raises ConvergenceError where a step does not converge.
     """
 
     stages: int = 3

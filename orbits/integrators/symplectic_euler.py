@@ -29,6 +29,7 @@ class SymplecticEuler(VariationalRungeKutta):
     variant : "kick-drift" (momenta first) or "drift-kick" (positions first)
 
     Keeps linear and angular momentum and the symplectic form, not the direction of time. `StormerVerlet` costs no more.
+    Raises InputError for another variant; a march raises ConvergenceError where a step does not converge.
     """
 
     variant: str = "kick-drift"

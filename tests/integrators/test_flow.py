@@ -153,3 +153,8 @@ def test_a_start_or_step_that_makes_no_sense_is_refused(case):
     changes, message = WRONG[case]
     with pytest.raises(orbits.InputError, match=message):
         orbits.march(PENDULUM, GAUSS, **{"dt": 0.1, "steps": 3, **START, **changes})
+
+
+def test_a_path_shows_itself_in_one_line_without_its_numbers():
+    path = orbits.march(orbits.lagrangians.kepler, orbits.Gauss(stages=2), dt=0.05, steps=1000, every=10)
+    assert repr(path) == "DiscretePath(kepler, 101 samples, t = 0 ... 50; Gauss(stages=2), dt = 0.05)"
