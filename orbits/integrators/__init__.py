@@ -15,6 +15,19 @@ from typing import Any
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
 
+OTHER_NAMES = {
+    "rk4": "runge-kutta-4",
+    "leapfrog": "stormer-verlet",
+    "verlet": "stormer-verlet",
+    "velocity-verlet": "stormer-verlet",
+    "midpoint": "implicit-midpoint",
+    "euler": "explicit-euler or symplectic-euler",
+}
+"""What methods of the package are called elsewhere."""
+
+PEERS = {"whfast": "whfast", "wisdom-holman": "whfast", "ias15": "ias15"}
+"""Methods that are REBOUND's, by the name of the peer."""
+
 
 @lru_cache(maxsize=1)
 def registry() -> dict[str, type[Integrator]]:
@@ -90,6 +103,14 @@ def _find(name: str) -> type[Integrator]:
     for cls in known.values():
         if key(name) in (key(cls.name), key(cls.__name__)):
             return cls
-    close = get_close_matches(name.replace("_", "-").lower(), known, n=1, cutoff=0.4)
-    hint = f"; did you mean {close[0]}?" if close else "."
-    raise UnknownNameError(f"no integrator is called {shown(name)}{hint} Known: {', '.join(sorted(known))}.")
+    raise UnknownNameError(f"no integrator is called {shown(name)}{_hint(name)} Known: {', '.join(sorted(known))}.")
+
+
+def _hint(name: str) -> str:
+    """Return what a person may have meant by a name that is not registered, as the end of a sentence."""
+    typed = name.replace("_", "-").lower()
+    if typed in PEERS:
+        return f", which is REBOUND's: compare with it by against=['{PEERS[typed]}'] or --against {PEERS[typed]}."
+    meant = {known: known for known in registry()} | OTHER_NAMES
+    close = get_close_matches(typed, meant, n=1, cutoff=0.4)
+    return f"; did you mean {meant[close[0]]}?" if close else "."

@@ -238,6 +238,14 @@ def bad(tmp_path):
         (["run", "kepler", "--duration", "inf"], "duration must be finite"),
         (["run", "kepler", "--duration", "0"], "duration is 0"),
         (["run", "kepler", "--integrator", "gaus"], "did you mean gauss"),
+        (["run", "kepler", "--integrator", "rk4"], "did you mean runge-kutta-4?"),
+        (["run", "kepler", "--integrator", "RK-4"], "did you mean runge-kutta-4?"),
+        (["run", "kepler", "--integrator", "leapfrog"], "did you mean stormer-verlet?"),
+        (["run", "kepler", "--integrator", "velocity-verlet"], "did you mean stormer-verlet?"),
+        (["run", "kepler", "--integrator", "midpoint"], "did you mean implicit-midpoint?"),
+        (["run", "kepler", "--integrator", "euler"], "did you mean explicit-euler or symplectic-euler?"),
+        (["run", "kepler", "--integrator", "wisdom-holman"], "REBOUND's: compare with it by against=['whfast']"),
+        (["run", "kepler", "--integrator", "WHFast"], "or --against whfast."),
         (["run", "kepler", "--integrator", "gauss(stages=33)"], "between 1 and 32"),
         (["run", "kepler", "--samples", "1"], "samples"),
         (["run", "kepler", "--samples", "-3"], "samples"),
@@ -259,7 +267,7 @@ def bad(tmp_path):
     ]
 
 
-@pytest.mark.parametrize("index", range(29))
+@pytest.mark.parametrize("index", range(37))
 def test_a_wrong_use_is_one_line_and_exit_code_2(tmp_path, index):
     arguments, message = bad(tmp_path)[index]
     out = call(*arguments)
