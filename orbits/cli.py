@@ -219,6 +219,7 @@ def _compare(
 ) -> int:
     from orbits.errors import InputError
     from orbits.regression import compare as compare_methods
+    from orbits.report.json_text import json_text
     from orbits.scenario import load
     from orbits.scenario.definition import slug
     from orbits.scenario.files import replaceable, results_folder, write_text
@@ -253,7 +254,7 @@ def _compare(
             report.plot(replaceable(folder / f"{stem}.png"))
         write_text(folder / f"{stem}.json", report.to_json() + "\n")
     if as_json:
-        print(json.dumps({"scenario": scenario.name, "ok": ok, "cases": records}, indent=1))
+        print(json_text({"scenario": scenario.name, "ok": ok, "cases": records}))
     return 0 if ok else 1
 
 

@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from orbits.report.values import Report, summarize
+from orbits.report.values import Report, Row, summarize
 from orbits.tables import html_table
 
 BODIES_IN_FULL = 12
@@ -112,7 +112,11 @@ def _footer(report: Report) -> list[str]:
     if report.yardstick is not None:
         unit = f" {report.length_unit}" if report.length_unit else ""
         lines.append(f"Yardstick: {report.yardstick.description}; its own error {short(report.yardstick.error)}{unit}.")
-    return [*lines, *report.notes, *(f"{row.method}: {row.note}" for row in report.rows if row.note)]
+    return [*lines, *report.notes, *(_note(row) for row in report.rows if row.note)]
+
+
+def _note(row: Row) -> str:
+    return row.note if row.method in row.note else f"{row.method}: {row.note}"
 
 
 def _stacked(method: str) -> str:

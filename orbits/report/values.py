@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
+from orbits.report.json_text import json_text
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -163,7 +163,7 @@ class Report:
             "rows": [self._row_record(row) for row in self.rows],
             "times": self.times.tolist(),
         }
-        text = json.dumps(_finite(record), indent=1, ensure_ascii=False, allow_nan=False)
+        text = json_text(_finite(record), ensure_ascii=False, allow_nan=False)
         if path is not None:
             _writable(path, lambda: Path(path).write_text(text + "\n", encoding="utf-8"))
         return text

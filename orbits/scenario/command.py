@@ -105,13 +105,13 @@ def changed(
 
 def execute(scenario: Scenario | Study, *, out: Path | None, as_json: bool, no_plot: bool) -> int:
     """Perform a scenario, print what it gave, and return the exit code."""
-    from orbits.scenario.performing import perform, to_record
+    from orbits.scenario.performing import perform, to_json
 
     console = stderr()
     console.print(f"[bold]{_escaped(scenario.title)}[/]")
     outcome = perform(scenario, out=out, plot=not no_plot, say=_saying(console))
     if as_json:
-        print(json.dumps(to_record(outcome), indent=1))
+        print(to_json(outcome))
     else:
         show(outcome)
     return 0 if outcome.ok else 1

@@ -81,8 +81,15 @@ def perform(
     outcome = Outcome(
         scenario=scenario, folder=folder, cases=cases, checks=checks, files=tuple(files), complaints=tuple(complaints)
     )
-    write_text(folder / "report.json", json.dumps(to_record(outcome), indent=1) + "\n")
+    write_text(folder / "report.json", to_json(outcome) + "\n")
     return outcome
+
+
+def to_json(outcome: Outcome | StudyOutcome) -> str:
+    """Return an outcome as JSON text."""
+    from orbits.report.json_text import json_text
+
+    return json_text(to_record(outcome))
 
 
 def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
@@ -132,7 +139,7 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
         except OrbitsError as error:
             complaints.append(str(error))
     outcome = StudyOutcome(study, folder, result, (*files, report), tuple(complaints))
-    write_text(report, json.dumps(to_record(outcome), indent=1, allow_nan=False) + "\n")
+    write_text(report, to_json(outcome) + "\n")
     return outcome
 
 

@@ -89,7 +89,7 @@ def test_run_prints_tables_and_writes_where_it_was_told(tmp_path):
     assert out.exit_code == 0, out.output
     assert "Gauss(stages=8)" in out.output
     assert "holds" in out.output
-    assert (tmp_path / "k" / "report.json").exists()
+    assert '"times": [0.0, 0.5, 1.0, 1.5, 2.0]' in (tmp_path / "k" / "report.json").read_text()
 
 
 def test_run_takes_another_method_backwards_and_prints_json_alone(tmp_path):

@@ -10,6 +10,7 @@ import pytest
 
 from orbits.errors import InputError
 from orbits.report import Report, Row, Series, YardstickNote
+from orbits.report.json_text import json_text
 
 TIMES = np.linspace(0.0, 100.0, 11)
 
@@ -96,6 +97,31 @@ def test_numbers_that_are_not_finite_become_null():
     record = json.loads(make(NINE, NINE, rows=(row,)).to_json())
     assert record["rows"][0]["energy"] is None
     assert record["rows"][0]["position"] is None
+
+
+def test_lists_of_numbers_stand_on_one_line_each_and_text_is_left_alone():
+    tricky = {
+        "times": [0.0, -1e-300, None, True],
+        "rows": [[1, 2], [3, "[\n1,\n2]"], []],
+        "words": ["[", "]", "a b"],
+        "mapping": {"x": [1], "y": {}},
+    }
+    text = json_text(tricky)
+    assert json.loads(text) == tricky
+    assert ' "times": [0.0, -1e-300, null, true],\n' in text
+    assert "  [1, 2],\n" in text
+    assert '\n  "[",\n' in text
+    report = make(NINE, NINE)
+    assert report.to_json().count("\n") < 120
+    assert json.loads(report.to_json())["times"] == TIMES.tolist()
+
+
+def test_a_note_that_names_its_method_is_not_headed_by_it_once_more():
+    notes = ("dt = 6 d is too long for ExplicitEuler(): shorter.", "REBOUND ias15: it failed.", "it needs a Sun.")
+    methods = ("ExplicitEuler()", "REBOUND ias15", "REBOUND whfast")
+    rows = tuple(Row(method, "peer", "n/a", note=note) for method, note in zip(methods, notes, strict=True))
+    lines = make(NINE, NINE, rows=rows).table.splitlines()[-3:]
+    assert lines == [*notes[:2], "REBOUND whfast: it needs a Sun."]
 
 
 @pytest.mark.parametrize("length_unit", ["km", ""])
