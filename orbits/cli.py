@@ -87,6 +87,10 @@ def resume(
         from orbits.scenario.values import quantity
 
         done = go_on(file, until=None if until is None else quantity(until, "--until"), same_bits=not any_bits)
+        if until is None and done.statistics is None:
+            further = f"{2 * done.times[-1]:g} {done.system.units.time}".rstrip()
+            text = f"complete already, nothing was done; extend it with  orbits resume {file} --until '{further}'"
+            command.stderr().print(text, markup=False, soft_wrap=True)
         _show(file, done, as_json)
 
 

@@ -203,6 +203,18 @@ def test_resume_extends_a_finished_run(archive):
     assert orbits.Trajectory.open(archive).times[-1] == 12 * 365.25
 
 
+def test_resuming_a_finished_run_says_that_it_was_complete_and_how_to_extend_it(archive):
+    before = archive.read_bytes()
+    out = call("resume", archive, "--json")
+    assert out.exit_code == 0
+    assert json.loads(out.stdout)["complete"]
+    (line,) = out.stderr.splitlines()
+    assert line.startswith("complete already, nothing was done")
+    assert line.endswith(f"orbits resume {archive} --until '7305 d'")
+    assert archive.read_bytes() == before
+    assert call("resume", archive, "--until", "7305 d").stderr == ""
+
+
 def test_an_interrupted_run_says_how_to_go_on_and_resume_completes_it(tmp_path, monkeypatch):
     add = run_module._Keeper.add
 
