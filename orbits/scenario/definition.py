@@ -254,7 +254,8 @@ def angular_momentum_checks(
     """Yield a check for each run: angular momentum kept where the method declares its momentum maps, lost where not.
 
     runs : by the integrator's label; bound : largest relative change that counts as kept; ten times it counts as lost
-    foils : whether methods that declare nothing must be seen to lose it; at short steps they may take long to
+    foils : whether methods that declare nothing must be seen to lose it; at short steps they may take long to. It is
+        not demanded of a run that is shorter than a step
     case : heads the claims of a scenario with several cases
     """
     for label, run in runs.items():
@@ -262,7 +263,7 @@ def angular_momentum_checks(
         head = f"{case}: {label}" if case else label
         if "momentum maps" in run.integrator.declares:
             yield Check(f"{head} keeps angular momentum", change < bound, f"{change:.1e}")
-        elif foils:
+        elif foils and abs(run.times[-1]) > 0.99 * abs(run.step):  # dt was rounded
             yield Check(f"{head} loses angular momentum", change > 10 * bound, f"{change:.1e}")
 
 

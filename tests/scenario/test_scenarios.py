@@ -77,6 +77,16 @@ def test_each_bundled_scenario_shortened_gives_all_that_it_demands(name, tmp_pat
             assert height >= 800
 
 
+@pytest.mark.parametrize("share", [0.01, -0.5, 1.0, 10.0])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_run_of_a_few_steps_or_less_than_one_is_no_failure(name, share, tmp_path):
+    """Foils are judged from one step on: what they lose in a part of one, which is less, need not show."""
+    scenario = load(name)
+    outcome = perform(scenario.with_changes(duration=share * scenario.dt, samples=3), out=tmp_path, plot=False)
+    assert outcome.ok, outcome.failures
+    assert any("loses" in check.claim for check in outcome.checks) is (share >= 1.0)
+
+
 def test_a_scenario_file_runs_as_a_program_of_its_own(tmp_path):
     path = next(each.path for each in bundled() if each.name == "kepler")
     done = subprocess.run(
