@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 import orbits
-from orbits.errors import IntegrationError
+from orbits.errors import ConvergenceError
 from orbits.regression import peers
 from orbits.resources import data_path
 from orbits.scenario import Check, Study, StudyResult, Table
@@ -60,8 +60,8 @@ def experiment(say):
         for steps in STEPS:
             try:
                 run = run_of(system, method, steps)
-            except IntegrationError:
-                rows.append([method.label, steps, None, None, None, None])
+            except ConvergenceError:
+                rows.append([method.label, steps, None, "did not converge", None, None])
                 continue
             off_q, off_v = (float(np.abs(a.value[-1, :, :2] - b).max()) for a, b in ((run.q, q), (run.v, v)))
             drift = run.drift()

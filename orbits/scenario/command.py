@@ -195,7 +195,7 @@ def _table(table: Table) -> Any:
         title=_escaped(table.title), title_justify="left", title_style="bold", box=None, header_style="bold"
     )
     for k, head in enumerate(table.columns):
-        numbers = all(not isinstance(row[k], str) for row in table.rows)
+        numbers = not all(isinstance(row[k], str | None) for row in table.rows)
         made.add_column(_escaped(head), justify="right" if numbers else "left")
     for row in table.rows:
         made.add_row(*(_escaped(_cell(value)) for value in row))

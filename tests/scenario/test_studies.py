@@ -49,6 +49,15 @@ def test_each_bundled_study_gives_all_that_it_demands(name, tmp_path):
     assert height >= 800
 
 
+def test_a_method_that_does_not_converge_says_so_in_its_row(monkeypatch):
+    names = load("pleiades").experiment.__globals__
+    monkeypatch.setitem(names, "METHODS", [orbits.Gauss(stages=2)])
+    monkeypatch.setitem(names, "STEPS", (300, 1200))
+    result = names["experiment"](lambda text: None)
+    assert "did not converge" in result.tables[0].rows[0]
+    assert isinstance(result.tables[0].rows[1][3], float)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "pictures"),
