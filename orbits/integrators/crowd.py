@@ -1,14 +1,14 @@
 """Thousands of bodies: the march of a method of kicks and drifts, and the look for closest approaches, by a team of
 threads.
 
-The bits are those of the method's own compiled loop, whatever the number of threads: neither a body's acceleration nor
-a closest approach depends on who finds it.
+The bits do not depend on the number of threads, and those of the states are those of the method's own compiled loop.
+The records of closest approaches are those of that loop as long as the steps resolve the passages.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor, wait
+from concurrent.futures import Executor, Future, wait
 from itertools import pairwise
 from typing import Any, cast
 
@@ -127,7 +127,7 @@ def follow_part(watch, track, h, steps, way, record, part):
 class Team:
     """Threads that run one compiled function together; of one, the caller's own.
 
-    pool : as many workers as there are threads, or None for one alone
+    pool : at least as many workers as there are threads, or None for one alone
     """
 
     def __init__(self, threads: int, pool: Executor | None) -> None:
@@ -137,27 +137,33 @@ class Team:
 
     def run(self, function: Callable[..., Any], *arguments: Any) -> None:
         """Call function(counters, team, member, *arguments) in all threads; raise what any of them raises."""
-        self._counters[:] = 0
+        counters = self._counters
+        counters[:] = 0
         if self._pool is None:
-            function(self._counters, 1, 0, *arguments)
+            function(counters, 1, 0, *arguments)
             return
 
         def work(member: int) -> None:
             try:
-                function(self._counters, self._threads, member, *arguments)
+                function(counters, self._threads, member, *arguments)
             except BaseException:
-                self._counters[ABANDONED] = 1
+                counters[ABANDONED] = 1
                 raise
 
+        members: list[Future[None]] = []
         try:
-            members = [self._pool.submit(work, member) for member in range(self._threads)]
+            for member in range(self._threads):
+                members.append(self._pool.submit(work, member))
             wait(members)
         except BaseException:
-            # Who waits for somebody that will not come goes on, and ends.
-            self._counters[ABANDONED] = 1
+            # Who waits for somebody that will not come goes on, and ends; only then may others use the arrays.
+            counters[ABANDONED] = 1
+            for future in members:
+                future.cancel()
+            wait(members)
             raise
-        for member in members:
-            member.result()
+        for future in members:
+            future.result()
 
 
 class Crowd:

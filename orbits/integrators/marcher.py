@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
-from orbits.integrators.crowd import Crowd, Team, shares
+from orbits.integrators.crowd import PARTS, PIECE, Crowd, Team, shares
 from orbits.integrators.watcher import Watcher, empty_record
 from orbits.kernels.encounters import follow_bodies
 from orbits.kernels.lanes import WIDTH
@@ -117,7 +117,7 @@ class Marcher:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
         self._advance, self._follow = integrator.advance, follow_bodies
         if crowded:
-            crowd = Crowd(integrator, n, Team(threads, self._pool))
+            crowd = Crowd(integrator, n, Team(min(threads, PARTS, (n + PIECE - 1) // PIECE), self._pool))
             self._advance, self._follow = crowd.advance, crowd.follow
         self.met: tuple[int, int, int] | None = None
         self._watcher = Watcher(
@@ -236,10 +236,12 @@ class Marcher:
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
-        kind = (self.integrator.advance, self.lagrangian.tag.name, bool(self._tasks))
+        kind = (self.integrator.advance, self.lagrangian.tag.name, bool(self._tasks), self._follow is follow_bodies)
         if kind not in _COMPILED:
+            before = self.evaluations, self.particle_evaluations
             with suppress(IntegrationError):
-                self.state_after(self.h)
+                self._march_block({name: array.copy() for name, array in self._state.items()}, self.h, 1)
+            self.evaluations, self.particle_evaluations = before
             _COMPILED.add(kind)
 
     def close(self) -> None:
@@ -332,8 +334,8 @@ class Marcher:
         return x
 
 
-_COMPILED: set[tuple[Any, str, bool]] = set()
-"""Methods with Lagrangians, with and without particles, that are ready in this process."""
+_COMPILED: set[tuple[Any, str, bool, bool]] = set()
+"""Methods with Lagrangians, with and without particles, of few and of many bodies, that are ready in this process."""
 
 
 def _coefficients(integrator: Integrator, h: float) -> Any:

@@ -2,8 +2,8 @@
 
 Between two states that are close in time, the relative motion of a pair is a cubic Hermite polynomial; where its
 distance stops falling lies a closest approach. A pair is looked at often enough for neither its distance nor its
-direction to change much in between, and what was found is narrowed down to the step where it is: a record depends on
-the states alone, not on when they were looked at.
+direction to change much in between, and what was found is narrowed down to the step where it is: where the steps
+resolve the passages, a record depends on the states alone, not on when they were looked at.
 
 Rows of a record are the massive bodies, then the massless particles. Column 0 is the closest approach to the dominant
 body, column 1 that to any other; for a particle the one that is the smallest share of the reach of the partner.
@@ -250,10 +250,11 @@ def follow_row(watch, track, h, steps, way, i):
 
 @kernel
 def enter_record(record, other, rows):
-    """Enter into a record what is closer in another one."""
+    """Enter into a record what is closer in another one; of two as close, that to the body of the lower number."""
     for column in range(record.shape[1]):
         for row in range(rows):
-            if other[DISTANCE2, column, row] < record[DISTANCE2, column, row]:
+            old, new = record[DISTANCE2, column, row], other[DISTANCE2, column, row]
+            if new < old or (new == old and other[PARTNER, column, row] < record[PARTNER, column, row]):
                 for k in range(QUANTITIES):
                     record[k, column, row] = other[k, column, row]
 

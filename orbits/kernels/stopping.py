@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import follow_particles
+from orbits.kernels.encounters import follow_particles, longest_way
 from orbits.kernels.gravity import pair_potential
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import least_distance, relative
@@ -30,12 +32,20 @@ def first_met(watch, track, h, steps, start, stop):
     """
     stops, n = watch.stops, watch.bodies
     found = (steps + 1, 0, 0, 0)
+    way = longest_way(watch, h, steps) if start < n else math.inf
     for c in range(stops.shape[0]):
         bound2 = stops[c, BOUND2]
         closer = stops[c, KIND] == CLOSER
         for row in range(start, stop):
             for j in range(min(row, n)):
                 if not _concerns(stops, c, row, j):
+                    continue
+                # Two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
+                x, y, z, u, v, w = relative(watch, track, row, j, 0 * steps)
+                d2 = x * x + y * y + z * z
+                if (closer and d2 > 2.0 * (bound2 + 4.0 * way * way)) or (
+                    not closer and 2.0 * (d2 + 4.0 * way * way) < bound2
+                ):
                     continue
                 before = 0.0
                 for step in range(found[0]):

@@ -73,10 +73,11 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
         count = int(samples)
         if count < 2:
             raise InputError(
-                f"samples = {count}: a count includes both ends, so at least 2; for the end alone: samples=[duration]"
+                f"samples = {shown(count)}: a count includes both ends, so at least 2; for the end alone: "
+                "samples=[duration]"
             )
         if count > MOST_SAMPLES:
-            raise InputError(f"samples = {count:.3g}: at most {MOST_SAMPLES:.0e} are possible; take fewer")
+            raise InputError(f"samples = {shown(count)}: at most {MOST_SAMPLES:.0e} are possible; take fewer")
         times: Array = np.arange(count) * duration / (count - 1)
         times[-1] = duration
         return times + 0.0  # no -0 at the start of a run backwards
@@ -131,6 +132,11 @@ def checked_flag(value: Any, what: str) -> bool:
     if isinstance(value, bool | np.bool_):
         return bool(value)
     raise InputError(f"{what} is {shown(value)}; expected True or False")
+
+
+def checked_progress(value: Any) -> bool | None:
+    """Return True, False or None as it was given. Raises InputError for anything else."""
+    return None if value is None else checked_flag(value, "progress")
 
 
 def single_number(value: Any, what: str) -> float:

@@ -24,6 +24,7 @@ from orbits.propagation.grid import (
     MOST_SAMPLES,
     checked_duration,
     checked_flag,
+    checked_progress,
     checked_until,
     sample_times,
     signed_step,
@@ -104,18 +105,19 @@ def propagate(
     times = sample_times(system.units, samples, length)
     conditions = Conditions(system, stop)
     check_callback(callback)
+    progress = checked_progress(progress)
     marcher = bound(system, integrator, h, threads, conditions)
     if checked_flag(check_step, "check_step"):
         guidance.check_step(system, integrator, h, length)
     watch = _Watch(conditions, callback, check_step)
     if archive is None:
-        if certificate is not False:
+        if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
         return _march(system, integrator, marcher, times, 0, None, progress, watch)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
-    if not isinstance(certificate, bool | Certificate):
+    if not isinstance(certificate, bool | Certificate | None):
         raise InputError(f"certificate is a {type(certificate).__name__}; expected True or what orbits.certify returns")
     measured = certify(system, integrator, h) if certificate is True else certificate
 
@@ -128,7 +130,7 @@ def propagate(
         checkpoint=marcher.checkpoint(),
         provenance=provenance(),
         certificate=measured.to_json() if measured else "",
-        overwrite=overwrite,
+        overwrite=checked_flag(overwrite, "overwrite"),
     )
     return _march(system, integrator, marcher, times, 0, writer, progress, watch)
 
@@ -153,11 +155,12 @@ def resume(
     """
     from orbits.archive import Archive, ArchiveWriter, extended
 
+    progress = checked_progress(progress)
     old = Archive.open(path)
     system, h = old.system, old.dt
     integrator = integrators.build(old.integrator)
     changed = differences(old.provenance)
-    if changed and same_bits:
+    if changed and checked_flag(same_bits, "same_bits"):
         raise ArchiveError(
             f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out differently "
             "here. Resume with same_bits=False (--any-bits) to accept that."

@@ -16,6 +16,7 @@ from orbits.errors import InputError, shown
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.grid import single_number
 from orbits.system.checks import index_of
+from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 class CloserThan:
     """Stop after the step in which two bodies came closer than a distance, even if only between its ends.
 
-    distance : a quantity, or a number in the system's unit of length
+    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None stands for any. One of the two has to have mass.
 
     Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
@@ -43,7 +44,7 @@ class CloserThan:
 class FartherThan:
     """Stop after the first step at whose end two bodies are farther apart than a distance.
 
-    distance : a quantity, or a number in the system's unit of length
+    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None stands for any. One of the two has to have mass.
 
     Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
@@ -198,7 +199,10 @@ def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity
 
 
 def _check_pair(condition: CloserThan | FartherThan) -> None:
-    what, distance = type(condition).__name__, condition.distance
+    what = type(condition).__name__
+    expected = "a quantity, a number, or a text with a unit, such as '0.1 AU'"
+    distance = quantity_from_text(condition.distance, f"{what}.distance", expected)
+    object.__setattr__(condition, "distance", distance)
     _bound(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
     for name in (condition.body, condition.other):
         if not isinstance(name, str | None):

@@ -1,6 +1,7 @@
 """Thousands of bodies: force evaluations shared among threads give the bits of the compiled loop."""
 
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import numpy as np
 import pytest
@@ -85,6 +86,27 @@ def test_who_waits_for_one_that_failed_goes_home(absent):
 
     with ThreadPoolExecutor(3) as pool, pytest.raises(MemoryError):
         crowd.Team(3, pool).run(go)
+
+
+def test_a_team_that_was_interrupted_can_be_used_again(monkeypatch):
+    """What the threads were in is over before the interruption goes on, and leaves nothing behind."""
+    inside = Event()
+
+    def go(counters, team, member):
+        inside.set()
+        _meet_often(counters, team + 1, 1)  # one more than there are: only giving up ends it
+
+    def interrupted(futures):
+        inside.wait()
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(crowd, "wait", interrupted)
+    with ThreadPoolExecutor(3) as pool:
+        team = crowd.Team(3, pool)
+        with pytest.raises(KeyboardInterrupt):
+            team.run(go)
+        team.run(lambda counters, team, member: _meet_often(counters, team, 100))
 
 
 def test_a_team_takes_each_piece_once_in_every_round():

@@ -175,6 +175,8 @@ def test_an_existing_file_is_kept_unless_overwritten(tmp_path):
     with pytest.raises(ArchiveError, match="overwrite"):
         orbits.propagate(belt(), METHODS[1], **ARGUMENTS, archive=path)
     assert orbits.Trajectory.open(path).integrator == METHODS[0]
+    with pytest.raises(InputError, match="overwrite is 'no'; expected True or False"):
+        orbits.propagate(belt(), METHODS[1], **ARGUMENTS, archive=path, overwrite="no")
     orbits.propagate(belt(), METHODS[1], **ARGUMENTS, archive=path, overwrite=True)
     assert orbits.Trajectory.open(path).integrator == METHODS[1]
 

@@ -107,6 +107,29 @@ def test_a_callback_must_be_a_function(system):
         orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, callback=3)
 
 
+@pytest.mark.parametrize("kind", [orbits.CloserThan, orbits.FartherThan])
+def test_pairs_of_many_bodies_that_are_not_looked_at_could_not_have_met(kind):
+    """A hundred bodies, of which most pairs are too far from the bound to be followed, or too close to it."""
+    rng, n = np.random.default_rng(5), 100
+    q, v = rng.normal(size=(n, 3)), 0.5 * rng.normal(size=(n, 3))
+    names = [f"b{k}" for k in range(n)]
+    ball = orbits.System.from_states(names, gm=np.full(n, 1 / n), q=q, v=v, units=orbits.DIMENSIONLESS, softening=0.05)
+    options = {"dt": 2**-8, "check_step": False}
+    path = orbits.propagate(ball, orbits.StormerVerlet(), duration=1.0, samples=257, **options).q
+    apart = np.linalg.norm(path[:, :, None] - path[:, None], axis=-1)[:, ~np.eye(n, dtype=bool)]
+    extreme = apart.min(axis=1) if kind is orbits.CloserThan else -apart.max(axis=1)
+    bound = abs(extreme[1:].min()) * (1 + 1e-12 if kind is orbits.CloserThan else 1 - 1e-12)
+    first = int(np.argmax(np.abs(extreme) < bound if kind is orbits.CloserThan else np.abs(extreme) > bound))
+    run = orbits.propagate(ball, orbits.StormerVerlet(), duration=1.0, samples=2, stop=kind(bound), **options)
+    assert run.stopped.time == first * 2**-8
+
+
+def test_distances_may_be_texts(system):
+    stop = orbits.CloserThan("0.3 AU", "Venus", "Earth-Moon barycenter")
+    run = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=20 * u.yr, samples=2, stop=stop)
+    assert "came closer than 0.3 AU to" in run.stopped.reason
+
+
 @pytest.mark.parametrize(
     ("condition", "given", "message"),
     [
@@ -115,7 +138,7 @@ def test_a_callback_must_be_a_function(system):
         (orbits.FartherThan, (-1.0 * u.au,), "above 0"),
         (orbits.FartherThan, (np.inf,), "above 0"),
         (orbits.CloserThan, ([1.0, 2.0] * u.au,), "an array of shape"),
-        (orbits.CloserThan, ("near",), "real number"),
+        (orbits.CloserThan, ("near",), "text with a unit"),
         (orbits.CloserThan, (None,), "real number|above 0"),
         (orbits.CloserThan, (0.1, 3), "name of a body"),
         (orbits.FartherThan, (0.1, "Venus", ["Sun"]), "name of a body"),
