@@ -9,6 +9,7 @@ its own, so that particles may be shared among threads and no particle's bits de
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -34,6 +35,20 @@ OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 def padded(count: int) -> int:
     """Return the length of a vector for `count` numbers, so that lanes may read and write past its end."""
     return (count + WIDTH - 1) // WIDTH * WIDTH + WIDTH
+
+
+def aligned(*shapes: tuple[int, ...]) -> list[Array]:
+    """Return zeros of these shapes, each beginning where a line of the processor's cache does: eight lanes that lie
+    across two lines cost a step of `Gauss` a sixth of its time.
+    """
+    sizes = [math.prod(shape) for shape in shapes]
+    memory = np.zeros(sum(padded(size) for size in sizes))
+    begin = -(memory.__array_interface__["data"][0] // memory.itemsize) % WIDTH
+    out = []
+    for shape, size in zip(shapes, sizes, strict=True):
+        out.append(memory[begin : begin + size].reshape(shape))
+        begin += padded(size) - WIDTH
+    return out
 
 
 @dataclass(frozen=True)

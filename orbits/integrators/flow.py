@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.errors import ConvergenceError, InputError, SingularityError, shown
 from orbits.integrators import registry
-from orbits.integrators.base import NOT_CONVERGED, NOT_REGULAR, OK, Integrator, padded
+from orbits.integrators.base import NOT_CONVERGED, NOT_REGULAR, OK, Integrator, aligned, padded
 from orbits.integrators.methods import method_tag
 from orbits.integrators.recording import record, record_canonical
 from orbits.kernels.lanes import WIDTH
@@ -99,10 +99,11 @@ class Flow:
         size = lagrangian.dimension
         self._tag = method_tag(integrator.advance, integrator.advance_canonical)
         self._coefficients = integrator.coefficients(self.dt)
-        self._memory = np.zeros((integrator.memory_rows(size), WIDTH))
-        shape = integrator.canonical_work_shape(size) if self.canonical else integrator.work_shape(size)
-        self._work = np.zeros(shape)
-        self._field = np.zeros((1, *(integrator.field_shape(size) if not self.canonical else (1, 1))))
+        self._memory, self._work, self._field = aligned(
+            (integrator.memory_rows(size), WIDTH),
+            integrator.canonical_work_shape(size) if self.canonical else integrator.work_shape(size),
+            (1, *(integrator.field_shape(size) if not self.canonical else (1, 1))),
+        )
 
     def step(self, q: ArrayLike, p: ArrayLike, steps: int = 1) -> tuple[Array, Array]:
         """Return (q, p), each (d,), after `steps` steps from (q, p). Raises ConvergenceError or SingularityError."""

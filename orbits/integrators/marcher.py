@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
-from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, padded
+from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, aligned, padded
 from orbits.integrators.crowd import PARTS, PIECE, Crowd, Team, shares
 from orbits.integrators.watcher import Watcher, empty_record
 from orbits.kernels.encounters import follow_bodies
@@ -30,6 +30,9 @@ FIELD_BYTES = 512 * 1024
 
 PATH_BYTES = 4 * 1024 * 1024
 """Size of the path of massive bodies without particles: written once, read here and there."""
+
+NOWHERE = 1e6
+"""Where the particles that fill the last eight are: finite, and read by nobody."""
 
 LEAST_BLOCK = 16
 """Steps in one call of a kernel, however many the bodies are: whoever looks for close approaches looks at its ends."""
@@ -88,29 +91,36 @@ class Marcher:
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
         self._coefficients = {self.h: _coefficients(integrator, self.h)}
-        self._state = {
-            "q": _vector(q[self._massive]),
-            "q_lo": np.zeros(padded(3 * n)),
-            "v": _vector(v[self._massive]),
-            "v_lo": np.zeros(padded(3 * n)),
-            "memory": np.zeros((integrator.memory_rows(3 * n), WIDTH)),
-            "particle_q": _columns(q[self._particles]),
-            "particle_q_lo": np.zeros((3, padded(m))),
-            "particle_v": _columns(v[self._particles]),
-            "particle_v_lo": np.zeros((3, padded(m))),
-            "particle_memory": np.zeros((m, integrator.particle_memory_rows, WIDTH)),
-            "approaches": empty_record(n + m),
-        }
         self._backup: dict[str, Array] = {}
         shape = integrator.field_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
         room = FIELD_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
         self.block = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
-        self._field = np.zeros((self.block if m else 1, *shape))
         self._nothing = np.zeros(0)
-        self._work = np.zeros(integrator.work_shape(3 * n))
         self._tasks = shares(m, threads)
-        self._task_work = [np.zeros(integrator.work_shape(3 * n)) for _ in self._tasks]
+        vector, columns, work = (padded(3 * n),), (3, padded(m)), integrator.work_shape(3 * n)
+        shapes: dict[str, tuple[int, ...]] = {
+            "q": vector,
+            "q_lo": vector,
+            "v": vector,
+            "v_lo": vector,
+            "memory": (integrator.memory_rows(3 * n), WIDTH),
+            "particle_q": columns,
+            "particle_q_lo": columns,
+            "particle_v": columns,
+            "particle_v_lo": columns,
+            "particle_memory": (m, integrator.particle_memory_rows, WIDTH),
+        }
+        self._field, self._work, *arrays = aligned(
+            (self.block if m else 1, *shape), work, *shapes.values(), *(work for _ in self._tasks)
+        )
+        self._state = dict(zip(shapes, arrays, strict=False))
+        self._task_work = arrays[len(shapes) :]
+        for name, x in (("q", q), ("v", v)):
+            self._state[name][: 3 * n] = x[self._massive].T.ravel()
+            self._state[f"particle_{name}"][...] = NOWHERE
+            self._state[f"particle_{name}"][:, :m] = x[self._particles].T
+        self._state["approaches"] = empty_record(n + m)
         rows = 12 * (self.block + 1) if m else 0
         self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
         crowded = Crowd.serves(integrator, lagrangian.tag, n)
@@ -126,7 +136,6 @@ class Marcher:
             self._particles,
             self._state["q"],
             self._state["v"],
-            self.block,
             stops,
             energy_bound,
         )
@@ -256,7 +265,7 @@ class Marcher:
         arguments = (self.lagrangian.tag, self.parameters, self._coefficients[h], h)
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
-        path = self._nothing if record is None else self._watcher.path
+        path = self._nothing if record is None else self._watcher.path(count)
         status, done, body, evaluations = self._advance(*arguments, *massive, self._work, self._field, path, count)
         self.evaluations += evaluations
         if status == NOT_CONVERGED:
@@ -349,18 +358,3 @@ def _coefficients(integrator: Integrator, h: float) -> Any:
 @lru_cache(maxsize=256)
 def _known_coefficients(integrator: Integrator, h: float) -> Any:
     return integrator.coefficients(h)
-
-
-def _vector(x: Array) -> Array:
-    """Return (n, 3) as one padded vector: all x, all y, all z."""
-    out = np.zeros(padded(3 * len(x)))
-    out[: 3 * len(x)] = x.T.ravel()
-    return out
-
-
-def _columns(x: Array) -> Array:
-    """Return (m, 3) as (3, padded). What stands in the padding is finite and read by nobody."""
-    out = np.empty((3, padded(len(x))))
-    out.fill(1e6)
-    out[:, : len(x)] = x.T
-    return out

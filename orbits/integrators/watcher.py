@@ -34,7 +34,6 @@ class Watcher:
     parameters : vector of the Lagrangian's kernels; gm from its second element on
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
-    block : steps that `path` has room for
     stops, energy_bound : see `Marcher`
     """
 
@@ -45,12 +44,11 @@ class Watcher:
         particles: NDArray[np.intp],
         q: Array,
         v: Array,
-        block: int,
         stops: Array | None,
         energy_bound: float | None,
     ) -> None:
-        self.path = np.empty(2 * (block + 1) * len(q))
         self._parameters, self._stride = parameters, len(q)
+        self._path = np.empty(2 * self._stride)
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
@@ -67,7 +65,7 @@ class Watcher:
         """Return what the kernels look at after `first` steps; without a record, nothing."""
         watching = record is not None
         return Watch(
-            path=self.path,
+            path=self._path,
             stride=self._stride,
             bodies=len(self._massive) if watching else 0,
             first=first,
@@ -78,6 +76,13 @@ class Watcher:
             stops=self._stops,
             hits=self._hits,
         )
+
+    def path(self, steps: int) -> Array:
+        """Return where a block of steps is recorded, no longer than it has to be: memory that is new is slow."""
+        size = 2 * (steps + 1) * self._stride
+        if len(self._path) < size:
+            self._path = np.empty(size)
+        return self._path
 
     def look(self, watch: Watch, track: Array, h: float, steps: int, q: Array, v: Array, follow: Any) -> None:
         """Look at the massive bodies in the block of `steps` steps just marched, which ended at q and v.
@@ -90,7 +95,7 @@ class Watcher:
             find_met(watch, track, h, steps)
         if len(self._particles) and self._dominant >= 0:
             n = len(self._massive)
-            block = self.path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
+            block = self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
             positions = block[:, 0, : 3 * n].reshape(-1, 3, n)
             distance = np.sqrt(((positions - positions[:, :, [self._dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
@@ -124,8 +129,8 @@ class Watcher:
 
     def _set_state(self, step: int, q: Array, v: Array) -> None:
         start = 2 * step * self._stride
-        self.path[start : start + self._stride] = q
-        self.path[start + self._stride : start + 2 * self._stride] = v
+        self._path[start : start + self._stride] = q
+        self._path[start + self._stride : start + 2 * self._stride] = v
 
     def _in_rows(self, stops: Array) -> Array:
         """Return the conditions with the bodies numbered as the kernels number them."""

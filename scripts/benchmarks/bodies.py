@@ -151,7 +151,7 @@ def part_large(repetitions: int) -> dict[str, Any]:
     """
     count = available_threads()
     rows = []
-    for bodies, steps in ((1000, 128), (4000, 16)):
+    for bodies, steps in ((1000, 512), (4000, 48)):
         gm, q, v = cluster(bodies)
         one, many, theirs, same = [], [], [], True
         for _ in range(repetitions):
