@@ -116,7 +116,7 @@ def main() -> None:
     if options.docs:
         target = ROOT / "docs" / "benchmarks.md"
         _, heading, by_hand = target.read_text().partition(BY_HAND)
-        target.write_text(page + heading + by_hand)
+        target.write_text(f"{page}\n{heading}{by_hand}")
     print(page)
 
 
