@@ -1,6 +1,6 @@
 """Measure speed, accuracy, start-up and memory; write JSON and the Markdown tables of docs/benchmarks.md.
 
-    make bench                                     all of it, about four minutes
+    make bench                                     all of it, about six minutes
     python scripts/benchmark.py ten_bodies         one part; --help lists them
 
 Peers run in the same process, alternating with ours, one core unless said; compile time is measured apart. The figure

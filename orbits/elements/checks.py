@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.elements.kepler import Floats
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.units import kind_of
 
 NO_MASS = "gm = {gm} of the attracting body; expected > 0: an orbit needs something with mass to go around"
@@ -57,9 +57,7 @@ def numbers(what: str, value: ArrayLike, expected: str) -> Floats:
             raise TypeError(f"got {kind_of(array)}")
         return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        text = " ".join(repr(value).split())
-        shown = text if len(text) <= 80 else text[:77] + "..."
-        raise InputError(f"{what} is {shown}; expected {expected} ({error})") from error
+        raise InputError(f"{what} is {shown(value)}; expected {expected} ({error})") from error
 
 
 def finite(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:

@@ -38,8 +38,8 @@ def padded(count: int) -> int:
 
 
 def aligned(*shapes: tuple[int, ...]) -> list[Array]:
-    """Return zeros of these shapes, each beginning where a line of the processor's cache does: eight lanes that lie
-    across two lines cost a step of `Gauss` a sixth of its time.
+    """Return zeros of these shapes, each beginning where a line of the processor's cache does: where eight lanes lie
+    across two lines, a step of `Gauss` takes up to a sixth of its time longer.
     """
     sizes = [math.prod(shape) for shape in shapes]
     memory = np.zeros(sum(padded(size) for size in sizes))
