@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.errors import InputError, SingularityError, shown
+from orbits.lagrangians.base import show
 
 Array = NDArray[np.float64]
 
@@ -197,9 +198,3 @@ def finite_vector(x: ArrayLike, what: str) -> Array:
     if not np.all(np.isfinite(values)):
         raise InputError(f"{what} must be finite; got {show(values)}")
     return values
-
-
-def show(x: Array) -> str:
-    """A vector or matrix for a message, no longer than a line."""
-    text = np.array2string(np.asarray(x), precision=6, threshold=12, separator=", ").replace("\n", "")
-    return " ".join(text.split())

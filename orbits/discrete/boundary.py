@@ -14,10 +14,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Jet, finite_number, show, time_step
+from orbits.discrete.base import Array, DiscreteLagrangian, Jet, finite_number, time_step
 from orbits.discrete.newton import solve
 from orbits.discrete.path import points_of
 from orbits.errors import InputError, shown
+from orbits.lagrangians.base import show
 
 DENSE_UP_TO = 400
 """Unknowns up to which the matrix is solved as a whole, with pivoting, which an action that is no minimum may need."""

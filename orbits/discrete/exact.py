@@ -15,12 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics, show
+from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
 from orbits.discrete.boundary import block_solve, jets_of, stationary
 from orbits.discrete.lambert import Way, exact_kepler
 from orbits.discrete.linear import exact_linear
 from orbits.discrete.vprk import Vprk, vprk
 from orbits.errors import ConvergenceError, InputError, shown
+from orbits.lagrangians.base import show
 from orbits.tableaux.gauss import gauss
 
 STAGES, FEWER = 8, 6

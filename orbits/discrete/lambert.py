@@ -26,8 +26,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, finite_number, show
+from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, finite_number
 from orbits.errors import ConvergenceError, InputError
+from orbits.lagrangians.base import show
 
 Way = Literal["short", "long"]
 

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, finite_number, show
+from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, finite_number
 from orbits.errors import InputError
+from orbits.lagrangians.base import show
 
 CONJUGATE = 1e-8
 """Nearer than this to a whole number of half periods, the ends determine no motion, to half of all digits."""

@@ -16,9 +16,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, show, time_step
+from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, time_step
 from orbits.discrete.newton import solve
 from orbits.errors import InputError, shown
+from orbits.lagrangians.base import show
 
 SINGULAR = 1e-13
 

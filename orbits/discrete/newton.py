@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orbits.discrete.base import Array, show
+from orbits.discrete.base import Array
 from orbits.errors import ConvergenceError, InputError, IntegrationError
+from orbits.lagrangians.base import show
 
 ROUNDS = 60
 HALVINGS = 12

@@ -21,9 +21,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics, show
+from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
 from orbits.discrete.newton import solve
 from orbits.errors import InputError
+from orbits.lagrangians.base import show
 
 
 class Coefficients(Protocol):
