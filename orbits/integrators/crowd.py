@@ -17,7 +17,7 @@ import numpy as np
 from orbits.integrators.base import NOT_FINITE, OK, Array, Integrator, padded
 from orbits.kernels.binding import Tag, accelerate_some
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import QUANTITIES, enter_record, follow_row, longest_way, note_rows
+from orbits.kernels.encounters import COLUMNS, QUANTITIES, enter_record, follow_row, longest_way, note_rows
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import Watch, record_strip
 from orbits.kernels.state import all_finite, drift, kick
@@ -31,6 +31,9 @@ PIECE = 64
 
 PARTS = 32
 """Into how many parts the looking at pairs is divided: each has a record of its own, whoever fills it."""
+
+PART_ROOM = 64
+"""Passages that a part can list in a block."""
 
 
 @kernel
@@ -78,10 +81,10 @@ def march_together(
 
 
 @kernel
-def follow_together(counters, team, member, watch, track, h, steps, records):
+def follow_together(counters, team, member, watch, track, h, steps, records, lists, listed):
     """Look for closest approaches among the bodies, as one of a team, each part with a record of its own.
 
-    records : (PARTS, 4, 2, padded n)
+    records : (PARTS, 4, 2, padded n); lists : (PARTS, room, columns) and listed : (PARTS, 2), see `Watch`
     """
     n = watch.bodies
     rows = (n + PARTS - 1) // PARTS
@@ -95,7 +98,7 @@ def follow_together(counters, team, member, watch, track, h, steps, records):
     round_ = 1 if watch.first == 0 else 0
     part = claim(counters, team, round_, PARTS)
     while part < PARTS:
-        follow_part(watch, track, h, steps, way, records[part], part)
+        follow_part(watch, track, h, steps, way, records[part], lists[part], listed[part], part)
         part = claim(counters, team, round_, PARTS)
     meet(counters, team, round_ + 1)
     if member == 0:
@@ -104,10 +107,13 @@ def follow_together(counters, team, member, watch, track, h, steps, records):
 
 
 @kernel
-def follow_part(watch, track, h, steps, way, record, part):
-    """Look at each PARTS-th body from `part` on and those behind it, into a record that begins as the whole one."""
+def follow_part(watch, track, h, steps, way, record, passages, listed, part):
+    """Look at each PARTS-th body from `part` on and those behind it, into a record that begins as the whole one, and
+    into an empty list.
+    """
     n = watch.bodies
     record[:] = watch.record[:, :, : record.shape[2]]
+    listed[:] = 0
     own = Watch(
         watch.path,
         watch.stride,
@@ -116,9 +122,13 @@ def follow_part(watch, track, h, steps, way, record, part):
         watch.dominant,
         watch.mu,
         watch.annuli,
+        watch.widest,
         record,
         watch.stops,
         watch.hits,
+        watch.bold,
+        passages,
+        listed,
     )
     for i in range(part, n - 1, PARTS):
         follow_row(own, track, h, steps, way, i)
@@ -175,6 +185,8 @@ class Crowd:
         self._size = 3 * bodies
         self._at = np.zeros(0)
         self._records = np.zeros((PARTS, QUANTITIES, 2, padded(bodies)))
+        self._lists = np.empty((PARTS, PART_ROOM, COLUMNS))
+        self._listed = np.zeros((PARTS, 2), dtype=np.int64)
 
     @staticmethod
     def serves(integrator: Integrator, tag: Tag, bodies: int) -> bool:
@@ -214,7 +226,12 @@ class Crowd:
 
     def follow(self, watch: Watch, track: Array, h: float, steps: int) -> None:
         """Look for closest approaches among the bodies, as `follow_bodies` does."""
-        self._team.run(follow_together, watch, track, h, steps, self._records)
+        self._team.run(follow_together, watch, track, h, steps, self._records, self._lists, self._listed)
+        for (kept, seen), passages in zip(self._listed, self._lists, strict=True):
+            start = watch.listed[0]
+            count = min(kept, len(watch.passages) - start)
+            watch.passages[start : start + count] = passages[:count]
+            watch.listed[:] += count, seen
 
 
 def shares(bodies: int, threads: int) -> list[tuple[int, int]]:

@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, aligned, padded
 from orbits.integrators.crowd import PARTS, PIECE, Crowd, Team, shares
+from orbits.integrators.passage_list import BlockList, PassageList
 from orbits.integrators.watcher import Watcher, empty_record
 from orbits.kernels.encounters import follow_bodies
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import Watch
 from orbits.lagrangians.base import Lagrangian
 
 FIELD_BYTES = 512 * 1024
@@ -33,6 +35,10 @@ PATH_BYTES = 4 * 1024 * 1024
 
 NOWHERE = 1e6
 """Where the particles that fill the last eight are: finite, and read by nobody."""
+
+BOLD_PER_ORDER, LEAST_BOLD, MOST_BOLD = 0.05, 0.1, 0.8
+"""The angle of a step from which on all passages are listed, for each order of a method, and its bounds: below it what
+a passage gets wrong is no more than a method of this order makes of an undisturbed orbit."""
 
 LEAST_BLOCK = 16
 """Steps in one call of a kernel, however many the bodies are: whoever looks for close approaches looks at its ends."""
@@ -130,6 +136,7 @@ class Marcher:
             crowd = Crowd(integrator, n, Team(min(threads, PARTS, (n + PIECE - 1) // PIECE), self._pool))
             self._advance, self._follow = crowd.advance, crowd.follow
         self.met: tuple[int, int, int] | None = None
+        bold = min(max(BOLD_PER_ORDER * integrator.order, LEAST_BOLD), MOST_BOLD)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -138,7 +145,11 @@ class Marcher:
             self._state["v"],
             stops,
             energy_bound,
+            bold,
         )
+        self._lists = [self._watcher.listed, *(BlockList.empty() for _ in self._tasks)]
+        masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
+        self._passages = PassageList(masses, self._watcher.dominant, bold / abs(self.h))
 
     def advance(self, steps: int) -> None:
         """March on by `steps` >= 0 steps.
@@ -186,6 +197,7 @@ class Marcher:
         else:
             self._backup = {name: array.copy() for name, array in self._state.items()}
         self._counts = self.evaluations, self.particle_evaluations
+        self._listed = self._passages.passages, self._passages.left_out
 
     def _steps_before_failure(self, count: int) -> int:
         """Return how many steps of the block of `count` that has just failed can be taken, by bisection."""
@@ -205,6 +217,7 @@ class Marcher:
         for name, array in self._state.items():
             np.copyto(array, self._backup[name])
         self.evaluations, self.particle_evaluations = self._counts
+        self._passages.passages, self._passages.left_out = self._listed
         if count:
             self._march_block(self._state, self.h, count)
 
@@ -232,7 +245,8 @@ class Marcher:
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to go on bit for bit; the arrays are copies."""
         counts = np.array([self.step, self.evaluations, self.particle_evaluations], dtype=np.int64)
-        return {"counts": counts, **{name: array.copy() for name, array in self._state.items()}}
+        state = {name: array.copy() for name, array in self._state.items()}
+        return {"counts": counts, **state, **self._passages.checkpoint()}
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
         """Go back to a checkpoint of an equally bound marcher. Raises InputError if it belongs to another problem."""
@@ -242,15 +256,29 @@ class Marcher:
                 raise InputError(f"the checkpoint does not fit this run: {name} is {got}, expected {array.shape}")
             array[...] = checkpoint[name]
         self.step, self.evaluations, self.particle_evaluations = (int(x) for x in checkpoint["counts"])
+        self._passages.restore(checkpoint)
+
+    @property
+    def dominant(self) -> int:
+        """The row, in the kernels' order, of the body that dominates the others, or -1."""
+        return self._watcher.dominant
+
+    def passages(self) -> tuple[Array, int]:
+        """Return the passages listed up to now, in the kernels' rows and columns (see `orbits.kernels.encounters`), and
+        how many more there were: `UNKNOWN` for a march that was restored from a checkpoint without a list.
+        """
+        return self._passages.passages, self._passages.left_out
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
         kind = (self.integrator.advance, self.lagrangian.tag.name, bool(self._tasks), self._follow is follow_bodies)
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
+            listed = self._passages.passages, self._passages.left_out
             with suppress(IntegrationError):
                 self._march_block({name: array.copy() for name, array in self._state.items()}, self.h, 1)
             self.evaluations, self.particle_evaluations = before
+            self._passages.passages, self._passages.left_out = listed
             _COMPILED.add(kind)
 
     def close(self) -> None:
@@ -278,16 +306,24 @@ class Marcher:
             self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
         watch = self._watcher.watch(record, self.step)
         if record is not None:
+            for _, listed in self._lists:
+                listed[:] = 0
             self._watcher.look(watch, self._tracks[0], h, count, state["q"], state["v"], self._follow)
-        if not self._tasks:
-            return
+        if self._tasks:
+            self._march_particles(state, arguments, count, watch)
+        if record is not None:
+            self._passages.add(self._lists)
+
+    def _march_particles(self, state: dict[str, Array], arguments: tuple[Any, ...], count: int, watch: Watch) -> None:
+        """March the massless particles through the block of `count` steps that the bodies have just taken."""
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
 
         def share(task: int) -> tuple[int, int, int, int]:
             start, stop = self._tasks[task]
-            work = self._task_work[task]
-            result: tuple[int, int, int, int] = method.advance_particles(
-                *arguments, *particles, work, self._field, count, start, stop, watch, self._tracks[task]
+            work, (passages, listed) = self._task_work[task], self._lists[1 + task]
+            own = watch._replace(passages=passages, listed=listed)
+            result: tuple[int, int, int, int] = self.integrator.advance_particles(
+                *arguments, *particles, work, self._field, count, start, stop, own, self._tracks[task]
             )
             return result
 

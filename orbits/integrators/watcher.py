@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.base import Array, padded
+from orbits.integrators.passage_list import BlockList
 from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, note_end
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import Watch
@@ -17,8 +18,8 @@ RULE = 0.9
 """Share of the total mass from which on a body dominates the others."""
 
 HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
-"""How close to a body a massless particle must come to be recorded: Hill radii, or a share of the distance between the
-body and the dominant one, whichever is larger."""
+"""The reach of a body, within which every flyby is listed and beyond which those of massless particles are not even
+recorded: Hill radii, or a share of the distance between the body and the dominant one, whichever is larger."""
 
 
 def empty_record(rows: int) -> Array:
@@ -35,6 +36,7 @@ class Watcher:
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
     stops, energy_bound : see `Marcher`
+    bold : angle of a step, h x speed / distance, from which on every passage is listed
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class Watcher:
         v: Array,
         stops: Array | None,
         energy_bound: float | None,
+        bold: float,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(2 * self._stride)
@@ -53,9 +56,11 @@ class Watcher:
         self._rows = np.concatenate([massive, particles])
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
-        self._dominant = self._dominant_body()
-        self._mu = float(parameters[1 + self._dominant]) if self._dominant >= 0 else 0.0
+        self.dominant = self._dominant_body()
+        self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
+        self._bold, self.listed = bold, BlockList.empty()
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
+        self._widest = float(self._annuli[:, REACH].max()) if self.dominant >= 0 else 0.0
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -69,12 +74,16 @@ class Watcher:
             stride=self._stride,
             bodies=len(self._massive) if watching else 0,
             first=first,
-            dominant=self._dominant if watching else -1,
+            dominant=self.dominant if watching else -1,
             mu=self._mu,
             annuli=self._annuli,
+            widest=self._widest,
             record=record if record is not None else _NO_RECORD,
             stops=self._stops,
             hits=self._hits,
+            bold=self._bold,
+            passages=self.listed.passages,
+            listed=self.listed.listed,
         )
 
     def path(self, steps: int) -> Array:
@@ -93,11 +102,11 @@ class Watcher:
         follow(watch, track, h, steps)
         if len(self._stops):
             find_met(watch, track, h, steps)
-        if len(self._particles) and self._dominant >= 0:
+        if len(self._particles) and self.dominant >= 0:
             n = len(self._massive)
             block = self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
             positions = block[:, 0, : 3 * n].reshape(-1, 3, n)
-            distance = np.sqrt(((positions - positions[:, :, [self._dominant]]) ** 2).sum(axis=1))
+            distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
     def met(self, record: Array, first: int, steps: int) -> tuple[int, tuple[int, int, int]] | None:
@@ -147,11 +156,9 @@ class Watcher:
         return -1 if gm[heaviest] <= RULE * gm.sum() else heaviest
 
     def _reaches(self, q: Array) -> Array:
-        """Return how close to each body is close for a particle, in `annuli`."""
-        gm, dominant = self._parameters[1:], self._dominant
+        """Return how close to each body is close, in `annuli`."""
+        gm, dominant = self._parameters[1:], self.dominant
         annuli = np.zeros((len(gm), 3))
-        if not len(self._particles):
-            return annuli
         if dominant < 0:
             annuli[:, REACH] = np.inf
             return annuli

@@ -7,6 +7,9 @@ resolve the passages, a record depends on the states alone, not on when they wer
 
 Rows of a record are the massive bodies, then the massless particles. Column 0 is the closest approach to the dominant
 body, column 1 that to any other; for a particle the one that is the smallest share of the reach of the partner.
+
+Beside the record stands a list of passages: all within the reach of a body that the dominant one rules, and all that a
+step may be too long for, each with the state at the beginning of the step where it is.
 """
 
 from __future__ import annotations
@@ -40,7 +43,16 @@ DETOUR = 1.25
 SLACK = 0.995
 """How much smaller than estimated an approach may turn out."""
 
+CAUTION = 0.5
+"""The share of a bold angle at which a passage is looked at closely, its speed being only estimated."""
+
 MANY = 1e18
+
+ROW, MATE, STEP, WHEN, LEAST2, FASTEST2, STATE, ABOUT = 0, 1, 2, 3, 4, 5, 6, 12
+COLUMNS = 18
+"""Columns of the list of passages: row, partner, step at whose beginning the state is, time in steps, squared distance
+and speed; then (from STATE on) position and velocity relative to the partner, and (from ABOUT on) to the dominant body.
+"""
 
 
 @kernel(inline=True)
@@ -78,19 +90,17 @@ def _note(watch, row, j, d2, time, speed2):
 
 
 @kernel
-def _pericentre(watch, track, row, j, step, h, d2, speed2):
-    """Return squared distance and speed at a passage of the dominant body, of the osculating orbit before it where a
-    step is too long for a polynomial.
+def _pericentre(watch, track, row, j, step):
+    """Return squared distance and speed at the pericentre of the osculating orbit about the dominant body, which is one
+    of the two.
     """
-    if h * h * speed2 <= d2:
-        return d2, speed2
     x, y, z, u, v, w = relative(watch, track, row, j, step)
     cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
     parameter = (cx * cx + cy * cy + cz * cz) / watch.mu
     inverse_a = 2.0 / math.sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
     e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
     least = parameter / (1.0 + e)
-    return (least * least, watch.mu * (1.0 + e) / least) if least > 0.0 else (d2, speed2)
+    return least * least, watch.mu * (1.0 + e) / max(least, 1e-300)
 
 
 @kernel
@@ -104,11 +114,62 @@ def _passage(watch, track, row, j, begin, end, h, both):
         else:
             end = middle
     d2, s, speed2 = least_distance(watch, track, row, j, begin, h)
-    if j == watch.dominant or row == watch.dominant:
-        d2, speed2 = _pericentre(watch, track, row, j, begin, h, d2, speed2)
+    if (j == watch.dominant or row == watch.dominant) and h * h * speed2 > d2:
+        # A step is too long here for a polynomial.
+        d2, speed2 = _pericentre(watch, track, row, j, begin)
     _note(watch, row, j, d2, watch.first + begin + s, speed2)
     if both:
         _note(watch, j, row, d2, watch.first + begin + s, speed2)
+    if _is_listed(watch, row, j, h, d2, speed2, 1.0):
+        _list(watch, track, row, j, begin, s, d2, speed2)
+
+
+@kernel
+def _is_listed(watch, row, j, h, d2, speed2, share):
+    """Return whether a passage goes into the list: one in the reach of a body, or too fast for a `share` of `bold`."""
+    angle = share * watch.bold
+    if h * h * speed2 > angle * angle * d2:
+        return True
+    if watch.dominant < 0 or j == watch.dominant or row == watch.dominant:
+        return False
+    reach = watch.annuli[j, REACH]
+    if row < watch.bodies:
+        reach = max(reach, watch.annuli[row, REACH])
+    return d2 <= reach * reach
+
+
+@kernel
+def _may_be_listed(watch, track, row, j, last, k, h, d2, speed2):
+    """Return whether a passage between two looks, with distance and speed estimated, is worth a closer one."""
+    if _is_listed(watch, row, j, h, SLACK * d2, speed2, CAUTION):
+        return True
+    if k - last == 1:
+        return False
+    # Between looks that are several steps apart a sharp pericentre makes a polynomial useless.
+    if j == watch.dominant or row == watch.dominant:
+        d2, speed2 = _pericentre(watch, track, row, j, last)
+        return _is_listed(watch, row, j, h, d2, speed2, CAUTION)
+    return watch.dominant < 0
+
+
+@kernel
+def _list(watch, track, row, j, begin, s, d2, speed2):
+    """Enter a passage into the list, if there is room."""
+    k = watch.listed[0]
+    watch.listed[1] += 1
+    if k >= watch.passages.shape[0]:
+        return
+    watch.listed[0] = k + 1
+    line = watch.passages[k]
+    line[ROW], line[MATE], line[STEP], line[WHEN] = row, j, watch.first + begin, watch.first + begin + s
+    line[LEAST2], line[FASTEST2] = d2, speed2
+    line[STATE], line[7], line[8], line[9], line[10], line[11] = relative(watch, track, row, j, begin)
+    for i in range(ABOUT, COLUMNS):
+        line[i] = 0.0
+    if watch.dominant >= 0 and row != watch.dominant:
+        line[ABOUT], line[13], line[14], line[15], line[16], line[17] = relative(
+            watch, track, row, watch.dominant, begin
+        )
 
 
 @kernel
@@ -166,8 +227,8 @@ def _steps_until(valid, x, y, z, u, v, w, du, dv, dw, h, left):
 
 @kernel
 def longest_way(watch, h, steps):
-    """Return more than any body travels in a block of `steps` steps of h; for a few bodies, no bound: it costs more
-    than what it saves.
+    """Return more than any body travels in a block of `steps` steps of h, or in a step divided by the bold angle; for
+    a few bodies, no bound: it costs more than what it saves.
     """
     n, P, path = watch.bodies, watch.stride, watch.path
     if n < CROWD:
@@ -178,7 +239,7 @@ def longest_way(watch, h, steps):
         for i in range(n):
             u, v, w = path[first + i], path[first + n + i], path[first + 2 * n + i]
             fastest2 = max(fastest2, u * u + v * v + w * w)
-    return DETOUR * abs(h) * steps * math.sqrt(fastest2)
+    return DETOUR * abs(h) * max(1.0 * steps, 1.0 / watch.bold) * math.sqrt(fastest2)
 
 
 @kernel
@@ -196,19 +257,20 @@ def follow_row(watch, track, h, steps, way, i):
     """Look at body i and those behind it, eight at a time in lanes; `way` is more than any body travels."""
     n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
     closest = record[DISTANCE2, OTHER]
+    farthest = max(closest[i], watch.widest * watch.widest)
     for start in range(i + 1, n, WIDTH):
         valid = full(1.0)
         for j in range(n, start + WIDTH):
             valid = valid - unit(j - start)
         if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
-            # Who stays farther apart in this block than both have already been from another is not looked at:
-            # two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
+            # Bodies that stay farther apart in this block than both have already been from another, and than any
+            # reach, are not looked at: two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
             x, y, z = (
                 load(path, start) - path[i],
                 load(path, n + start) - path[n + i],
                 load(path, 2 * n + start) - path[2 * n + i],
             )
-            known = maximum(load(closest, start), full(closest[i]))
+            known = maximum(load(closest, start), full(farthest))
             if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
                 continue
         k = last = 0 * steps  # a literal 0 would compile `_passage` three times
@@ -233,9 +295,14 @@ def follow_row(watch, track, h, steps, way, i):
                     nearest = max(nearest, record[DISTANCE2, DOMINANT, i])
                 column = DOMINANT if i == watch.dominant else OTHER
                 known = maximum(load(record[DISTANCE2, column], start), full(nearest))
-                turned = turned * (SLACK * d2 < known)
+                closer = SLACK * d2 < known
+                speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
                 for j in range(start, min(start + WIDTH, n)):
-                    if lane(turned, j - start) != 0.0:
+                    m = j - start
+                    if lane(turned, m) != 0.0 and (
+                        lane(closer, m) != 0.0
+                        or _may_be_listed(watch, track, i, j, last, k, h, lane(d2, m), lane(speed2, m))
+                    ):
                         _passage(watch, track, i, j, last, k, h, True)
             if k == steps:
                 break
@@ -303,13 +370,18 @@ def follow_particles(watch, track, h, steps, start, stop):
                 d2 = _estimate(
                     h * (k - last), before * (k - last), now * (k - last), x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
                 )
+                known = full(reach * reach)
                 if j == dominant or dominant < 0:
                     column = DOMINANT if j == dominant else OTHER
-                    turned = turned * (SLACK * d2 < load(record[DISTANCE2, column], n + start))
-                else:
-                    turned = turned * (SLACK * d2 < reach * reach)
+                    known = load(record[DISTANCE2, column], n + start)
+                closer = SLACK * d2 < known
+                speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
                 for p in range(start, stop):
-                    if lane(turned, p - start) != 0.0:
+                    m = p - start
+                    if lane(turned, m) != 0.0 and (
+                        lane(closer, m) != 0.0
+                        or _may_be_listed(watch, track, n + p, j, last, k, h, lane(d2, m), lane(speed2, m))
+                    ):
                         _passage(watch, track, n + p, j, last, k, h, False)
             if k == steps:
                 break

@@ -20,11 +20,14 @@ class Watch(NamedTuple):
     first : steps taken before this block
     dominant : the body that rules the motion of the others, or -1
     mu : its GM
-    annuli : (n, 3), see `encounters.py`
+    annuli : (n, 3), see `encounters.py`; widest : the largest reach of a body that another one rules
     record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
     stops : (conditions, 4), see `stopping.py`
     hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
         which condition first held for which row and body
+    bold : angle of a step, h x speed / distance, from which on every passage is listed
+    passages : (room, columns), see `encounters.py`: the passages of this block that are listed
+    listed : (2,) int64; how many are in the list, and how many there were
     """
 
     path: Any
@@ -34,9 +37,13 @@ class Watch(NamedTuple):
     dominant: Any
     mu: Any
     annuli: Any
+    widest: Any
     record: Any
     stops: Any
     hits: Any
+    bold: Any
+    passages: Any
+    listed: Any
 
 
 @kernel(inline=True)

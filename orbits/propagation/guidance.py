@@ -15,13 +15,17 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from astropy import units as u
 
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, IntegrationError, StepWarning, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
+from orbits.integrators.watcher import RULE
 from orbits.kernels.passages import fastest_passage
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.propagation.approach import said, unit_of_errors
+from orbits.propagation.passage_effect import FINE, Pair, effect
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -36,8 +40,11 @@ UNRESOLVED = 0.1
 QUIET = 2e-3
 """Angle of a step below which every method of order 2 or more is far below `TOO_LONG`."""
 
-ALWAYS = 0.1
-"""Angle of a step below which every method of order 2 or more resolves every passage."""
+SHORTER, TRIALS = 2.0**-0.5, 28
+"""By which factor steps are shortened, and how often, while one is looked for that would do: to a ten-thousandth."""
+
+MARGIN = 0.5
+"""The share of what is allowed that the step named may use, since the phase of the passage in it is not known."""
 
 PHASES = (0.1, 0.25, 0.4)
 """Where the pericentre lies within a step, none of them 0 or 1/2: there symmetric methods get the turn right by their
@@ -54,15 +61,16 @@ def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> 
 
     eccentricity : of the two-body orbit, >= 0; angle : step x speed / distance at the pericentre, in radians
     """
-    rounded = 2.0 ** (math.ceil(GRID * math.log2(angle)) / GRID)
+    rounded = 2.0 ** (math.ceil(GRID * math.log2(max(angle, FINE))) / GRID)
     if eccentricity < 0.97:
         e = 1.0 - 2.0 ** (math.floor(GRID / 2 * math.log2(1.0 - eccentricity)) / (GRID / 2))
     else:
         e = max(1.0, 2.0 ** (math.ceil(GRID / 2 * math.log2(eccentricity)) / (GRID / 2)))
     try:
-        return _tried(integrator, e, rounded)
+        share, turn = _tried(integrator, e, rounded)
     except TypeError:  # a method whose fields cannot be hashed
-        return _tried.__wrapped__(integrator, e, rounded)
+        share, turn = _tried.__wrapped__(integrator, e, rounded)
+    return share * min(angle / FINE, 1.0) ** integrator.order, turn
 
 
 @lru_cache(maxsize=4096)
@@ -116,21 +124,84 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
             stacklevel=3,
         )
         return
-    error = passage_error(integrator, e, angle)[0]
-    if error <= TOO_LONG:
+    share = passage_error(integrator, e, angle)[0]
+    pair, start = _ahead(system, row, partner, h, span)
+    caused = None if pair is None else effect(integrator, h, pair, span - start, span)
+    if share <= TOO_LONG and (caused is None or not caused.spoils):
         return
-    trials = (angle / 2 ** (k / 2) for k in range(1, 40))
-    enough = next((shorter for shorter in trials if passage_error(integrator, e, shorter)[0] <= TOO_LONG), 0.0)
-    remedy = f"dt <= {_with_unit(abs(h) * enough / angle, units.time, 2)} keeps that below 1 %"
+    what = f"the method gets {percent(share)} of the turn wrong"
+    if caused is not None and caused.spoils:
+        off = said(u.Quantity(caused.error, units.length).to(unit_of_errors(system)))
+        what = f"that puts {name} about {off} off by the end of the run"
+    if pair is None:
+        enough = angle_enough(integrator, e, angle) * abs(h) / angle
+    else:
+        enough = step_that_resolves(integrator, h, pair, span - start, span)
+    remedy = f"dt <= {with_unit(enough, units.time, 2)} would resolve it"
     if not enough:
-        remedy = "no step that is practical keeps that below 1 %: use another method"
+        remedy = "no step that is practical resolves it with this method: use one of higher order"
     warnings.warn(
-        f"dt = {_with_unit(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
-        f"{_with_unit(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and the "
-        f"method gets {percent(error)} of the turn wrong; {remedy}.",
+        f"dt = {with_unit(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
+        f"{with_unit(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
+        f"{what}; {remedy}.",
         StepWarning,
         stacklevel=3,
     )
+
+
+def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:
+    """Return a step below |h| with which a passage does not spoil a run, whatever its phase; 0 if none is found.
+
+    pair, left, span : see `effect`
+    """
+    ahead = pair.orbit.ahead
+    e, angle = pair.shape(h)
+    longest = abs(h) * angle_enough(integrator, e, angle) / angle if angle > 0.0 else abs(h)
+    for k in range(TRIALS if longest > 0.0 else 0):
+        shorter = math.copysign(longest * SHORTER**k, h)
+        if abs(shorter) >= abs(h):
+            continue
+        moved = [pair.after(ahead - phase * shorter) for phase in PHASES]
+        effects = (effect(integrator, shorter, p, left - ahead, span) for p in moved)
+        if all(found.error <= MARGIN * found.limit for found in effects):
+            return abs(shorter)
+    return 0.0
+
+
+def angle_enough(integrator: Integrator, eccentricity: float, angle: float) -> float:
+    """Return an angle, at most `angle`, with which at most `TOO_LONG` of the turn is wrong; 0 if none is found."""
+    trials = (angle * SHORTER**k for k in range(TRIALS))
+    return next((trial for trial in trials if passage_error(integrator, eccentricity, trial)[0] <= TOO_LONG), 0.0)
+
+
+def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tuple[Pair | None, float]:
+    """Return two bodies at the beginning of the step that holds their next pericentre, and its time; None where they
+    pass none within `span`.
+    """
+    values = system.values
+    if values.gm[row] > values.gm[partner]:
+        row, partner = partner, row
+    heaviest = int(values.gm.argmax())
+    ruled = values.gm[heaviest] > RULE * values.gm.sum()
+    mu = float(values.gm[row] + values.gm[partner])
+    zero = np.zeros(3)
+    pair = Pair(
+        mu,
+        float(values.gm[partner]) / mu,
+        values.q[row] - values.q[partner],
+        values.v[row] - values.v[partner],
+        values.softening,
+        float(values.gm[heaviest]) if ruled else 0.0,
+        values.q[partner] - values.q[heaviest] if ruled and partner != heaviest else zero,
+        values.v[partner] - values.v[heaviest] if ruled and partner != heaviest else zero,
+    )
+    ahead, period = pair.orbit.ahead, pair.orbit.period
+    if ahead * h < 0.0:
+        ahead += math.copysign(period, h)
+    if not abs(ahead) <= abs(span):
+        return None, 0.0
+    start = math.floor(ahead / h) * h
+    return pair.after(start), start
 
 
 def parsed_step(system: System, dt: Any, span: float) -> Any:
@@ -157,23 +228,6 @@ def parsed_step(system: System, dt: Any, span: float) -> Any:
     return period / parts
 
 
-def bold_angle(integrator: Integrator) -> float:
-    """Return an angle of a step below which a method resolves every passage."""
-    try:
-        return _bold(integrator)
-    except TypeError:
-        return _bold.__wrapped__(integrator)
-
-
-@lru_cache(maxsize=256)
-def _bold(integrator: Integrator) -> float:
-    angle = 4.0
-    for e in (0.0, 0.5, 0.9, 1.0, 4.0, 100.0, 1e4):
-        while angle > ALWAYS and passage_error(integrator, e, angle)[0] > UNRESOLVED:
-            angle /= 2.0
-    return angle
-
-
 def percent(share: float) -> str:
     """Return a share in percent."""
     return f"{100 * share:.2g} %" if share < 0.995 else "all"
@@ -192,5 +246,7 @@ def _fastest(system: System, span: float) -> tuple[int, int, float, float, float
     return found
 
 
-def _with_unit(x: float, unit: Any, digits: int = 4) -> str:
+def with_unit(x: float, unit: Any, digits: int = 4) -> str:
+    """Return a number with its unit, if it has one."""
     return f"{x:.{digits}g} {unit}".rstrip()
+

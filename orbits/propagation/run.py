@@ -18,7 +18,7 @@ from orbits import integrators
 from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
-from orbits.propagation import approaches, guidance
+from orbits.propagation import guidance, judgement
 from orbits.propagation.binding import bound, differences, provenance
 from orbits.propagation.grid import (
     MOST_SAMPLES,
@@ -32,6 +32,7 @@ from orbits.propagation.grid import (
     whole_steps,
 )
 from orbits.propagation.guidance import parsed_step
+from orbits.propagation.passages_seen import Record, Seen
 from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stopping import Condition, Conditions, Stop, asks_to_stop, check_callback
@@ -243,10 +244,10 @@ def _march(
             writer.close()
     trajectory = _result(system, integrator, marcher.h, times, keeper, writer, statistics)
     trajectory.stopped = watch.stopped
-    record = marcher.approaches()
-    trajectory._approaches = record.copy
-    if watch.check_step and approaches.hasty(integrator, marcher.h, record):
-        approaches.warn(trajectory.unresolved(), integrator, marcher.h, system.units.time)
+    trajectory._record = Record.of(marcher)
+    if watch.check_step and len(trajectory._record.listed):
+        seen = Seen(system, trajectory._record)
+        judgement.warn_of(trajectory, seen, judgement.spoiling(trajectory, seen))
     if failure is not None:
         failure.trajectory = trajectory
         raise failure

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
-    from orbits.propagation.approaches import Approach, Approaches
+    from orbits.propagation.approach import Approach
+    from orbits.propagation.approaches import Approaches
+    from orbits.propagation.passages_seen import Record, Seen
     from orbits.propagation.stopping import Stop
     from orbits.spk import SpkFile
 
@@ -68,7 +70,7 @@ class Trajectory(Tabular):
         path: str | None = None,
         certificate: Certificate | None = None,
         stopped: Stop | None = None,
-        approaches: Callable[[], Array] | None = None,
+        record: Record | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         expected = (len(times), len(system), 3)
@@ -84,7 +86,7 @@ class Trajectory(Tabular):
         self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
         self.stopped = stopped
-        self._approaches = approaches
+        self._record = record
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -249,24 +251,34 @@ class Trajectory(Tabular):
             t=self.times,
         )
 
-    def closest_approaches(self) -> Approaches:
-        """Return how close bodies came to one another between the start and the last step, and when.
+    def closest_approaches(self, within: Any = None) -> Approaches:
+        """Return how close bodies came to one another between the start and the last step, and when: a table of all
+        flybys, each with the error that it causes by the end of the run.
+
+        within : only passages closer than this: a length, a number in the system's unit, or a text with a unit
 
         Raises InputError for a trajectory that was not made by `propagate` or `resume`.
         """
         from orbits.propagation.approaches import Approaches
 
-        return Approaches(self.system, self._record())
+        return Approaches(self, self._seen(), within)
 
     def unresolved(self) -> list[Approach]:
         """Return the close passages that the step could not resolve, worst first: what comes after is not to be
         trusted. `propagate` warns of them.
 
-        A passage counts if the method, tried on this passage alone, gets more than a tenth of its turn wrong.
+        A passage counts if the position error at the end of the run that it causes (`.error`) is more than 1e-9 of the
+        distance from the primary and a hundred times what the method makes of an undisturbed orbit with this step in
+        this time; or if more than a tenth of its turn is wrong.
         """
-        from orbits.propagation.approaches import unresolved
+        from orbits.propagation.approaches import Approaches
+        from orbits.propagation.judgement import spoiling
 
-        return unresolved(self.system, self.integrator, self.step, self._record())
+        seen = self._seen()
+        approaches = Approaches(self, seen)
+        if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
+            approaches.know_all()
+        return [approaches.one(k) for k, _ in spoiling(self, seen)]
 
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
@@ -288,7 +300,7 @@ class Trajectory(Tabular):
         """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known = {"stopped": self.stopped, "_approaches": self._approaches}
+        known = {"stopped": self.stopped, "_record": self._record}
         return _reopened, (self._place, len(self), self.statistics), known
 
     def _repr_html_(self) -> str:
@@ -321,16 +333,18 @@ class Trajectory(Tabular):
             block = slice(start, min(start + rows, len(self)))
             yield block, self._q[block, columns], self._v[block, columns]
 
-    def _record(self) -> Array:
-        from orbits.propagation.approaches import in_units, recorded
+    def sample(self, k: int) -> tuple[Array, Array]:
+        """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
+        return self._q[k], self._v[k]
 
-        if self._approaches is not None:
-            return in_units(self._approaches(), self.system, self.step)
-        if self.path is None:
+    def _seen(self) -> Seen:
+        from orbits.propagation.passages_seen import Seen
+
+        if self._record is None and self.path is None:
             raise InputError(
-                f"{self!r} was not made by orbits.propagate, so nobody looked at its approaches; expected a run."
+                f"{self!r} was not made by orbits.propagate, so its approaches were not recorded; expected a run."
             )
-        return in_units(recorded(self), self.system, self.step)
+        return Seen.by(self, self._record)
 
     def _gm(self) -> Array:
         return self.system.values.gm[self.system.massive]

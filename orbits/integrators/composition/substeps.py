@@ -57,9 +57,13 @@ def advance_particles(
         none - 1,
         watch.mu,
         watch.annuli,
+        watch.widest,
         watch.record,
         watch.stops[:0],
         watch.hits,
+        watch.bold,
+        watch.passages,
+        watch.listed,
     )
     aside, own_work = work[:12], work[12:]
     evaluations = 0

@@ -1,0 +1,113 @@
+"""The list of the passages of a march: what the kernels listed in each block, sifted, sorted and kept within bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.integrators.base import Array
+from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, WHEN
+
+BLOCK_ROOM = 1024
+"""Passages that are listed in a block by one call of a kernel."""
+
+ROOM, ROOM_PER_BODY = 256, 2
+"""How many passages of each kind, revolutions and flybys, are kept: those of the largest angle in a step."""
+
+UNKNOWN = -1
+"""How many passages are not in a list that begins in the middle of a march."""
+
+
+class BlockList(NamedTuple):
+    """Where a kernel lists the passages of a block: (BLOCK_ROOM, COLUMNS), and how many it kept and saw."""
+
+    passages: Array
+    listed: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls) -> BlockList:
+        """Return a list without any."""
+        return cls(np.empty((BLOCK_ROOM, COLUMNS)), np.zeros(2, dtype=np.int64))
+
+
+class PassageList:
+    """The passages of a march up to now, in the order of time; a value that `add` replaces never changes.
+
+    gm : (rows,), of the massive bodies, then of the massless particles
+    dominant : the row of the body that rules the others, or -1
+    bold : (angle of a step from which on revolutions are listed) / h
+
+    Revolutions (of a bound pair, and pericentres about the dominant body) are kept only where the step covers more
+    than the bold angle; flybys all. Beyond the room there is, of each kind those of the largest speed / distance are
+    kept, which does not depend on how the march was cut.
+    """
+
+    def __init__(self, gm: Array, dominant: int, bold: float) -> None:
+        self._gm, self._dominant, self._bold2 = gm, dominant, bold * bold
+        self._room = ROOM + ROOM_PER_BODY * len(gm)
+        self.passages: Array = np.empty((0, COLUMNS))
+        self.left_out = 0
+
+    def add(self, blocks: list[BlockList]) -> None:
+        """Take over what was listed in a block, and empty those lists."""
+        if not any(listed[1] for _, listed in blocks):
+            return
+        new = np.concatenate([passages[: listed[0]] for passages, listed in blocks])
+        missed = sum(int(listed[1] - listed[0]) for _, listed in blocks)
+        for _, listed in blocks:
+            listed[:] = 0
+        revolution = self._is_revolution(new)
+        known = np.concatenate([self.passages, new[~revolution | self._is_bold(new)]])
+        revolution = self._is_revolution(known)
+        kept = [self._worst(known[kind]) for kind in (revolution, ~revolution)]
+        missed += len(known) - sum(len(kind) for kind in kept)
+        if self.left_out != UNKNOWN:
+            self.left_out += missed
+        known = np.concatenate(kept)
+        self.passages = known[np.lexsort((known[:, MATE], known[:, ROW], known[:, WHEN]))]
+
+    def checkpoint(self) -> dict[str, NDArray[np.generic]]:
+        """Return the list as arrays of a fixed shape."""
+        padded = np.zeros((2 * self._room, COLUMNS))
+        padded[: len(self.passages)] = self.passages
+        return {"passages": padded, "passage_counts": np.array([len(self.passages), self.left_out], dtype=np.int64)}
+
+    def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
+        """Go back to a checkpoint; those of earlier versions have no list."""
+        if "passages" not in checkpoint:
+            self.passages, self.left_out = np.empty((0, COLUMNS)), UNKNOWN
+            return
+        count, self.left_out = (int(x) for x in checkpoint["passage_counts"])
+        self.passages = np.array(checkpoint["passages"][:count], dtype=np.float64)
+
+    def _is_revolution(self, passages: Array) -> NDArray[np.bool_]:
+        """Whether the two go round one another: about the dominant body, or on an ellipse within its Hill radius."""
+        row, mate = passages[:, ROW].astype(int), passages[:, MATE].astype(int)
+        state, about = passages[:, STATE : STATE + 6], passages[:, ABOUT : ABOUT + 6]
+        r, speed2 = np.linalg.norm(state[:, :3], axis=1), np.sum(state[:, 3:] ** 2, axis=1)
+        mu = self._gm[row] + self._gm[mate]
+        with np.errstate(all="ignore"):
+            inverse_a = 2.0 / r - speed2 / mu
+            swept2 = np.sum(np.cross(state[:, :3], state[:, 3:]) ** 2, axis=1)
+            farthest = (1.0 + np.sqrt(np.maximum(1.0 - swept2 / mu * inverse_a, 0.0))) / inverse_a
+            bound = inverse_a > 0.0
+            if self._dominant < 0:
+                return np.asarray(bound)
+            lighter = self._gm[row] <= self._gm[mate]
+            heavier = np.where(lighter[:, None], about - state, about)[:, :3]
+            share = np.maximum(self._gm[row], self._gm[mate]) / (3.0 * self._gm[self._dominant])
+            stays = bound & (farthest < np.linalg.norm(heavier, axis=1) * np.cbrt(share))
+        return np.asarray(stays | (row == self._dominant) | (mate == self._dominant))
+
+    def _is_bold(self, passages: Array) -> NDArray[np.bool_]:
+        return np.asarray(passages[:, FASTEST2] > self._bold2 * passages[:, LEAST2])
+
+    def _worst(self, passages: Array) -> Array:
+        if len(passages) <= self._room:
+            return passages
+        with np.errstate(all="ignore"):
+            rate = passages[:, FASTEST2] / passages[:, LEAST2]
+        return passages[np.lexsort((passages[:, ROW], passages[:, WHEN], -rate))[: self._room]]

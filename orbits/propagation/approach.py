@@ -1,0 +1,78 @@
+"""One closest approach, with names, units and a date."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from astropy import units as u
+
+if TYPE_CHECKING:
+    from astropy.time import Time
+
+    from orbits.propagation.passages_seen import Passage
+    from orbits.system import System
+
+NEAR = 0.05 * u.au
+"""Distances below this are said in kilometres too."""
+
+MILLIMETRE, ROUND_OFF = 1e-6 * u.km, 1e-15 * u.dimensionless_unscaled
+"""Errors below this are not told apart."""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """One closest approach: of a body to another, at a distance and a relative speed, at a time since the epoch.
+
+    date : the time as a `Time` (TDB), of a system with an epoch
+    error : by how much the passage puts the body off by the end of the run, with this method and this step: its
+        position error there, in km (or in the system's own length, where that is none); None where it is not known
+    """
+
+    body: str
+    other: str
+    distance: u.Quantity
+    time: u.Quantity
+    speed: u.Quantity
+    date: Time | None = None
+    error: u.Quantity | None = None
+
+    @classmethod
+    def of(cls, system: System, step: float, passage: Passage, error: float | None) -> Approach:
+        """Return a passage of a run with this step as one reads it."""
+        names, gm, units = system.names, system.values.gm, system.units
+        lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
+        time = u.Quantity(passage.steps * step, units.time)
+        return cls(
+            names[lighter],
+            names[heavier],
+            u.Quantity(passage.distance, units.length),
+            time,
+            u.Quantity(passage.speed, units.speed),
+            None if system.epoch is None else system.epoch + time,
+            None if error is None else u.Quantity(error, units.length).to(unit_of_errors(system)),
+        )
+
+    def __str__(self) -> str:
+        distance = f"{self.distance:.6g}"
+        if self.distance.unit.is_equivalent(u.km) and self.distance.unit != u.km and self.distance < NEAR:
+            distance += f" = {self.distance.to(u.km):,.0f}"
+        when = f"t = {self.time:.6g}" if self.date is None else f"{self.date.iso[:16]} TDB (t = {self.time:.6g})"
+        speed = self.speed.to(u.km / u.s) if self.speed.unit.is_equivalent(u.km / u.s) else self.speed
+        text = f"{self.body} to {self.other}: {distance} at {when}, {speed:.3g}"
+        return text if self.error is None else f"{text}; puts it {said(self.error)} off by the end of the run"
+
+
+def unit_of_errors(system: System) -> u.UnitBase:
+    """Return km, or the unit of length of a system without physical units."""
+    length: u.UnitBase = system.units.length
+    return u.km if length.is_equivalent(u.km) else length
+
+
+def said(error: u.Quantity) -> str:
+    """Return an error in words, of two digits; none below a millimetre, or below round-off without units."""
+    if not np.isfinite(error):
+        return "beyond all bounds"
+    least = MILLIMETRE if error.unit.is_equivalent(u.km) else ROUND_OFF
+    return f"{error:.2g}".rstrip() if not error < least else f"less than {least:g}".rstrip()

@@ -1,0 +1,291 @@
+"""What a close passage does to the rest of a run.
+
+The pair is marched alone through its passage, with the method, the step and the phase of the run, and compared with
+the exact two-body orbit. The difference that is left is carried along the orbit about the primary to the end of the
+run: a passage is judged by the position error that it causes there. For flybys of planets and for pericentres the
+figure is within a few percent of what the whole run gets wrong.
+
+The primary is the other body where the two are a bound pair, else the one that dominates the system. Encounters that
+follow may make an error grow further; that is not in the figure.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.elements import elements_from_state, state_from_elements
+from orbits.elements.two_body import any_two_body
+from orbits.errors import InputError, IntegrationError
+from orbits.integrators.base import Integrator
+from orbits.integrators.gauss import Gauss
+from orbits.integrators.marcher import Marcher
+from orbits.lagrangians.newtonian import newtonian, parameters
+
+Array = NDArray[np.float64]
+
+SPOILT = 100.0
+"""How many times more than on an undisturbed orbit a method gets wrong when a passage spoils the run."""
+
+NEGLIGIBLE = 1e-9
+"""Share of the distance to the primary below which an error is not worth a word."""
+
+RADIANS = 10.0
+"""How far a passage is marched on each side of the pericentre, in units of distance / speed there; along an ellipse
+no farther than half of it."""
+
+FINE = 0.01
+"""Angle of a step below which a passage is marched in steps of this angle; the error is scaled down by the order."""
+
+REFERENCE_ANGLE = 0.1
+"""Angle of a step of the reference solution of a softened pair, whose orbits are no conics."""
+
+CIRCLE = 20.0
+"""How many radians of an undisturbed orbit are marched."""
+
+GRID = 8
+"""Angles are rounded up, to so many values an octave: what was tried need not be tried again."""
+
+MOST_E, MOST_ANGLE = 1e8, 1e6
+"""Bounds of what is told apart."""
+
+LINEAR = 1e-6
+"""Errors below this share of a state are carried along an orbit as if they were as large, and scaled down again: the
+difference of two orbits would drown in rounding."""
+
+
+class Orbit(NamedTuple):
+    """A conic: eccentricity, least distance and speed there, farthest distance and period (infinite for an open one),
+    and the time from now to the closest pericentre, before or after.
+    """
+
+    e: float
+    least: float
+    speed: float
+    farthest: float
+    period: float
+    ahead: float
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A body and another one that it passes, at the beginning of a step; floats in one system of units.
+
+    mu : GM of both together; share : part of it that is the other's
+    q, v : (3,) of the body relative to the other
+    softening : length
+    ruler : GM of the body that dominates the system, 0 where none does
+    other_q, other_v : (3,) of the other relative to the dominant body; zeros where it is the dominant body
+    """
+
+    mu: float
+    share: float
+    q: Array
+    v: Array
+    softening: float = 0.0
+    ruler: float = 0.0
+    other_q: Array = field(default_factory=lambda: np.zeros(3))
+    other_v: Array = field(default_factory=lambda: np.zeros(3))
+
+    def after(self, time: float) -> Pair:
+        """Return the pair after a time of either sign, both orbits exact."""
+        q, v = _flow(self.mu, self.softening, self.q, self.v, time)
+        if not self.other_q.any():
+            return replace(self, q=q, v=v)
+        other_q, other_v = any_two_body(self.other_q, self.other_v, self.ruler + self.share * self.mu, time)
+        return replace(self, q=q, v=v, other_q=other_q, other_v=other_v)
+
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The relative orbit."""
+        try:
+            elements = elements_from_state(self.q, self.v, self.mu)
+        except InputError:  # straight into the other, or all but undisturbed: a straight line either way
+            speed = float(np.linalg.norm(self.v))
+            least = float(np.linalg.norm(np.cross(self.q, self.v))) / speed if speed > 0.0 else 0.0
+            ahead = -float(self.q @ self.v) / speed**2 if speed > 0.0 else 0.0
+            e = max(least * speed**2 / self.mu, 1.0) if least > 0.0 else 1.0
+            return Orbit(e, least, speed if least > 0.0 else math.inf, math.inf, math.inf, ahead)
+        least, e = float(elements.q), float(elements.e)
+        speed = math.sqrt(self.mu * (1.0 + e) / least) if least > 0.0 else math.inf
+        period = float(elements.P)
+        farthest = float(elements.a) * (1.0 + e) if math.isfinite(period) else math.inf
+        return Orbit(e, least, speed, farthest, period, float(elements.T))
+
+    @property
+    def rate(self) -> float:
+        """Speed / distance at the pericentre, radians per time."""
+        softened = math.hypot(self.orbit.least, self.softening)
+        return self.orbit.speed / softened if softened > 0.0 else math.inf
+
+    def shape(self, h: float) -> tuple[float, float]:
+        """Return the eccentricity, and the angle of a step of h at the pericentre, at most 1e6; a softened pair is
+        told by its softened distance.
+        """
+        e = self.orbit.e
+        if self.softening > 0.0:
+            e = max(math.hypot(self.orbit.least, self.softening) * self.orbit.speed**2 / self.mu - 1.0, 0.0)
+        return min(e, MOST_E), min(abs(h) * self.rate, MOST_ANGLE)
+
+    def is_bound(self) -> bool:
+        """Whether the two stay together: on an ellipse, and within the Hill radius of the other, where it has one."""
+        if not math.isfinite(self.orbit.farthest):
+            return False
+        if self.ruler == 0.0 or not self.other_q.any():
+            return True
+        hill = float(np.linalg.norm(self.other_q)) * math.cbrt(self.share * self.mu / (3.0 * self.ruler))
+        return self.orbit.farthest < hill
+
+
+class Effect(NamedTuple):
+    """What a passage does to a run.
+
+    error : the position error of the body at the end of the run that the passage causes
+    usual : what the method makes of an undisturbed orbit in the whole run; infinite where there is no primary
+    distance : from the primary, at the end of the run
+    """
+
+    error: float
+    usual: float
+    distance: float
+
+    @property
+    def spoils(self) -> bool:
+        """Whether the rest of the run is spoilt."""
+        return self.error > self.limit
+
+    @property
+    def limit(self) -> float:
+        """The largest error that does not spoil a run."""
+        return max(SPOILT * self.usual, self.noticeable)
+
+    @property
+    def noticeable(self) -> float:
+        """The smallest error that is worth a word."""
+        return NEGLIGIBLE * self.distance
+
+
+def effect(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
+    """Return what a passage does to a run with steps of h.
+
+    pair : at the beginning of the step that holds the pericentre
+    left, span : time from there to the end of the run, and of the whole run; signs as h
+    The error is infinite where the orbits leave the range of floats.
+    """
+    try:
+        return _effect(integrator, h, pair, left, span)
+    except InputError:  # raised by the exact flow
+        return Effect(math.inf, 0.0, 0.0)
+
+
+def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
+    rate, period = pair.rate, pair.orbit.period
+    angle = abs(h) * rate
+    scale = 1.0
+    if angle < FINE:
+        scale, h = (angle / FINE) ** integrator.order, h * FINE / angle
+    half = min(RADIANS / rate, 0.5 * period) if rate > 0.0 else abs(h)
+    steps = max(2, math.ceil(half / abs(h)))
+    end = (steps + 1) * h
+    q, v = _flow(pair.mu, pair.softening, pair.q, pair.v, end)
+    try:
+        start = _flow(pair.mu, pair.softening, pair.q, pair.v, -steps * h)
+        marched = _march(integrator, pair.mu, pair.softening, *start, h, 2 * steps + 1)
+        dq, dv = scale * (marched[0] - q), scale * (marched[1] - v)
+    except IntegrationError:
+        dq, dv = np.zeros(3), -2.0 * v  # as wrong as can be
+    rest = left - end if (left - end) * h > 0.0 else 0.0
+    error, distance, axis, mu = _carried(pair, q, v, dq, dv, end, rest)
+    usual = math.inf
+    if mu > 0.0:
+        usual = axis * _undisturbed(integrator, abs(h), math.sqrt(mu / axis) / axis, abs(span))
+    return Effect(error, usual, distance)
+
+
+def _carried(
+    pair: Pair, q: Array, v: Array, dq: Array, dv: Array, end: float, rest: float
+) -> tuple[float, float, float, float]:
+    """Return the position error of the body after `rest`, its distance from the primary there, and the semi-major axis
+    (or distance) and GM of that orbit; GM 0 without a primary.
+    """
+    if pair.is_bound():
+        mu, share = pair.mu, pair.share
+    elif pair.ruler > 0.0:
+        mu, share = pair.ruler + (1.0 - pair.share) * pair.mu, 1.0
+        dq, dv = pair.share * dq, pair.share * dv
+        if pair.other_q.any():
+            other = any_two_body(pair.other_q, pair.other_v, pair.ruler + pair.share * pair.mu, end)
+            q, v = q + other[0], v + other[1]
+    else:
+        mu, share = 0.0, pair.share
+    size = max(_ratio(dq, q), _ratio(dv, v))
+    boost = LINEAR / size if 0.0 < size < LINEAR else 1.0
+    ends, _ = any_two_body(np.array([q, q + boost * dq]), np.array([v, v + boost * dv]), mu, rest)
+    distance = float(np.linalg.norm(ends[0]))
+    axis = float(np.linalg.norm(q))
+    if mu > 0.0:
+        inverse = 2.0 / axis - float(v @ v) / mu
+        axis = 1.0 / inverse if inverse > 0.0 else axis
+    return share * float(np.linalg.norm(ends[1] - ends[0])) / boost, distance, axis, mu
+
+
+def _undisturbed(integrator: Integrator, h: float, motion: float, span: float) -> float:
+    """Return the angle by which the method is wrong on a circle after `span`, its round-off included."""
+    angle = h * motion
+    rounded = max(FINE, 2.0 ** (math.ceil(GRID * math.log2(angle)) / GRID))
+    try:
+        rate = _circle(integrator, rounded)
+    except TypeError:  # a method whose fields cannot be hashed
+        rate = _circle.__wrapped__(integrator, rounded)
+    turned = motion * span
+    return turned * (rate * min(angle / FINE, 1.0) ** integrator.order + 2.0**-53 * math.sqrt(span / h))
+
+
+@lru_cache(maxsize=1024)
+def _circle(integrator: Integrator, angle: float) -> float:
+    """Return the error of a circle of radius 1 that was marched in steps of `angle`, for each radian; at most 1."""
+    steps = max(2, math.ceil(CIRCLE / angle))
+    q, v = state_from_elements(1.0, a=1.0, M=np.array([0.0, steps * angle]))
+    try:
+        end, _ = _march(integrator, 1.0, 0.0, q[0], v[0], angle, steps)
+    except IntegrationError:
+        return 1.0
+    return min(float(np.linalg.norm(end - q[1])) / (steps * angle), 1.0)
+
+
+def _march(
+    integrator: Integrator, mu: float, softening: float, q: Array, v: Array, h: float, steps: int
+) -> tuple[Array, Array]:
+    """Return the relative motion of two bodies, here of equal masses, after some steps of the method."""
+    marcher = Marcher(
+        newtonian,
+        integrator,
+        parameters(np.array([0.5 * mu, 0.5 * mu]), softening),
+        np.array([True, True]),
+        np.array([-0.5 * q, 0.5 * q]),
+        np.array([-0.5 * v, 0.5 * v]),
+        h,
+    )
+    while marcher.step < steps:
+        marcher.advance(min(marcher.block, steps - marcher.step))
+    end_q, end_v = marcher.state()
+    return end_q[1] - end_q[0], end_v[1] - end_v[0]
+
+
+def _flow(mu: float, softening: float, q: Array, v: Array, time: float) -> tuple[Array, Array]:
+    """Return the relative motion of two bodies after a time: exact, or of a softened pair to round-off."""
+    if softening == 0.0:
+        return any_two_body(q, v, mu, time)
+    rate = Pair(mu, 0.0, q, v, softening).rate
+    steps = max(1, math.ceil(abs(time) * rate / REFERENCE_ANGLE))
+    return _march(Gauss(stages=8), mu, softening, q, v, time / steps, steps)
+
+
+def _ratio(dx: Array, x: Array) -> float:
+    size = float(np.linalg.norm(x))
+    return float(np.linalg.norm(dx)) / size if size > 0.0 else math.inf

@@ -1,0 +1,167 @@
+"""The passages that a run went through: what its marcher recorded, in the order of the system's bodies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.kernels import encounters
+from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
+from orbits.propagation.binding import bound
+from orbits.propagation.passage_effect import Pair
+
+if TYPE_CHECKING:
+    from orbits.integrators.marcher import Marcher
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+SAME = 1.5
+"""Steps by which two records of one passage may differ."""
+
+
+class Record(NamedTuple):
+    """What a marcher saw: `closest` (4, 2, rows) and `listed` (n, columns), see `orbits.kernels.encounters`; how many
+    passages more there were; the body that dominates the system, in the kernels' rows, or -1.
+    """
+
+    closest: Array
+    listed: Array
+    left_out: int
+    dominant: int
+
+    @classmethod
+    def of(cls, marcher: Marcher) -> Record:
+        """Return what a marcher has seen up to now."""
+        return cls(marcher.approaches(), *marcher.passages(), marcher.dominant)
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """One passage of a body by another one, numbered as in the system; floats in its units.
+
+    step : at whose beginning the states are; steps : time of the pericentre in steps
+    distance, speed : at the pericentre
+    state : (6,), position and velocity relative to the other, or None where they are not known
+    about : (6,), relative to the dominant body; zeros without one
+    """
+
+    body: int
+    other: int
+    step: int
+    steps: float
+    distance: float
+    speed: float
+    state: Array | None = None
+    about: Array | None = None
+
+    def pair(self, system: System, dominant: int) -> Pair | None:
+        """Return the lighter body and the other for `passage_effect`; None where the states are not known.
+
+        dominant : number of the body that dominates the system, or -1
+        """
+        if self.state is None or self.about is None:
+            return None
+        gm = system.values.gm
+        mu, state, about = float(gm[self.body] + gm[self.other]), self.state, self.about
+        light, heavy, other = self.body, self.other, about - state
+        if gm[light] > gm[heavy]:
+            light, heavy, state, other = heavy, light, -state, about
+        if dominant < 0 or heavy == dominant:
+            other = np.zeros(6)
+        return Pair(
+            mu,
+            float(gm[heavy]) / mu,
+            state[:3],
+            state[3:],
+            system.values.softening,
+            float(gm[dominant]) if dominant >= 0 else 0.0,
+            other[:3],
+            other[3:],
+        )
+
+
+class Seen:
+    """All passages of a run that are known, of flybys and of the closest approach of each body; a sequence.
+
+    dominant : number of the body that dominates the system, or -1
+    closest : (bodies, 2) numbers of passages, -1 where there is none: the closest to the dominant body, and to another
+    flybys : numbers of the passages that are listed, and of the closest approaches but to the dominant body
+    """
+
+    def __init__(self, system: System, record: Record) -> None:
+        massive = system.massive
+        self._order = np.concatenate([np.flatnonzero(massive), np.flatnonzero(~massive)])
+        self._gm = system.values.gm
+        self.dominant = int(self._order[record.dominant]) if record.dominant >= 0 else -1
+        self.left_out = record.left_out
+        self.passages = [self._listed(row) for row in record.listed]
+        self.closest = np.full((len(system), 2), -1)
+        for row, body in enumerate(self._order):
+            for column in (0, 1):
+                if math.isfinite(record.closest[DISTANCE2, column, row]):
+                    self.closest[body, column] = self._number_of(record.closest[:, column, row], int(body))
+
+    @classmethod
+    def by(cls, trajectory: Trajectory, record: Record | None) -> Seen:
+        """Return what a run saw; of one in an archive without `record`, what its last checkpoint holds."""
+        if record is None:
+            from orbits.archive import Archive
+
+            assert trajectory.path is not None
+            with Archive.open(trajectory.path) as archive:
+                checkpoint = archive.checkpoint()
+            marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1)
+            marcher.restore(checkpoint)
+            record = Record.of(marcher)
+        return cls(trajectory.system, record)
+
+    @cached_property
+    def flybys(self) -> list[int]:
+        """Numbers of the passages by others than the dominant body, in the order in which they are known."""
+        return [
+            k for k, passage in enumerate(self.passages) if self.dominant not in (passage.body, passage.other)
+        ]
+
+    def _listed(self, row: Array) -> Passage:
+        begin, end = encounters.STATE, encounters.ABOUT
+        return Passage(
+            body=int(self._order[int(row[encounters.ROW])]),
+            other=int(self._order[int(row[encounters.MATE])]),
+            step=int(row[encounters.STEP]),
+            steps=float(row[encounters.WHEN]),
+            distance=math.sqrt(row[encounters.LEAST2]),
+            speed=math.sqrt(row[encounters.FASTEST2]),
+            state=row[begin:end],
+            about=row[end:],
+        )
+
+    def _number_of(self, entry: Array, body: int) -> int:
+        """Return the number of a closest approach, which is listed or is now."""
+        other, steps = int(self._order[int(entry[PARTNER])]), float(entry[TIME])
+        key = (min(body, other), max(body, other))
+        for k in self._numbers.get(key, ()):
+            if abs(self.passages[k].steps - steps) < SAME:
+                return k
+        distance, speed = math.sqrt(entry[DISTANCE2]), math.sqrt(entry[SPEED2])
+        self.passages.append(Passage(body, other, math.floor(steps), steps, distance, speed))
+        self._numbers.setdefault(key, []).append(len(self.passages) - 1)
+        return len(self.passages) - 1
+
+    @cached_property
+    def _numbers(self) -> dict[tuple[int, int], list[int]]:
+        numbers: dict[tuple[int, int], list[int]] = {}
+        for k, passage in enumerate(self.passages):
+            key = (min(passage.body, passage.other), max(passage.body, passage.other))
+            numbers.setdefault(key, []).append(k)
+        return numbers
+
+    def gm(self, passage: Passage) -> float:
+        """Return GM of the two bodies of a passage together."""
+        return float(self._gm[passage.body] + self._gm[passage.other])

@@ -1,0 +1,132 @@
+"""Closest approaches as good as the orbit: the run is marched again to the step of each, and its own partial steps say
+where the distance is least.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import IntegrationError
+from orbits.integrators.marcher import Marcher
+from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.propagation.grid import split
+from orbits.propagation.passages_seen import Passage, Seen
+
+if TYPE_CHECKING:
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+PRECISION = 1e-13
+"""Change of the time of a pericentre, in steps, at which it is known."""
+
+ROUNDS = 60
+
+
+def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
+    """Make distance, time, speed and states of some passages as good as the orbit of the run.
+
+    The massive bodies, with the massless ones concerned, are marched from the sample before: one at a step, or one
+    between steps, from which a partial step leads back to the grid.
+    """
+    h, times = trajectory.step, np.abs(trajectory.times)
+    starts: dict[int, list[int]] = {}
+    for k in sorted(numbers, key=lambda k: seen.passages[k].step):
+        before = int(np.searchsorted(times, seen.passages[k].step * abs(h), side="right")) - 1
+        starts.setdefault(before, []).append(k)
+    for sample, ones in starts.items():
+        bodies = [seen.passages[k].body for k in ones] + [seen.passages[k].other for k in ones]
+        with suppress(IntegrationError):  # the run failed here; what was recorded has to do
+            walk = _Walk(trajectory, sample, sorted(set(bodies)))
+            for k in ones:
+                seen.passages[k] = _refined(walk, seen, seen.passages[k], h)
+
+
+class _Walk:
+    """The march of the massive bodies and some massless ones from a sample (-1: the start) along the steps of a run."""
+
+    def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
+        system, h = trajectory.system, trajectory.step
+        q, v, time = _state(trajectory, sample)
+        massive = system.massive
+        wanted = massive.copy()
+        wanted[list(bodies)] = True
+        self.rows = np.full(len(system), -1)
+        self.rows[wanted] = np.arange(np.count_nonzero(wanted))
+        (step,), (rest,) = split(np.array([time]), h)
+        self.step = int(step) + (rest != 0.0)
+        arguments = (newtonian, trajectory.integrator, parameters(system.values.gm[massive], system.values.softening))
+        self.marcher = Marcher(*arguments, massive[wanted], q[wanted], v[wanted], h)
+        if rest != 0.0:
+            self.marcher = Marcher(*arguments, massive[wanted], *self.marcher.state_after(h - rest), h)
+
+    def to(self, step: int) -> None:
+        """March on to a step that is not behind."""
+        while self.step < step:
+            count = min(self.marcher.block, step - self.step)
+            self.marcher.advance(count)
+            self.step += count
+
+    def relative(self, body: int, other: int, offset: float = 0.0) -> Array:
+        """Return position and velocity of a body relative to another one, (6,), a partial step from here."""
+        q, v = self.marcher.state_after(offset)
+        i, j = self.rows[body], self.rows[other]
+        return np.concatenate([q[i] - q[j], v[i] - v[j]])
+
+
+class _Least(NamedTuple):
+    part: float
+    distance: float
+    speed: float
+
+
+def _refined(walk: _Walk, seen: Seen, passage: Passage, h: float) -> Passage:
+    walk.to(passage.step)
+    body, other = passage.body, passage.other
+    state = walk.relative(body, other)
+    about = walk.relative(body, seen.dominant) if seen.dominant >= 0 and body != seen.dominant else np.zeros(6)
+    if passage.steps == passage.step:  # where the run begins or ends, or to the bit at a step
+        least = _Least(0.0, float(np.linalg.norm(state[:3])), float(np.linalg.norm(state[3:])))
+    else:
+        least = _least(walk, passage, seen.gm(passage), h)
+    return Passage(
+        body, other, passage.step, passage.step + least.part, least.distance, least.speed, state=state, about=about
+    )
+
+
+def _least(walk: _Walk, passage: Passage, mu: float, h: float) -> _Least:
+    """Return where in a step the distance is least: Newton's method on r.v, with the acceleration of the pair alone."""
+    low, high, part = 0.0, 1.0, passage.steps - passage.step
+    x = w = np.zeros(3)
+    for _ in range(ROUNDS):
+        state = walk.relative(passage.body, passage.other, part * h)
+        x, w = state[:3], state[3:]
+        r2, fall = float(x @ x), float(x @ w) * h
+        if fall < 0.0:
+            low = part
+        else:
+            high = part
+        slope = (float(w @ w) - mu / math.sqrt(r2)) * h * h if r2 > 0.0 else 0.0
+        after = part - fall / slope if slope > 0.0 else 0.5 * (low + high)
+        if abs(after - part) <= PRECISION or r2 == 0.0:
+            break
+        if not low < after < high:
+            after = 0.5 * (low + high)
+        if high - low <= PRECISION:
+            break
+        part = after
+    return _Least(part, float(np.linalg.norm(x)), float(np.linalg.norm(w)))
+
+
+def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
+    """Return q and v, (bodies, 3), and the time of a sample, or of the start of the run for -1."""
+    if sample < 0:
+        return trajectory.system.values.q, trajectory.system.values.v, 0.0
+    q, v = trajectory.sample(sample)
+    return q, v, float(trajectory.times[sample])

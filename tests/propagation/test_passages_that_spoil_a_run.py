@@ -1,0 +1,186 @@
+"""A passage is judged by the position error that it causes at the end of the run, and is known as well as the orbit."""
+
+import warnings
+
+import numpy as np
+import pytest
+from astropy import units as u
+from astropy.time import Time
+
+import orbits
+from orbits.integrators.passage_list import UNKNOWN
+from orbits.propagation import binding
+from tests.encounters import APOPHIS_MISS, apophis_2029, comet
+
+GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
+
+
+def told(system, method, dt, duration, **options):
+    """The run, and what was said of the step."""
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        run = orbits.propagate(system, method, dt=dt, duration=duration, **{"samples": 3} | options)
+    return run, [str(w.message) for w in found]
+
+
+@pytest.fixture(scope="module")
+def apophis():
+    return apophis_2029()
+
+
+@pytest.fixture(scope="module")
+def where_apophis_ends(apophis):
+    return orbits.propagate(apophis, GAUSS, dt=0.01, duration=365.0, samples=2)["Apophis"].q[-1]
+
+
+@pytest.mark.parametrize("dt", [0.5, 0.25, 0.1])
+def test_a_flyby_that_spoils_the_run_is_told_with_the_error_it_causes_and_a_step_that_resolves_it(
+    apophis, where_apophis_ends, dt
+):
+    run, said = told(apophis, GAUSS, dt, 365.0)
+    (warning,) = said
+    worst = run.unresolved()[0]
+    assert (worst.body, worst.other) == ("Apophis", "Earth")
+    true = np.linalg.norm(run["Apophis"].q[-1] - where_apophis_ends).to_value(u.km)
+    # 5.4e6, 3.6e5 and 5.6 km are caused; the pair alone, without the Sun's tide, gives 4 %, 3 % and 1 % more.
+    assert worst.error.to_value(u.km) == pytest.approx(true, rel=0.08)
+    assert f"puts it {worst.error.to_value(u.km):.2g} km off by the end of the run" in warning
+    assert "2029-04-13 21:46 TDB" in warning
+    enough = float(warning.split("dt <= ")[1].split()[0])
+    resolved, nothing = told(apophis, GAUSS, enough, 365.0)
+    assert nothing == []
+    assert np.linalg.norm(resolved["Apophis"].q[-1] - where_apophis_ends) < 1e-9 * u.au
+
+
+def test_a_flyby_that_the_step_resolves_is_not_told(apophis):
+    run, said = told(apophis, GAUSS, 0.01, 365.0)
+    assert said == []
+    assert run.unresolved() == []
+
+
+@pytest.mark.parametrize(("dt", "seen_km"), [(0.5, 8.8e6), (0.25, 359e3), (0.2, 61e3)])
+def test_a_flyby_five_years_ahead_is_told(apophis, dt, seen_km):
+    start = orbits.propagate(apophis, GAUSS, dt=0.5, duration=-5 * 365.25, samples=2, check_step=False)[-1]
+    run, said = told(start, GAUSS, dt, 2191.5)
+    assert "Apophis to Earth" in said[-1]
+    assert run.unresolved()[0].error.to_value(u.km) == pytest.approx(seen_km, rel=0.05)
+
+
+@pytest.mark.parametrize(("q", "e", "dt"), [(0.1, 0.99, 6.0), (0.02, 0.9999, 0.5)])
+def test_a_perihelion_that_spoils_the_run_is_told_before_and_after_it(q, e, dt):
+    system = comet(q, e)
+    run, (before, after) = told(system, GAUSS, dt, 600.0)
+    true, _ = orbits.kepler_flow(system.q[1] - system.q[0], system.v[1] - system.v[0], system.gm[0], 600.0 * u.day)
+    error = np.linalg.norm(run.q[-1, 1] - run.q[-1, 0] - true).to(u.km)  # 1.6e6 and 5.7e6 km
+    (passage,) = run.unresolved()
+    assert passage.other == "Sun"
+    assert u.isclose(passage.error, error, rtol=1e-3)
+    assert f"puts comet about {error.value:.2g} km off by the end of the run" in before
+    assert f"puts it {error.value:.2g} km off by the end of the run" in after
+    for text in (before, after):
+        enough = float(text.split("dt <= ")[1].split()[0])
+        assert told(system, GAUSS, enough, 600.0)[1] == []
+
+
+def test_planets_and_asteroids_without_encounters_are_not_told_of():
+    system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(20))
+    assert told(system, VERLET, "P/100", 10 * u.yr)[1] == []
+    assert told(system, GAUSS, 6 * u.day, 100 * u.yr)[1] == []
+
+
+def test_a_passage_with_a_softening_is_judged_with_it():
+    """At this softening the encounter is gentle: the same step that spoils a hard one resolves it."""
+    for softening, spoilt in ((0.0, True), (3.0, False)):
+        system = orbits.System(
+            ["a", "b"],
+            [1.0, 1e-3],
+            [[0, 0, 0], [-10, 0.8, 0]],
+            [[0, 0, 0], [1, 0, 0]],
+            units=orbits.DIMENSIONLESS,
+            softening=softening,
+        )
+        run, said = told(system, GAUSS, 0.4, 20.0)
+        truth = orbits.propagate(system, GAUSS, dt=2e-3, duration=20.0, samples=2)
+        assert bool(said) is spoilt
+        error = np.linalg.norm(run.q[-1, 1] - truth.q[-1, 1]).value
+        assert (error > 1e-5) is spoilt
+        assert [p.error.value for p in run.unresolved()] == ([pytest.approx(error, rel=0.02)] if spoilt else [])
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_distance_and_time_of_a_passage_are_as_good_as_the_orbit(apophis, direction):
+    start = apophis if direction > 0 else orbits.propagate(apophis, GAUSS, dt=0.05, duration=200.0, samples=2)[-1]
+    run = orbits.propagate(start, GAUSS, dt=0.1, duration=direction * 200.0, samples=5, check_step=False)
+    passage = next(iter(run.closest_approaches()))
+    assert passage.distance.to_value(u.km) == pytest.approx(APOPHIS_MISS, abs=0.02)
+    assert abs((passage.date - Time("2029-04-13T21:45:37", scale="tdb")).to_value(u.s)) < 60
+    state = run.at(passage.time)
+    earth, small = state.names.index("Earth"), state.names.index("Apophis")
+    q, v = (x[small] - x[earth] for x in (state.q, state.v))
+    assert u.isclose(np.linalg.norm(q), passage.distance, rtol=1e-10)
+    assert u.isclose(np.linalg.norm(v), passage.speed, rtol=1e-10)
+    # The time at which r.v = 0, to rounding: 4e-16 of the positions in 1.5e8 km, of 38,000.
+    assert abs(q @ v) < 1e-8 * np.linalg.norm(q) * np.linalg.norm(v)
+
+
+def test_every_flyby_of_a_body_is_listed_and_the_revolutions_of_its_moon_are_not():
+    """A planet overtakes a stone on an orbit outside its own, again and again; a moon goes round it all the while."""
+    bodies = {
+        "star": {"gm": 1.0},
+        "planet": {"gm": 1e-4, "a": 1.0, "e": 0.0, "M": 0.0},
+        "stone": {"gm": 0.0, "a": 1.09, "e": 0.0, "M": 2.0},
+    }
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    system = system.add("moon", primary="planet", a=0.005, e=0.1)
+    run = orbits.propagate(system, GAUSS, dt=0.002, duration=400.0, samples=9)
+    passages = [p for p in run.closest_approaches() if {p.body, p.other} == {"stone", "planet"}]
+    dense = orbits.propagate(system, GAUSS, dt=0.002, duration=400.0, samples=40_001)
+    d = np.linalg.norm(dense["stone"].q - dense["planet"].q, axis=1).value
+    minima = [d[k] for k in range(1, len(d) - 1) if d[k - 1] > d[k] <= d[k + 1] and d[k] < 0.0966]
+    assert len(passages) == len(minima) > 3
+    assert [p.distance.value for p in passages] == pytest.approx(sorted(minima), rel=1e-3)
+    assert len([p for p in run.closest_approaches() if {p.body, p.other} == {"moon", "planet"}]) == 1
+    assert len(run.closest_approaches(within=0.05)) == sum(p.distance.value <= 0.05 for p in run.closest_approaches())
+
+
+def test_the_list_survives_archives_resumption_and_copies(apophis, tmp_path):
+    whole = orbits.propagate(apophis, GAUSS, dt=0.1, duration=200.0, samples=5, check_step=False)
+    archive = {"archive": tmp_path / "run.h5", "samples": 3, "check_step": False}
+    orbits.propagate(apophis, GAUSS, dt=0.1, duration=100.0, **archive)
+    with pytest.warns(orbits.StepWarning, match="Apophis to Earth"):
+        run = orbits.resume(tmp_path / "run.h5", until=200.0)
+    for other in (run, orbits.Trajectory.open(tmp_path / "run.h5")):
+        table, expected = other.closest_approaches().to_table(), whole.closest_approaches().to_table()
+        assert list(table["body"]) == list(expected["body"])
+        assert u.allclose(table["distance"], expected["distance"], rtol=1e-12)
+        assert u.allclose(table["error"][:2], expected["error"][:2], rtol=1e-6)
+        assert isinstance(table["date"], Time)
+
+
+def test_a_checkpoint_of_an_earlier_version_has_no_list_and_says_so(apophis):
+    before = binding.bound(apophis, GAUSS, 0.5)
+    before.advance(150)
+    old = {name: array for name, array in before.checkpoint().items() if not name.startswith("passage")}
+    after = binding.bound(apophis, GAUSS, 0.5)
+    after.restore(old)
+    after.advance(100)
+    listed, left_out = after.passages()
+    assert left_out == UNKNOWN
+    assert len(listed) == 2  # those that came after: by the Earth and by the Moon
+
+
+def test_of_more_passages_than_there_is_room_for_the_fastest_are_kept_and_the_others_counted():
+    e, n, h = 0.9, 400, 0.03
+    system = orbits.System.from_elements(
+        {"star": {"gm": 1.0}, "planet": {"gm": 0.0, "a": 1.0, "e": e, "M": np.pi}}, units=orbits.DIMENSIONLESS
+    )
+    whole, parts = (binding.bound(system, GAUSS, h) for _ in range(2))
+    steps = round(n * 2 * np.pi / h)
+    whole.advance(steps)
+    for _ in range(4):
+        parts.advance(steps // 4)
+    parts.advance(steps - parts.step)
+    listed, left_out = whole.passages()
+    assert len(listed) == 256 + 2 * 2
+    assert len(listed) + left_out == n
+    assert np.array_equal(parts.passages()[0], listed)
