@@ -154,7 +154,7 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
 
     pair, left, span : see `effect`
     """
-    ahead = pair.orbit.ahead
+    ahead = pair.ahead
     e, angle = pair.shape(h)
     longest = abs(h) * angle_enough(integrator, e, angle) / angle if angle > 0.0 else abs(h)
     for k in range(TRIALS if longest > 0.0 else 0):
@@ -195,7 +195,7 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
         values.q[partner] - values.q[heaviest] if ruled and partner != heaviest else zero,
         values.v[partner] - values.v[heaviest] if ruled and partner != heaviest else zero,
     )
-    ahead, period = pair.orbit.ahead, pair.orbit.period
+    ahead, period = pair.ahead, pair.orbit.period
     if ahead * h < 0.0:
         ahead += math.copysign(period, h)
     if not abs(ahead) <= abs(span):

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 GROWTH = 6.0
 """An error of the velocity moves a body by no more than this times itself times the time that is left."""
 
-MOST_JUDGED = 500
-"""Passages that are marched one by one; of more, those that may be the worst."""
+MOST_JUDGED = 2000
+"""Passages that are marched one by one; of more, those that may be the worst: a few seconds."""
 
 SHOWN = 5
 """Passages that a warning names."""
@@ -41,7 +41,7 @@ def error_at_end(run: Trajectory, seen: Seen, passage: Passage) -> float | None:
 def spoiling(run: Trajectory, seen: Seen) -> list[tuple[int, float]]:
     """Return the numbers of the passages that spoil the rest of a run, with the error at its end, worst first.
 
-    Those are judged whose states are known.
+    Those are judged whose states are known, at most `MOST_JUDGED`.
     """
     end = _end(run)
     bounds = {k: bound for k in range(len(seen.passages)) if (bound := _most(run, seen, seen.passages[k], end)) > 0.0}
@@ -73,8 +73,8 @@ def warn_of(run: Trajectory, seen: Seen, found: Sequence[tuple[int, float]]) -> 
         pair = passage.pair(run.system, seen.dominant)
         assert pair is not None
         orbit, sharp = pair.orbit, passage
-        if abs(orbit.ahead) <= 2.0 * abs(run.step) and math.isfinite(orbit.speed):
-            steps = passage.step + orbit.ahead / run.step
+        if abs(pair.ahead) <= 2.0 * abs(run.step) and math.isfinite(orbit.speed):
+            steps = passage.step + pair.ahead / run.step
             sharp = replace(passage, distance=orbit.least, speed=orbit.speed, steps=steps)
         lines.append(f"  {Approach.of(run.system, run.step, sharp, error)}")
         enough = min(enough, step_that_resolves(run.integrator, run.step, pair, end - passage.step * run.step, end))
@@ -83,9 +83,10 @@ def warn_of(run: Trajectory, seen: Seen, found: Sequence[tuple[int, float]]) -> 
     remedy = f"dt <= {with_unit(enough, unit, 2)} would have resolved {'it' if len(lines) == 1 else 'these'}"
     if not enough:
         remedy = "no step that is practical resolves them with this method: use one of higher order, or a softening"
+    count = f"{'at least ' * (len(found) >= MOST_JUDGED)}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
-        f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {len(found):,} close "
-        f"passage{'s' * (len(found) > 1)}; the rest of the run is not to be trusted for these bodies:\n"
+        f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
+        "the run is not to be trusted for these bodies:\n"
         + "\n".join(lines)
         + f"{more}\n{remedy}.",
         StepWarning,

@@ -51,6 +51,8 @@ CIRCLE = 20.0
 GRID = 8
 """Angles are rounded up, to so many values an octave: what was tried need not be tried again."""
 
+TWO_PI = 2.0 * math.pi
+
 MOST_E, MOST_ANGLE = 1e8, 1e6
 """Bounds of what is told apart."""
 
@@ -60,16 +62,13 @@ difference of two orbits would drown in rounding."""
 
 
 class Orbit(NamedTuple):
-    """A conic: eccentricity, least distance and speed there, farthest distance and period (infinite for an open one),
-    and the time from now to the closest pericentre, before or after.
-    """
+    """A conic: eccentricity, least distance and speed there, farthest distance and period (infinite if open)."""
 
     e: float
     least: float
     speed: float
     farthest: float
     period: float
-    ahead: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,19 +102,26 @@ class Pair:
     @cached_property
     def orbit(self) -> Orbit:
         """The relative orbit."""
+        x, y, z = (float(c) for c in self.q)
+        a, b, c = (float(c) for c in self.v)
+        r, speed2 = math.hypot(x, y, z), a * a + b * b + c * c
+        swept = math.hypot(y * c - z * b, z * a - x * c, x * b - y * a)
+        parameter, inverse_a = swept * swept / self.mu, 2.0 / r - speed2 / self.mu
+        e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
+        least = parameter / (1.0 + e)
+        speed = swept / least if least > 0.0 else math.inf
+        if not inverse_a > 0.0:
+            return Orbit(e, least, speed, math.inf, math.inf)
+        return Orbit(e, least, speed, (1.0 + e) / inverse_a, TWO_PI / (math.sqrt(self.mu * inverse_a) * inverse_a))
+
+    @cached_property
+    def ahead(self) -> float:
+        """The time from now to the closest pericentre, before or after."""
         try:
-            elements = elements_from_state(self.q, self.v, self.mu)
+            return float(elements_from_state(self.q, self.v, self.mu).T)
         except InputError:  # straight into the other, or all but undisturbed: a straight line either way
-            speed = float(np.linalg.norm(self.v))
-            least = float(np.linalg.norm(np.cross(self.q, self.v))) / speed if speed > 0.0 else 0.0
-            ahead = -float(self.q @ self.v) / speed**2 if speed > 0.0 else 0.0
-            e = max(least * speed**2 / self.mu, 1.0) if least > 0.0 else 1.0
-            return Orbit(e, least, speed if least > 0.0 else math.inf, math.inf, math.inf, ahead)
-        least, e = float(elements.q), float(elements.e)
-        speed = math.sqrt(self.mu * (1.0 + e) / least) if least > 0.0 else math.inf
-        period = float(elements.P)
-        farthest = float(elements.a) * (1.0 + e) if math.isfinite(period) else math.inf
-        return Orbit(e, least, speed, farthest, period, float(elements.T))
+            speed2 = float(self.v @ self.v)
+            return -float(self.q @ self.v) / speed2 if speed2 > 0.0 else 0.0
 
     @property
     def rate(self) -> float:
