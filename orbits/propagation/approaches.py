@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import StepWarning
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.propagation.binding import bound
+from orbits.propagation.binding import bound, restore
 from orbits.propagation.guidance import ALWAYS, UNRESOLVED, bold_angle, passage_error, percent
 from orbits.system.checks import index_of
 from orbits.system.presenting import attributes, chosen
@@ -190,13 +190,9 @@ def in_units(record: Array, system: System, h: float) -> Array:
 
 def recorded(trajectory: Trajectory) -> Array:
     """Return what the run in an archive recorded, from its last checkpoint."""
-    from orbits.archive import Archive
-
-    assert trajectory.path is not None
-    with Archive.open(trajectory.path) as archive:
-        checkpoint = archive.checkpoint()
+    assert trajectory.archive is not None
     marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1)
-    marcher.restore(checkpoint)
+    restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
     return marcher.approaches()
 
 

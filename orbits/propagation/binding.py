@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits._version import __version__
-from orbits.errors import InputError, shown
+from orbits.errors import ArchiveError, InputError, shown
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
@@ -53,6 +55,24 @@ def bound(
         stops=None if conditions is None else conditions.stops,
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
     )
+
+
+def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
+    """Take a marcher of the run in the archive at `path` to its checkpoint.
+
+    Raises ArchiveError where the checkpoint is not one of this run.
+    """
+    expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
+    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items()}
+    wrong = [name for name in sorted(expected.keys() | found.keys()) if expected.get(name) != found.get(name)]
+    if wrong:
+        raise ArchiveError(
+            f"{path}: the checkpoint is not one of this run, {wrong[0]!r} does not fit. Its samples can be read, but it "
+            "cannot be resumed; it may come from another version of orbits."
+        )
+    if min(checkpoint["counts"]) < 0:
+        raise ArchiveError(f"{path} is damaged: its checkpoint counts {checkpoint['counts'].tolist()} steps.")
+    marcher.restore(checkpoint)
 
 
 def provenance() -> dict[str, str]:
