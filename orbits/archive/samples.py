@@ -69,10 +69,6 @@ class Samples:
         """Return all samples, checked, as a read-only array that the operating system reads in as it is used."""
         if not self.size:
             return np.empty(self.shape)
-        if self._offset % 8:  # HDF5 aligns no arrays of less than a page, and processors like aligned floats
-            whole: Floats = self[:]
-            whole.flags.writeable = False
-            return whole
         self._chunks.check(np.arange(len(self)))
         with os.fdopen(os.dup(self._storage.fileno()), "rb") as file:
             pages = np.memmap(file, dtype="<f8", mode="r", offset=self._offset, shape=self.shape)
