@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 from orbits.errors import ArchiveError, shown
@@ -34,7 +35,10 @@ def unit_system_from_text(text: str) -> UnitSystem:
     try:
         definition = json.loads(text)
         units = {kind: _unit_from_dict(definition[kind]) for kind in _KINDS}
-        return UnitSystem(str(definition["name"]), **units, G=float(definition["G"]))
+        G = float(definition["G"])
+        if not math.isfinite(G):
+            raise ValueError(f"G is {G}")
+        return UnitSystem(str(definition["name"]), **units, G=G)
     # A text that somebody made up: astropy meets it with nearly every kind of exception.
     except Exception as error:
         raise ArchiveError(

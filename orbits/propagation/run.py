@@ -165,14 +165,14 @@ def resume(
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
     from orbits.archive import Archive, ArchiveWriter, extended
-    from orbits.trajectory.run import method_of
+    from orbits.trajectory.run import made_by
 
     progress = checked_progress(progress)
     # All that follows is read behind the lock: a second resume cannot add to the file after this one has looked.
     old = Archive.claim(path)
     try:
         system, h = old.system, old.dt
-        integrator = method_of(old)
+        integrator, _ = made_by(old)
         changed = differences(old.provenance)
         if changed and checked_flag(same_bits, "same_bits"):
             raise ArchiveError(
@@ -212,7 +212,7 @@ def _check_place(marcher: Marcher, times: Array, committed: int, path: Path) -> 
 def _extended_times(old: Archive, target: float) -> Array:
     times = old.times
     if not old.complete:
-        raise ArchiveError("this run is not complete yet: resume it without until=..., then extend it")
+        raise ArchiveError(f"the run in {old.path} is not complete yet: resume it without until=..., then extend it")
     end = float(times[-1])
     direction = np.sign(old.dt)
     if (target - end) * direction < 0.0:

@@ -106,23 +106,15 @@ class Trajectory(Tabular):
         path : where it can be opened again, or None where it cannot
         Raises ArchiveError for a method that is not known, and for a certificate that is none.
         """
-        from orbits.certificate import Certificate
-
         try:
-            text = archive.certificate_text
-            try:
-                certificate = Certificate.from_record(json.loads(text)) if text else None
-            except InputError as error:
-                raise ArchiveError(
-                    f"{archive.path}: {error} Read the samples themselves with orbits.Archive.open(path)."
-                ) from error
+            integrator, certificate = made_by(archive)
             run = cls(
                 archive.system,
                 archive.times[: archive.committed],
                 archive.q,
                 archive.v,
                 step=archive.dt,
-                integrator=method_of(archive),
+                integrator=integrator,
                 statistics=statistics,
                 complete=archive.complete,
                 path=path,
@@ -362,16 +354,21 @@ class Trajectory(Tabular):
             raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
 
 
-def method_of(archive: Archive) -> Integrator:
-    """Return the method that the run in an archive was made with. Raises ArchiveError where it is not known."""
+def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
+    """Return the method that the run in an archive was made with, and what was measured of it before, if it was.
+
+    Raises ArchiveError for a method that is not known, and for a certificate that is none.
+    """
     from orbits import integrators
+    from orbits.certificate import Certificate
 
     try:
-        return integrators.build(archive.integrator)
+        text = archive.certificate_text
+        return integrators.build(archive.integrator), Certificate.from_record(json.loads(text)) if text else None
     except InputError as error:
         raise ArchiveError(
-            f"{archive.path}: {error} Read the samples themselves with orbits.Archive.open(path), or get a version of "
-            "orbits that knows this method."
+            f"{archive.path}: {str(error).rstrip('.')}. Read the samples themselves with orbits.Archive.open(path), or "
+            "get a version of orbits that knows this method."
         ) from error
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -87,7 +86,7 @@ def trouble(path: Path, image: bytes, chunks: list[int], promised: int) -> str |
     """Say what is wrong with a file after a stop, or None.
 
     promised : commits that had returned, or -1 before the file took its name. The file must open with these or more,
-    hold exactly what they held, and go on to a whole run from there; or refuse in words where nothing had been promised.
+    hold exactly what they held, and go on to a whole run from there; or refuse in words where nothing was promised.
     """
     path.write_bytes(image)
     q, v = runs.samples(sum(chunks))

@@ -131,7 +131,8 @@ def test_a_device_that_turns_out_full_leaves_nothing_behind(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, before[1]))
     try:
-        with pytest.raises(StorageError, match=r"run\.h5 needs 4\.9 MB, but this process may write no file larger than 1\.0 MB.*ulimit"):
+        words = r"run\.h5 needs 4\.9 MB, but this process may write no file larger than 1\.0 MB.*ulimit"
+        with pytest.raises(StorageError, match=words):
             runs.create(tmp_path / "run.h5", 1000, bodies=100)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
@@ -180,7 +181,7 @@ def test_two_writers_exclude_each_other_and_readers_do_not(tmp_path):
     (q, v), busy = runs.samples(6), "is being written by another run"
     with runs.create(path, 6) as writer:
         writer.commit(q[:2], v[:2], runs.checkpoint(1))
-        for use in (ArchiveWriter.reopen, lambda p: runs.create(p, 3, overwrite=True), lambda p: extended(Archive.claim(p), [0.0])):
+        for use in (ArchiveWriter.reopen, Archive.claim, lambda p: runs.create(p, 3, overwrite=True)):
             with pytest.raises(ArchiveError, match=busy):
                 use(path)
         code = f"from orbits.archive import ArchiveWriter; ArchiveWriter.reopen({str(path)!r})"
