@@ -67,8 +67,8 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
     wrong = [name for name in sorted(expected.keys() | found.keys()) if expected.get(name) != found.get(name)]
     if wrong:
         raise ArchiveError(
-            f"{path}: the checkpoint is not one of this run, {wrong[0]!r} does not fit. The samples can be read, but the "
-            "run cannot be resumed; it may come from another version of orbits."
+            f"{path}: the checkpoint is not one of this run, {wrong[0]!r} does not fit. The samples can be read, but "
+            "the run cannot be resumed; it may come from another version of orbits."
         )
     if min(checkpoint["counts"]) < 0:
         raise ArchiveError(f"{path} is damaged: its checkpoint counts {checkpoint['counts'].tolist()} steps.")
