@@ -213,6 +213,83 @@ def test_what_a_killed_run_left_while_creating_is_in_nobodys_way(tmp_path):
     assert leftovers(tmp_path) == ["run.h5"]
 
 
+@pytest.mark.parametrize("target", ["nowhere", "precious"])
+def test_a_link_where_the_file_is_made_is_taken_away_and_not_followed(tmp_path, target):
+    path = tmp_path / "run.h5"
+    (tmp_path / "precious").write_text("precious")
+    partial_path(path).symlink_to(tmp_path / target)
+    runs.finished(path)
+    runs.assert_whole(path)
+    assert leftovers(tmp_path) == ["precious", "run.h5"]
+    assert (tmp_path / "precious").read_text() == "precious"
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo])
+def test_what_is_no_file_where_the_file_is_made_is_named(tmp_path, make):
+    path = tmp_path / "run.h5"
+    make(partial_path(path))
+    with pytest.raises(ArchiveError, match=r"\.run\.h5\.partial is in the way: .*Remove it"):
+        runs.create(path, 3)
+    assert leftovers(tmp_path) == [".run.h5.partial"]
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o664])
+def test_a_file_keeps_its_permissions_when_it_is_overwritten_or_extended(tmp_path, mode):
+    path = runs.finished(tmp_path / "run.h5")
+    path.chmod(mode)
+    runs.finished(path, 4, overwrite=True)
+    assert path.stat().st_mode & 0o777 == mode
+    extended(Archive.claim(path), np.arange(9) * 0.5).close()
+    assert path.stat().st_mode & 0o777 == mode
+
+
+def test_the_unfinished_copy_of_a_private_file_is_never_open_to_others(tmp_path, monkeypatch):
+    path = runs.finished(tmp_path / "run.h5")
+    path.chmod(0o600)
+    modes = []
+
+    def look(name: str) -> None:
+        real = getattr(Storage, name)
+
+        def looked(self: Storage, *arguments: object) -> object:
+            modes.append(os.fstat(self.fileno()).st_mode & 0o777)
+            return real(self, *arguments)
+
+        monkeypatch.setattr(Storage, name, looked)
+
+    for name in ("lock", "become", "resize", "write", "sync"):
+        look(name)
+    runs.finished(path, overwrite=True)
+    assert set(modes) == {0o600}
+
+
+def test_a_new_file_has_the_permissions_that_the_user_gives_to_new_files(tmp_path):
+    before = os.umask(0o027)
+    try:
+        path = runs.finished(tmp_path / "run.h5")
+    finally:
+        os.umask(before)
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_the_start_is_committed_before_the_file_takes_its_name(tmp_path, monkeypatch):
+    path = tmp_path / "run.h5"
+    real = os.link
+
+    def look(partial: Path, target: Path) -> None:
+        with Archive.open(partial) as archive:
+            assert (archive.committed, archive.complete) == (0, False)
+            assert runs.same_checkpoint(archive.checkpoint(), runs.checkpoint(0))
+        real(partial, target)
+
+    monkeypatch.setattr(os, "link", look)
+    runs.create(path, 6).close()
+    q, v = runs.samples(6)
+    with ArchiveWriter.reopen(path) as writer:
+        writer.commit(q, v, runs.checkpoint(1))
+    runs.assert_whole(path)
+
+
 def test_a_second_name_of_an_archive_that_creating_left_is_never_written_to(tmp_path):
     # A run killed between giving the file its name and taking the first name away.
     path, kept = tmp_path / "run.h5", tmp_path / "kept.h5"
