@@ -41,7 +41,15 @@ class ArchiveError(InputError):
 
 
 class StorageError(OrbitsError):
-    """Writing failed while a run was under way: a full disk, a lost device."""
+    """Writing failed while a run was under way: a full disk, a lost device, a file that was deleted or replaced.
+
+    trajectory : the samples before the failure, a `Trajectory`, when the error comes out of `propagate` or `resume`
+        while it was marching and they can be read
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.trajectory: Any = None
 
 
 class OrbitsWarning(UserWarning):

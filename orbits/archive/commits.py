@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 SLOTS = 2
+
+_MOST_COMMITS = 2**63  # no run gets there, and one more can always be counted
 
 CHUNK = np.dtype([("samples", "<u8"), ("crc", "<u4")])
 """One row for each chunk: samples in the file up to its end; CRC-32 of its q, continued over its v. 12 bytes."""
@@ -69,10 +70,4 @@ def decoded(row: bytes | bytearray, slot: int) -> Commit | None:
         return None
     values = np.frombuffer(bytes(row[:ROW_BYTES]), dtype=_PACKED)[0]
     commit = Commit(*(int(values[field]) for field, _ in _FIELDS[:-1]))
-    return commit if commit.sequence > 0 and commit.slot == slot else None
-
-
-def spans(chunks: NDArray[Any]) -> list[tuple[int, int, int]]:
-    """Return (first sample, end, crc) of each chunk in a table of them."""
-    ends = [int(end) for end in chunks["samples"]]
-    return list(zip([0, *ends][:-1], ends, (int(crc) for crc in chunks["crc"]), strict=True))
+    return commit if 0 < commit.sequence < _MOST_COMMITS and commit.slot == slot else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,7 +19,6 @@ from orbits.archive.schema import Layout
 from orbits.archive.storage import Storage, free_bytes, human, sync_folder
 from orbits.errors import ArchiveError, StorageError, shown
 
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _WRONG_USE = {
     errno.EACCES,
     errno.EPERM,
@@ -37,40 +37,41 @@ def partial_path(path: Path) -> Path:
 
 
 def built(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> tuple[Storage, Layout]:
-    """Make the file beside `path`, locked and with all of its room; nothing is left behind where that fails."""
+    """Make the file beside `path`, locked and with all of its room; nothing is left behind where that fails.
+
+    It has the permissions of the file that it will replace, if there is one.
+    """
     for name, array in checkpoint.items():
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or "/" in name or name in ("", "."):
             raise ArchiveError(f"checkpoint {name!r} is {shown(array)}; expected an array of numbers and a plain name.")
     needed = schema.bytes_needed(header, checkpoint)
     partial = partial_path(path)
     storage = _fresh(partial, path, needed)
-    with discarded_on_failure(storage, partial):
-        try:
+    try:
+        with discarded_on_failure(storage, partial):
             free = free_bytes(path.parent)
             if needed > free:
                 raise _no_room(path, needed, free)
-            schema.write(partial, header, checkpoint)
+            image = schema.image(header, checkpoint)
+            needed = image.size
+            storage.resize(needed)
             storage.reserve()
+            for offset, data in image.written():
+                storage.write(offset, data)
             storage.sync()
-        except (OSError, RuntimeError) as error:
-            raise _failure(error, path, needed) from error
-        _, layout = schema.read(storage, partial)
+            _, layout = schema.read(storage, partial)
+    except OSError as error:
+        # Only here, where the unfinished file is gone again, does the device say what is free without it.
+        raise _failure(error, path, needed) from error
     return storage, layout
 
 
 def _fresh(partial: Path, path: Path, needed: int) -> Storage:
     """Open a new, empty, locked file; what a run that was killed while creating left there is thrown away."""
     try:
-        with suppress(FileNotFoundError):
-            # Never written to: it may be another name of a file that has long become an archive.
-            stale = Storage(partial, os.O_RDWR)
-            unused = stale.lock()
-            if unused:
-                partial.unlink()
-            stale.close()
-            if not unused:
-                raise busy(path)
-        storage = Storage(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL)
+        _clear(partial, path)
+        kept = os.stat(path) if os.path.lexists(path) else None
+        storage = Storage(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666 if kept is None else 0o600)
     except FileExistsError:
         raise busy(path) from None
     except OSError as error:
@@ -78,7 +79,32 @@ def _fresh(partial: Path, path: Path, needed: int) -> Storage:
     if not (storage.lock() and storage.is_at(partial)):
         storage.close()
         raise busy(path)
+    if kept is not None:
+        storage.become(kept)
     return storage
+
+
+def _clear(partial: Path, path: Path) -> None:
+    """Take away what stands where the file is to be made, unless another run is making it."""
+    try:
+        kind = os.lstat(partial).st_mode
+    except FileNotFoundError:
+        return
+    if stat.S_ISLNK(kind):
+        # No run makes a link there, and what it leads to, if anything, is none of ours.
+        partial.unlink()
+        return
+    if not stat.S_ISREG(kind):
+        raise ArchiveError(f"{partial} is in the way: {path} is made there first. Remove it, or choose another path.")
+    with suppress(FileNotFoundError):
+        # Never written to: it may be another name of a file that has long become an archive.
+        stale = Storage(partial, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
+        unused = stale.lock()
+        if unused:
+            partial.unlink()
+        stale.close()
+        if not unused:
+            raise busy(path)
 
 
 @contextmanager
@@ -114,7 +140,7 @@ def take_name(storage: Storage, path: Path, overwrite: bool) -> None:
     except FileExistsError:
         raise _exists(path) from None
     except OSError as error:
-        raise _failure(error, path, 0) from error
+        raise _failure(error, path, storage.size) from error
     sync_folder(path.parent)
 
 
@@ -140,16 +166,38 @@ def check_target(path: Path, overwrite: bool) -> None:
         raise busy(path)
 
 
-def _failure(error: OSError | RuntimeError, path: Path, needed: int) -> ArchiveError | StorageError:
+def _failure(error: OSError, path: Path, needed: int) -> ArchiveError | StorageError:
     """Say in words why a file could not be made: a wrong path, or a device that fails."""
-    number = getattr(error, "errno", None)
-    if number in _FULL:
+    number = error.errno
+    reason = os.strerror(number) if number else str(error)
+    if number == errno.EFBIG:
+        most = _largest_file()
+        if most is None:
+            limit, remedy = "the file system takes no file of that size", "choose another disk"
+        else:
+            limit, remedy = f"this process may write no file larger than {human(most)}", "raise the limit (ulimit -f)"
+        return StorageError(f"{path} needs {human(needed)}, but {limit}. Take fewer samples, or {remedy}.")
+    if number == errno.EDQUOT:
+        return StorageError(
+            f"{path} needs {human(needed)}, more than your quota leaves in {path.parent}. Take fewer samples or choose "
+            "another disk."
+        )
+    if number == errno.ENOSPC:
         with suppress(OSError):
             return _no_room(path, needed, free_bytes(path.parent))
-    reason = os.strerror(number) if number else str(error).strip().partition("\n")[0]
     if number in _WRONG_USE:
         return ArchiveError(f"{path} cannot be written ({reason}); choose another path or mend its permissions.")
     return StorageError(f"{path} could not be made ({reason}); nothing was left behind.")
+
+
+def _largest_file() -> int | None:
+    """Return the largest file in bytes that this process may write, or None where there is no such limit."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    most = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return None if most == resource.RLIM_INFINITY else most
 
 
 def _no_room(path: Path, needed: int, free: int) -> StorageError:

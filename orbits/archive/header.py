@@ -16,12 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
-from orbits.errors import ArchiveError, shown
+from orbits.errors import ArchiveError, InputError, shown
 
 if TYPE_CHECKING:
     from orbits.system import System
 
 Item = str | float | list[str] | NDArray[np.float64]
+
+_KINDS = {str: "a text", float: "a number", list: "a list of names", np.ndarray: "an array of numbers"}
+_MOST_DAYS = 1e9  # far beyond any ephemeris; a Time of more days is not to be made
+_MOST_STEPS = 2.0**53
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class Header:
     times : (samples,) times of the samples since the epoch, in the same unit
     provenance : versions and processor, as words
     certificate : what was measured of the integrator on this system before the run, as JSON; "" if nothing was
+
+    Raises ArchiveError for what no run has: a step of 0, times that do not go on in the direction of the step, ...
     """
 
     system: System
@@ -42,6 +48,12 @@ class Header:
     times: NDArray[np.float64]
     provenance: Mapping[str, str]
     certificate: str = ""
+
+    def __post_init__(self) -> None:
+        _check_integrator(self.integrator)
+        _check_times(self.times, self.dt)
+        if self.certificate and not isinstance(_from_json(self.certificate, "the certificate"), dict):
+            raise ArchiveError(f"the certificate is {shown(self.certificate)}; expected a JSON object.")
 
 
 def to_items(header: Header) -> dict[str, Item]:
@@ -97,29 +109,40 @@ def to_items(header: Header) -> dict[str, Item]:
 
 
 def from_items(items: Mapping[str, Any]) -> Header:
-    """Build the header again, exactly. Raises whatever a wrong item raises."""
+    """Build the header again, exactly. Raises ArchiveError, naming the item, for items that no run writes."""
     from astropy.time import Time
 
     from orbits.system import System
 
-    units = unit_system_from_text(items["units@definition"])
+    units = unit_system_from_text(_item(items, "units@definition", str))
     epoch = None
     if "system@epoch_jd1" in items:
-        epoch = Time(items["system@epoch_jd1"], items["system@epoch_jd2"], format="jd", scale="tdb")
+        days = [_item(items, f"system@epoch_jd{part}", float) for part in (1, 2)]
+        if not all(abs(day) < _MOST_DAYS for day in days):
+            raise ArchiveError(f"system@epoch_jd1 and system@epoch_jd2 are {days}; expected a Julian date.")
+        epoch = Time(*days, format="jd", scale="tdb")
         epoch.format = "iso"
-    system = System.from_states(
-        items["system/names"],
-        items["system/gm"],
-        items["system/q"],
-        items["system/v"],
-        epoch=epoch,
-        units=units,
-        radii=items.get("system/radii"),
-        softening=items["system@softening"],
+    try:
+        system = System.from_states(
+            _item(items, "system/names", list),
+            _item(items, "system/gm", np.ndarray),
+            _item(items, "system/q", np.ndarray),
+            _item(items, "system/v", np.ndarray),
+            epoch=epoch,
+            units=units,
+            radii=_item(items, "system/radii", np.ndarray) if "system/radii" in items else None,
+            softening=_item(items, "system@softening", float),
+        )
+    except InputError as error:
+        raise error if isinstance(error, ArchiveError) else ArchiveError(f"its system cannot be: {error}") from error
+    return Header(
+        system,
+        _from_json(_item(items, "@integrator", str), "@integrator"),
+        _item(items, "@dt", float),
+        _item(items, "times", np.ndarray),
+        {name.partition("@")[2]: _item(items, name, str) for name in items if name.startswith("provenance@")},
+        _item(items, "@certificate", str) if "@certificate" in items else "",
     )
-    provenance = {name.partition("@")[2]: text for name, text in items.items() if name.startswith("provenance@")}
-    certificate = str(items.get("@certificate", ""))
-    return Header(system, json.loads(items["@integrator"]), items["@dt"], items["times"], provenance, certificate)
 
 
 def checksum(items: Mapping[str, Item]) -> str:
@@ -136,6 +159,51 @@ def checksum(items: Mapping[str, Item]) -> str:
             kind, data = type(item).__name__, json.dumps(item).encode()
         digest.update(json.dumps([name, kind, len(data)]).encode() + data)
     return digest.hexdigest()
+
+
+def _item(items: Mapping[str, Any], name: str, kind: type) -> Any:
+    """Return an item of that type."""
+    if name not in items:
+        raise ArchiveError(f"its header has no {name}.")
+    if not isinstance(items[name], kind):
+        raise ArchiveError(f"{name} is {shown(items[name])}; expected {_KINDS[kind]}.")
+    return items[name]
+
+
+def _from_json(text: str, what: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ArchiveError(f"{what} is {shown(text)}, which is no JSON ({str(error)[:200]}).") from error
+
+
+def _check_integrator(integrator: Any) -> None:
+    """Refuse what `orbits.integrators.describe` never returns."""
+    named = isinstance(integrator, Mapping) and isinstance(integrator.get("name"), str)
+    parameters = integrator.get("parameters", {}) if named else None
+    if not isinstance(parameters, Mapping) or not all(isinstance(name, str) for name in parameters):
+        raise ArchiveError(
+            f"integrator is {shown(integrator)}; expected a name and parameters, as orbits.integrators.describe gives "
+            "them."
+        )
+
+
+def _check_times(times: NDArray[np.float64], dt: float) -> None:
+    if not np.isfinite(dt) or dt == 0.0:
+        raise ArchiveError(f"dt is {dt}; expected a step that is finite and not 0.")
+    if times.ndim != 1 or not times.size or not np.isfinite(times).all():
+        raise ArchiveError(f"times have shape {times.shape}; expected at least one time, all finite.")
+    onward = times * np.sign(dt)
+    disorder = np.flatnonzero(np.diff(onward) <= 0.0)
+    if onward[0] < 0.0 or disorder.size:
+        k = int(disorder[0]) + 1 if onward[0] >= 0.0 else 0
+        raise ArchiveError(
+            f"times[{k}] is {times[k]:g}; expected times from 0 on, in ascending order in the direction of dt = {dt:g}."
+        )
+    with np.errstate(over="ignore"):
+        steps = onward[-1] / abs(dt)
+    if not steps <= _MOST_STEPS:
+        raise ArchiveError(f"the last of times is {steps:.3g} steps of dt = {dt:g} away; at most 2^53 are possible.")
 
 
 def _unit_text(unit: Any) -> str:

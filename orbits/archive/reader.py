@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import zlib
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
@@ -13,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.archive import schema
-from orbits.archive.commits import CHUNK, ROW, ROW_BYTES, SLOTS, Commit, decoded, spans
+from orbits.archive.chunks import Chunks, samples_crc, whole_chunks
+from orbits.archive.commits import CHUNK, ROW, ROW_BYTES, SLOTS, Commit, decoded
+from orbits.archive.creation import busy
 from orbits.archive.header import Header
 from orbits.archive.samples import Samples
 from orbits.archive.schema import Layout
 from orbits.archive.storage import Storage, raw_bytes
-from orbits.errors import ArchiveError, StorageError
+from orbits.errors import ArchiveError
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -40,7 +43,7 @@ class Archive:
     use it in a `with` statement, to give the file back.
 
     times : (n,) float64, since the epoch; all that were asked for, of which `committed` are there
-    q, v : (committed, bodies, 3) float64, read where they are indexed
+    q, v : (committed, bodies, 3) float64, read where they are indexed, and checked there when they are first read
     dt : the signed step
 
     All of these are in the units of `system`, the state at the start.
@@ -52,20 +55,20 @@ class Archive:
         path: Path,
         header: Header,
         layout: Layout,
-        chunks: NDArray[Any],
+        chunks: Chunks,
         checkpoint: Checkpoint | None,
-        sequence: int,
+        commit: Commit | None,
     ) -> None:
         self._storage = storage
         self._header = header
         self._chunks = chunks
         self._checkpoint = checkpoint
+        self._commit = commit
         self.path = path
         self.layout = layout
-        self.sequence = sequence
-        self.committed = int(chunks["samples"][-1]) if len(chunks) else 0
-        self.q = Samples(storage, layout.q, self.committed)
-        self.v = Samples(storage, layout.v, self.committed)
+        self.committed = chunks.samples
+        self.q = Samples(storage, layout.q, chunks)
+        self.v = Samples(storage, layout.v, chunks)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, salvage: bool = False) -> Self:
@@ -84,29 +87,59 @@ class Archive:
             raise
 
     @classmethod
+    def claim(cls, path: str | os.PathLike[str]) -> Self:
+        """Open the archive at `path` to go on with it: no other writer has it from here until it is closed or released.
+
+        All of its samples are checked. Raises ArchiveError as `open` does, for any damage, and where another run is
+        writing the file.
+        """
+        place = schema.resolved(path)
+        storage = opened(place, os.O_RDWR)
+        try:
+            if not storage.lock():
+                raise busy(place)
+            # What the file holds is read from here on, behind the lock: nobody can add to it meanwhile.
+            archive = cls._of(storage, place)
+            archive.verify()
+            return archive
+        except BaseException:
+            storage.close()
+            raise
+
+    @classmethod
+    def after(cls, storage: Storage, path: Path, header: Header, layout: Layout, commit: Commit) -> Self:
+        """Return what an open file holds after a commit; what is written to it later does not show.
+
+        Raises ArchiveError where that is damaged.
+        """
+        try:
+            return cls(storage, path, header, layout, *_checked(storage, path, layout, commit), commit)
+        except _DamageError as damage:
+            raise _damaged(path, damage) from None
+
+    @classmethod
     def _of(cls, storage: Storage, path: Path, *, salvage: bool = False) -> Self:
         header, layout = schema.read(storage, path)
         if not storage.is_at(path):
             raise ArchiveError(f"{path} was replaced by another file while it was opened; open it again.")
         if salvage:
-            return cls(storage, path, header, layout, _whole_chunks(storage, layout), None, 0)
+            chunks = Chunks(storage, path, layout, whole_chunks(storage, layout))
+            return cls(storage, path, header, layout, chunks, None, None)
         for _ in range(_ATTEMPTS):
             commit = _last_commit(storage, layout)
             if commit is None:
                 raise ArchiveError(
-                    f"{path} holds no commit: the run stopped before its first one, so there is nothing to read or to "
-                    "resume. Start it again with overwrite=True."
+                    f"{path} holds no commit that is whole, so there is nothing to resume. Restore it from a copy, "
+                    "read what is whole with orbits.Archive.open(path, salvage=True), or start the run again with "
+                    "overwrite=True."
                 )
             try:
-                return cls(storage, path, header, layout, *_checked(storage, layout, commit), commit.sequence)
+                return cls(storage, path, header, layout, *_checked(storage, path, layout, commit), commit)
             except _DamageError as damage:
                 found = damage
                 if _last_commit(storage, layout) == commit:
                     break
-        raise ArchiveError(
-            f"{path} is damaged: {found}. Restore it from a copy, or read what is whole with "
-            "orbits.Archive.open(path, salvage=True)."
-        )
+        raise _damaged(path, found)
 
     @property
     def system(self) -> System:
@@ -151,17 +184,27 @@ class Archive:
 
     def verify(self) -> None:
         """Read everything that was committed and check it. Raises ArchiveError naming the samples that are damaged."""
-        for first, end, crc in spans(self._chunks):
-            if samples_crc(self._storage, self.layout, first, end) != crc:
-                raise ArchiveError(
-                    f"{self.path} is damaged: samples {first} to {end - 1} do not hold their checksum. Restore it from "
-                    "a copy, or read what is whole with orbits.Archive.open(path, salvage=True)."
-                )
+        self._chunks.check_all()
 
     @property
     def chunks(self) -> NDArray[Any]:
         """The committed rows of the table of chunks."""
-        return self._chunks.copy()
+        return self._chunks.table.copy()
+
+    @property
+    def last(self) -> Commit:
+        """The commit that it stands at. Raises ArchiveError if salvaged."""
+        if self._commit is None:
+            raise ArchiveError(f"{self.path} was opened to salvage its samples; it cannot be resumed.")
+        return self._commit
+
+    def parts(self) -> tuple[Storage, Header, Layout]:
+        """Return what a writer goes on with: the open file, what it says of the run, and where its arrays are."""
+        return self._storage, self._header, self.layout
+
+    def release(self) -> None:
+        """Let other writers have the file; this one goes on reading."""
+        self._storage.unlock()
 
     def close(self) -> None:
         """Give the file back; what was read stays usable."""
@@ -196,20 +239,20 @@ def opened(path: Path, flags: int) -> Storage:
     return storage
 
 
-def samples_crc(storage: Storage, layout: Layout, first: int, end: int) -> int:
-    """CRC-32 of the q of samples first ... end - 1, continued over their v."""
-    row = layout.q.shape[1] * 24
-    crc = storage.checksum(layout.q.offset + first * row, (end - first) * row)
-    return storage.checksum(layout.v.offset + first * row, (end - first) * row, crc)
-
-
 def _last_commit(storage: Storage, layout: Layout) -> Commit | None:
     rows = (storage.read(layout.commits.offset + slot * ROW.itemsize, ROW_BYTES) for slot in range(SLOTS))
     commits = [commit for slot, row in enumerate(rows) if (commit := decoded(row, slot)) is not None]
     return max(commits, key=lambda commit: commit.sequence, default=None)
 
 
-def _checked(storage: Storage, layout: Layout, commit: Commit) -> tuple[NDArray[Any], Checkpoint]:
+def _damaged(path: Path, found: _DamageError) -> ArchiveError:
+    return ArchiveError(
+        f"{path} is damaged: {found}. Restore it from a copy, or read what is whole with "
+        "orbits.Archive.open(path, salvage=True)."
+    )
+
+
+def _checked(storage: Storage, path: Path, layout: Layout, commit: Commit) -> tuple[Chunks, Checkpoint]:
     """Return chunks and checkpoint of a commit; raise _DamageError where they are not what was committed."""
     capacity = layout.q.shape[0]
     if commit.chunks > capacity or commit.samples > capacity:
@@ -217,11 +260,11 @@ def _checked(storage: Storage, layout: Layout, commit: Commit) -> tuple[NDArray[
     table = storage.read(layout.chunks.offset, commit.chunks * CHUNK.itemsize)
     if zlib.crc32(table) != commit.chunks_crc:
         raise _DamageError("the table of chunks does not hold its checksum")
-    chunks = np.frombuffer(bytes(table), dtype=CHUNK)
-    if len(chunks):
-        first, end, crc = spans(chunks[-2:])[-1]
-        if not first < end == commit.samples or samples_crc(storage, layout, first, end) != crc:
-            raise _DamageError(f"samples {first} to {end - 1} do not hold their checksum")
+    rows = np.frombuffer(bytes(table), dtype=CHUNK)
+    ends = [0, *rows["samples"].tolist()]
+    if ends[-1] != commit.samples or any(first >= end for first, end in pairwise(ends)):
+        raise _DamageError(f"the table of chunks is not one of {commit.samples} samples")
+    chunks = Chunks(storage, path, layout, rows)
     checkpoint: Checkpoint = {}
     checkpoint_crc = 0
     for name, place in layout.checkpoints[commit.slot].items():
@@ -232,19 +275,8 @@ def _checked(storage: Storage, layout: Layout, commit: Commit) -> tuple[NDArray[
         checkpoint[name] = array
     if checkpoint_crc != commit.checkpoint_crc:
         raise _DamageError("the checkpoint does not hold its checksum")
+    if len(ends) > 1:
+        first, end = ends[-2:]
+        if samples_crc(storage, layout, first, end) != int(rows["crc"][-1]):
+            raise _DamageError(f"samples {first} to {end - 1} do not hold their checksum")
     return chunks, checkpoint
-
-
-def _whole_chunks(storage: Storage, layout: Layout) -> NDArray[Any]:
-    """Return the chunks from the first one on that hold their checksums, whatever the commits say."""
-    capacity = layout.q.shape[0]
-    table = np.frombuffer(bytes(storage.read(layout.chunks.offset, layout.chunks.size)), dtype=CHUNK)
-    whole = first = 0
-    for end, crc in zip(table["samples"].tolist(), table["crc"].tolist(), strict=True):
-        try:
-            if not first < end <= capacity or samples_crc(storage, layout, first, end) != crc:
-                break
-        except (ArchiveError, StorageError):
-            break
-        whole, first = whole + 1, end
-    return table[:whole]

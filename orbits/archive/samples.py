@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.archive.chunks import Chunks
 from orbits.archive.schema import Place
 from orbits.archive.storage import Storage, raw_bytes
 
@@ -18,17 +19,19 @@ Floats = NDArray[np.float64]
 class Samples:
     """The committed rows of /q or /v: `samples[10:20]`, `samples[:, massive]`, `samples[-1, 3]` as in NumPy.
 
-    Every access reads from the file into an array of its own, so memory is bounded by what one access asks for.
+    Every access reads from the file into an array of its own, so memory is bounded by what one access asks for. Raises
+    ArchiveError where a chunk that something is read from does not hold its checksum.
     """
 
     dtype = np.dtype(np.float64)
     ndim = 3
 
-    def __init__(self, storage: Storage, place: Place, count: int) -> None:
+    def __init__(self, storage: Storage, place: Place, chunks: Chunks) -> None:
         self._storage = storage
+        self._chunks = chunks
         self._offset = place.offset
         self._row = place.shape[1] * 24
-        self.shape = (count, *place.shape[1:])
+        self.shape = (chunks.samples, *place.shape[1:])
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -58,10 +61,15 @@ class Samples:
         data = self._read(samples, first, end)
         return data[(in_samples(samples), in_bodies(np.arange(first, end)), *index[2:])]
 
+    def __reduce__(self) -> Any:
+        """Copy and pickle as the array that it looks like."""
+        return np.array, (self[:],)
+
     def mapped(self) -> Floats:
-        """Return all samples as a read-only array that the operating system reads in as it is used."""
+        """Return all samples, checked, as a read-only array that the operating system reads in as it is used."""
         if not self.size:
             return np.empty(self.shape)
+        self._chunks.check(np.arange(len(self)))
         with os.fdopen(os.dup(self._storage.fileno()), "rb") as file:
             pages = np.memmap(file, dtype="<f8", mode="r", offset=self._offset, shape=self.shape)
         return pages.view(np.ndarray)
@@ -70,6 +78,7 @@ class Samples:
         """Read bodies first ... end - 1 of these samples, which are in ascending order."""
         out = np.empty((len(samples), end - first, 3), dtype="<f8")
         if out.size:
+            self._chunks.check(samples)
             whole_rows = end - first == self.shape[1]
             breaks = np.flatnonzero(np.diff(samples) != 1) + 1 if whole_rows else np.arange(1, len(samples))
             for run_start, run_end in zip([0, *breaks], [*breaks, len(samples)], strict=True):

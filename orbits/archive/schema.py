@@ -18,6 +18,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +28,17 @@ from numpy.typing import NDArray
 from orbits.archive import header as headers
 from orbits.archive.commits import CHUNK, ROW, SLOTS
 from orbits.archive.header import Header, Item
+from orbits.archive.sparse import SparseFile, StoredFile
 from orbits.archive.storage import Storage
-from orbits.errors import ArchiveError, shown
+from orbits.errors import ArchiveError, StorageError, shown
 
 SCHEMA = "1"
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # Checksums on HDF5's own metadata, no flag that stays set when a writer is killed, readable by HDF5 1.8 and later.
 _LIBVER = ("v108", "v108")
-# Places that writers and memory maps like; applies to everything of at least a page.
-_ALIGNMENT = 4096
+# Everything begins with a line of the cache: memory maps give aligned floats, and no commit row crosses a page.
+_ALIGNMENT = 64
 
 
 @dataclass(frozen=True)
@@ -71,18 +73,17 @@ def bytes_needed(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> int:
     return samples * per_sample + SLOTS * (ROW.itemsize + sum(array.nbytes for array in checkpoint.values()))
 
 
-def write(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> None:
-    """Create the file, or empty the one that is there, with all of the header and room for all that is to come.
+def image(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> SparseFile:
+    """Return the file as it is to begin, with all of the header and room for all that is to come.
 
-    Raises ArchiveError for what HDF5 cannot hold, and what h5py raises when writing fails.
+    Raises ArchiveError for what HDF5 cannot hold.
     """
     import h5py
 
     items = headers.to_items(header)
     shape = (len(header.times), len(header.system), 3)
-    with h5py.File(
-        path, "w", libver=_LIBVER, locking=False, alignment_threshold=_ALIGNMENT, alignment_interval=_ALIGNMENT
-    ) as file:
+    made = SparseFile()
+    with h5py.File(made, "w", libver=_LIBVER, alignment_threshold=1, alignment_interval=_ALIGNMENT) as file:
         for name, text in (
             ("@orbits", SCHEMA),
             ("@header_checksum", headers.checksum(items)),
@@ -100,6 +101,7 @@ def write(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) ->
         for name, unit in (("q", "system/q@unit"), ("v", "system/v@unit")):
             _preallocate(file, name, shape, np.dtype("<f8"))
             _write_item(file, f"{name}@unit", items[unit])
+    return made
 
 
 def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
@@ -114,25 +116,38 @@ def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
     if bytes(storage.read(0, min(len(_SIGNATURE), storage.size))) != _SIGNATURE:
         raise ArchiveError(f"{path} is not an HDF5 file; expected an archive that orbits.propagate(archive=...) wrote.")
     try:
-        with h5py.File(path, "r", locking=False) as file:
+        with h5py.File(StoredFile(storage), "r") as file:
             _check_schema(file, path)
             names = json.loads(_text(file.attrs["header_items"]))
-            items: dict[str, Item] = {name: _read_item(file, name) for name in names}
+            items: dict[str, Item] = {name: _read_item(file, name, storage.size) for name in names}
             if headers.checksum(items) != _text(file.attrs["header_checksum"]):
                 raise ValueError("the header does not hold its checksum")
-            found = headers.from_items(items)
+            try:
+                found = headers.from_items(items)
+            except ArchiveError as error:
+                raise ArchiveError(f"{path} is not as a run writes it: {error} Restore it from a copy.") from error
             layout = _layout(file, (len(found.times), len(found.system), 3), path)
-    except ArchiveError:
+    except (ArchiveError, StorageError):
         raise
     # HDF5 reports damage as OSError, KeyError, ValueError, RuntimeError and more, depending on where it sits.
     except Exception as error:
-        reason = str(error).strip().partition("\n")[0]
+        reason = str(error).strip().partition("\n")[0][:300] or type(error).__name__
         kind = "truncated" if "truncated" in reason else "damaged"
         raise ArchiveError(f"{path} is {kind} ({reason}). Restore it from a copy.") from error
-    end = max(place.offset + place.size for place in (layout.q, layout.v, layout.chunks, layout.commits))
-    if end > storage.size:
-        raise ArchiveError(f"{path} is truncated: {storage.size} of {end} bytes are there. Restore it from a copy.")
+    _check_places(layout, storage.size, path)
     return found, layout
+
+
+def _check_places(layout: Layout, size: int, path: Path) -> None:
+    """Refuse arrays that do not lie in the file, or that lie in one another: writing one would change the other."""
+    places = [layout.q, layout.v, layout.chunks, layout.commits]
+    places += [place for slot in layout.checkpoints for place in slot.values()]
+    taken = sorted((place.offset, place.offset + place.size) for place in places if place.size)
+    end = taken[-1][1]
+    if end > size:
+        raise ArchiveError(f"{path} is truncated: {size} of {end} bytes are there. Restore it from a copy.")
+    if any(first_end > second for (_, first_end), (second, _) in pairwise(taken)):
+        raise ArchiveError(f"{path} is damaged (two of its arrays lie in one another). Restore it from a copy.")
 
 
 def _check_schema(file: Any, path: Path) -> None:
@@ -163,11 +178,13 @@ def _preallocate(group: Any, name: str, shape: tuple[int, ...], dtype: np.dtype[
 
 def _layout(file: Any, shape: tuple[int, int, int], path: Path) -> Layout:
     def place(name: str, shape: tuple[int, ...] | None, dtype: np.dtype[Any] | None) -> Place:
-        dataset = file[name]
+        dataset = _own(file, name)
         if shape is not None and dataset.shape != shape:
             raise ValueError(f"{name} has shape {dataset.shape}, expected {shape}")
         if dtype is not None and dataset.dtype != dtype:
             raise ValueError(f"{name} has type {dataset.dtype}, expected {dtype}")
+        if dtype is None and dataset.dtype.kind not in "biuf":
+            raise ValueError(f"{name} has type {dataset.dtype}, expected numbers")
         offset = dataset.id.get_offset()
         if offset is None and dataset.size:
             raise ArchiveError(
@@ -177,7 +194,7 @@ def _layout(file: Any, shape: tuple[int, int, int], path: Path) -> Layout:
         return Place(offset or 0, dataset.shape, dataset.dtype)
 
     checkpoints = tuple(
-        {name: place(f"checkpoints/{slot}/{name}", None, None) for name in sorted(file[f"checkpoints/{slot}"])}
+        {name: place(f"checkpoints/{slot}/{name}", None, None) for name in sorted(_own(file, f"checkpoints/{slot}"))}
         for slot in range(SLOTS)
     )
     floats = np.dtype("<f8")
@@ -216,15 +233,31 @@ def _fixed(text: str | list[str]) -> NDArray[Any]:
     return encoded.astype(h5py.string_dtype("utf-8", max(1, encoded.dtype.itemsize)))
 
 
-def _read_item(file: Any, name: str) -> Item:
+def _read_item(file: Any, name: str, most: int) -> Item:
     place, at, attribute = name.partition("@")
     if at:
-        value = file[place or "/"].attrs[attribute]
+        value = _own(file, place).attrs[attribute]
         return float(value) if isinstance(value, np.floating) else _text(value)
-    dataset = file[name]
+    dataset = _own(file, name)
+    if dataset.nbytes > most:
+        raise ValueError(f"{name} claims {dataset.nbytes} bytes in a file of {most}")
     if dataset.dtype.kind == "f":
         return np.asarray(dataset[()], dtype=np.float64)
     return [str(text) for text in dataset.asstr()[()]]
+
+
+def _own(file: Any, name: str) -> Any:
+    """Return an object that lies in this very file: no link leads to it, and its bytes are not elsewhere."""
+    import h5py
+
+    found = file
+    for part in filter(None, name.split("/")):
+        if found.id.links.get_info(part.encode()).type != h5py.h5l.TYPE_HARD:
+            raise ValueError(f"{name} is a link; expected what a run wrote into this file")
+        found = found[part]
+    if isinstance(found, h5py.Dataset) and (found.external or found.is_virtual):
+        raise ValueError(f"the bytes of {name} are in another file")
+    return found
 
 
 def _text(value: Any) -> str:

@@ -11,6 +11,7 @@ import os
 import struct
 import weakref
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,10 @@ except ImportError:  # no locks on this platform
     fcntl = None  # type: ignore[assignment]
 
 BLOCK = 1 << 24
-"""Bytes that are read, copied or checked at a time."""
+"""Bytes that are read or copied at a time."""
+
+CHECKED = 1 << 18
+"""Bytes that are checked at a time: they are still in the processor's cache when their checksum is taken."""
 
 _LOCKED = {errno.EACCES, errno.EAGAIN}
 _NO_FALLOCATE = {errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
@@ -34,10 +38,10 @@ _NO_FALLOCATE = {errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
 class Storage:
     """An open file. Reads raise ArchiveError where the file is too short, StorageError where the device fails."""
 
-    def __init__(self, path: Path, flags: int) -> None:
-        """Open `path` with the flags of os.open; an OSError is the caller's to translate."""
+    def __init__(self, path: Path, flags: int, mode: int = 0o666) -> None:
+        """Open `path` with the flags and the mode of os.open; an OSError is the caller's to translate."""
         self.path = path
-        self._descriptor = os.open(path, flags | getattr(os, "O_CLOEXEC", 0), 0o666)
+        self._descriptor = os.open(path, flags | getattr(os, "O_CLOEXEC", 0), mode)
         self._closer = weakref.finalize(self, os.close, self._descriptor)
 
     def fileno(self) -> int:
@@ -56,11 +60,16 @@ class Storage:
         return os.fstat(self.fileno()).st_size
 
     def is_at(self, path: Path) -> bool:
-        """Whether `path` is this very file, not another one that took its name meanwhile."""
+        """Whether `path` leads to this very file, not to nothing or to another one that took its name meanwhile."""
         try:
             return os.path.samestat(os.stat(path), os.fstat(self.fileno()))
-        except FileNotFoundError:
+        except OSError:
             return False
+
+    @property
+    def deleted(self) -> bool:
+        """Whether the file has no name any more, and goes when it is closed."""
+        return os.fstat(self.fileno()).st_nlink == 0
 
     def lock(self) -> bool:
         """Claim the file for writing; False where another writer has it. Readers are not kept out.
@@ -71,14 +80,23 @@ class Storage:
         if fcntl is None:
             return True
         try:
-            if hasattr(fcntl, "F_OFD_SETLK"):
-                whole_file = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
-                fcntl.fcntl(self.fileno(), fcntl.F_OFD_SETLK, whole_file)
-            else:
-                fcntl.flock(self.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._set_lock("F_WRLCK", fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             return error.errno not in _LOCKED
         return True
+
+    def unlock(self) -> None:
+        """Let other writers have the file, which stays open."""
+        if fcntl is not None:
+            with suppress(OSError):
+                self._set_lock("F_UNLCK", fcntl.LOCK_UN)
+
+    def _set_lock(self, kind: str, otherwise: int) -> None:
+        if hasattr(fcntl, "F_OFD_SETLK"):
+            whole_file = struct.pack("hhqqi4x", getattr(fcntl, kind), os.SEEK_SET, 0, 0, 0)
+            fcntl.fcntl(self.fileno(), fcntl.F_OFD_SETLK, whole_file)
+        else:
+            fcntl.flock(self.fileno(), otherwise)
 
     def read(self, offset: int, size: int) -> bytearray:
         """Return `size` bytes at `offset`."""
@@ -103,8 +121,11 @@ class Storage:
 
     def checksum(self, offset: int, size: int, start: int = 0) -> int:
         """CRC-32 of `size` bytes at `offset`, continued from `start`, read in blocks."""
-        for place in range(offset, offset + size, BLOCK):
-            start = zlib.crc32(self.read(place, min(BLOCK, offset + size - place)), start)
+        buffer = memoryview(bytearray(min(CHECKED, size)))
+        for place in range(offset, offset + size, CHECKED):
+            block = buffer[: offset + size - place]
+            self.read_into(block, place)
+            start = zlib.crc32(block, start)
         return start
 
     def write(self, offset: int, data: memoryview | bytes | bytearray) -> None:
@@ -116,6 +137,19 @@ class Storage:
 
     def _write_some(self, offset: int, data: memoryview) -> int:
         return os.pwrite(self.fileno(), data, offset)
+
+    def become(self, like: os.stat_result) -> None:
+        """Take over the owner, as far as that is allowed, and the permissions of another file."""
+        with suppress(OSError):
+            os.fchown(self.fileno(), like.st_uid, like.st_gid)
+        same_group = os.fstat(self.fileno()).st_gid == like.st_gid
+        with suppress(OSError):
+            # What was granted to a group that the file cannot be given to is granted to no other one.
+            os.fchmod(self.fileno(), like.st_mode & (0o777 if same_group else 0o707))
+
+    def resize(self, size: int) -> None:
+        """Make the file end after `size` bytes; OSError is the caller's to translate."""
+        os.ftruncate(self.fileno(), size)
 
     def sync(self) -> None:
         """Return when all that was written has reached the device; OSError is the caller's to translate."""

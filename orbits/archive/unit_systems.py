@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
-from orbits.errors import ArchiveError
+from orbits.errors import ArchiveError, shown
 from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
 
+_LONGEST = 1000  # characters: astropy takes its time with what is longer
 _KINDS = ("length", "time", "mass")
 
 
@@ -23,13 +25,25 @@ def unit_system_to_text(units: UnitSystem) -> str:
 
 
 def unit_system_from_text(text: str) -> UnitSystem:
-    """Return the unit system that `unit_system_to_text` wrote: the package's own ones themselves."""
+    """Return the unit system that `unit_system_to_text` wrote: the package's own ones themselves.
+
+    Raises ArchiveError for a text that it did not write.
+    """
     for known in (SOLAR, DIMENSIONLESS):
         if unit_system_to_text(known) == text:
             return known
-    definition = json.loads(text)
-    units = {kind: _unit_from_dict(definition[kind]) for kind in _KINDS}
-    return UnitSystem(definition["name"], **units, G=definition["G"])
+    try:
+        definition = json.loads(text)
+        units = {kind: _unit_from_dict(definition[kind]) for kind in _KINDS}
+        G = float(definition["G"])
+        if not math.isfinite(G):
+            raise ValueError(f"G is {G}")
+        return UnitSystem(str(definition["name"]), **units, G=G)
+    # A text that somebody made up: astropy meets it with nearly every kind of exception.
+    except Exception as error:
+        raise ArchiveError(
+            f"the units are {shown(text)}, which define no unit system ({type(error).__name__}: {str(error)[:200]})."
+        ) from error
 
 
 def _unit_to_dict(unit: Any) -> dict[str, Any]:
@@ -59,6 +73,8 @@ def _unit_from_dict(stored: dict[str, Any]) -> Any:
     from astropy import units as u
 
     name, (factor, powers) = stored["name"], stored["written"]
+    if len(name) > _LONGEST or len(powers) > _LONGEST:
+        raise ValueError(f"a unit with a name of {len(name)} characters and {len(powers)} parts")
     for read, arguments in ((u.Unit, [name]), (_product, [factor, powers])):
         try:
             unit: Any = read(*arguments)

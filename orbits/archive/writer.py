@@ -1,16 +1,18 @@
 """Writing an archive so that it survives being stopped anywhere.
 
-Creation happens under another name and ends in a rename. After it a commit writes, in this order: the new samples and
-their row in the table of chunks, the checkpoint into the slot that the last commit did not use; then waits until the
-device has them; then the commit row; then waits again. Whatever part of this has happened when the machine stops, the
-row of the last finished commit and all that it stands for are whole.
+Creation happens under another name, commits the start, and ends in a rename. A commit writes, in this order: the new
+samples and their row in the table of chunks, the checkpoint into the slot that the last commit did not use; then waits
+until the device has them; then the commit row; then waits again. Whatever part of this has happened when the machine
+stops, the row of the last finished commit and all that it stands for are whole.
 """
 
 from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,9 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.archive import schema
 from orbits.archive.commits import CHUNK, ROW, Commit
-from orbits.archive.creation import built, busy, check_target, discarded_on_failure, partial_path, take_name
+from orbits.archive.creation import built, check_target, discarded_on_failure, partial_path, take_name
 from orbits.archive.header import Header
-from orbits.archive.reader import Archive, Checkpoint, opened
+from orbits.archive.reader import Archive, Checkpoint
 from orbits.archive.schema import Layout
 from orbits.archive.storage import BLOCK, Storage, raw_bytes
 from orbits.errors import ArchiveError, StorageError
@@ -35,8 +37,9 @@ class ArchiveWriter:
     committed : samples that are safe; capacity : samples that there is room for
     """
 
-    def __init__(self, storage: Storage, path: Path, layout: Layout, commit: Commit) -> None:
+    def __init__(self, storage: Storage, path: Path, header: Header, layout: Layout, commit: Commit) -> None:
         self._storage = storage
+        self._header = header
         self._layout = layout
         self._last = commit
         self._unsure = False
@@ -57,11 +60,12 @@ class ArchiveWriter:
         certificate: str = "",
         overwrite: bool = False,
     ) -> Self:
-        """Create the file, with all of its room on the device, ready for the first commit.
+        """Create the file, with all of its room on the device and the start of the run committed.
 
         integrator : {"name": ..., "parameters": {...}}; dt : the step, in the system's unit of time
         times : (samples,) times of all samples to come, in the same unit; fixes the room
-        checkpoint : arrays of the names, shapes and types that commits will have; their values are not stored yet
+        checkpoint : the state to begin from, which is safe before the file takes its name; all commits will have arrays
+            of its names, shapes and types
         provenance : versions and processor, as words
         certificate : what was measured of the integrator before the run, as JSON
         overwrite : whether a file at `path` may be replaced; it stays until the new one is whole
@@ -70,25 +74,36 @@ class ArchiveWriter:
         StorageError, naming what is needed and what is free, where the device has no room.
         """
         times = np.array(times, dtype=np.float64)
-        if times.ndim != 1 or not times.size or not np.isfinite(times).all():
-            raise ArchiveError(f"times have shape {times.shape}; expected at least one time, all finite.")
         header = Header(system, dict(integrator), float(dt), times, dict(provenance), certificate)
         place = schema.resolved(path)
         check_target(place, overwrite)
-        storage, layout = built(place, header, checkpoint)
-        with discarded_on_failure(storage, partial_path(place)):
-            take_name(storage, place, overwrite)
-        return cls(storage, place, layout, Commit(0, 0, 0, 0, 0))
+        nothing = np.empty((0, len(system), 3))
+        with cls._made(place, header, checkpoint) as writer:
+            writer._write(nothing, nothing, checkpoint)
+            take_name(writer._storage, place, overwrite)
+        return writer
 
     @classmethod
     def reopen(cls, path: str | os.PathLike[str]) -> Self:
-        """Open an archive to go on after its last commit.
+        """Open an archive to go on after its last commit; raises as `Archive.claim`."""
+        return cls.going_on(Archive.claim(path))
 
-        Raises ArchiveError as `Archive.open` does, and where another run is writing the file.
-        """
-        place = schema.resolved(path)
-        storage, archive = _opened_for_writing(place)
-        return cls(storage, place, archive.layout, _commit_of(archive))
+    @classmethod
+    def going_on(cls, archive: Archive) -> Self:
+        """Go on after the last commit of an archive that was claimed; the file is this writer's from now on."""
+        storage, header, layout = archive.parts()
+        return cls(storage, archive.path, header, layout, archive.last)
+
+    @classmethod
+    @contextmanager
+    def _made(cls, path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> Iterator[Self]:
+        """Make a file beside its place; it is gone again if what is done with it fails."""
+        storage, layout = built(path, header, checkpoint)
+        with discarded_on_failure(storage, partial_path(path)):
+            try:
+                yield cls(storage, path, header, layout, Commit(0, 0, 0, 0, 0))
+            except OSError as error:
+                raise StorageError(f"{path} could not be made ({error.strerror}); nothing was left behind.") from error
 
     @property
     def committed(self) -> int:
@@ -100,22 +115,38 @@ class ArchiveWriter:
 
         q, v : (k, bodies, 3) float64; checkpoint : names, shapes and types as at creation
         Raises ArchiveError for what does not fit, StorageError where the device does not take it: all that was
-        committed before stays readable then, and `reopen` goes on from there.
+        committed before stays readable then, and `reopen` goes on from there. StorageError, too, where the file was
+        deleted, moved or replaced: the samples are in it all the same, and `to_archive` reads them.
         """
         q_new, v_new = (np.ascontiguousarray(x, dtype="<f8") for x in (q, v))
         self._check(q_new, v_new, checkpoint)
-        self._unsure = True
         try:
-            commit = self._write_contents(q_new, v_new, checkpoint)
-            self._storage.sync()
-            self._write_row(commit)
-            self._storage.sync()
+            self._write(q_new, v_new, checkpoint)
         except OSError as error:
             raise StorageError(
                 f"{self.path} could not be written ({error.strerror}); its {self.committed} committed samples stay "
                 "readable. Make room or mend the device, then go on with orbits.resume."
             ) from error
-        self._last, self._unsure = commit, False
+        if not self.in_place:
+            raise StorageError(self._lost())
+
+    @property
+    def in_place(self) -> bool:
+        """Whether its path still leads to the file that is being written."""
+        return self._storage.is_at(self.path)
+
+    def to_archive(self) -> Archive:
+        """Stop writing, and return what was committed as an archive that reads through the same open file.
+
+        Raises ArchiveError, or StorageError, where that cannot be read.
+        """
+        try:
+            archive = Archive.after(self._storage, self.path, self._header, self._layout, self._last)
+        except BaseException:
+            self.close()
+            raise
+        archive.release()
+        return archive
 
     def close(self) -> None:
         """Give the file back. Nothing is pending: what was committed is safe, the rest was never promised."""
@@ -143,6 +174,27 @@ class ArchiveWriter:
             raise ArchiveError(f"{len(q)} samples are too many: {self.path} has room for {room} more.")
         _check_checkpoint(checkpoint, self._layout)
 
+    def _lost(self) -> str:
+        if self._storage.deleted:
+            return (
+                f"{self.path} was deleted while the run was writing it. The {self.committed} samples are in the "
+                "error's .trajectory until this process ends."
+            )
+        return (
+            f"{self.path} was moved away, or another file took its place, while the run was writing it. Its "
+            f"{self.committed} samples are in the error's .trajectory; where the file is now, orbits.resume goes on "
+            "with it."
+        )
+
+    def _write(self, q: NDArray[Any], v: NDArray[Any], checkpoint: Mapping[str, NDArray[Any]]) -> None:
+        """Commit; an OSError is the caller's to translate, and leaves the file at the commit before."""
+        self._unsure = True
+        commit = self._write_contents(q, v, checkpoint)
+        self._storage.sync()
+        self._write_row(commit)
+        self._storage.sync()
+        self._last, self._unsure = commit, False
+
     def _write_contents(self, q: NDArray[Any], v: NDArray[Any], checkpoint: Mapping[str, NDArray[Any]]) -> Commit:
         """Write all that the next commit row will stand for, where no earlier row stands for anything."""
         last, layout = self._last, self._layout
@@ -167,64 +219,38 @@ class ArchiveWriter:
         self._storage.write(self._layout.commits.offset + commit.slot * ROW.itemsize, commit.encoded())
 
 
-def extended(path: str | os.PathLike[str], times: ArrayLike) -> ArchiveWriter:
-    """Make room for more samples: copy the archive into a larger one, put it in its place, and open it to go on.
+def extended(archive: Archive, times: ArrayLike) -> ArchiveWriter:
+    """Make room for more samples: copy the archive into a larger one, put it in its place, and go on with that.
 
+    archive : as `Archive.claim` returned it; it is closed afterwards, and its file stays until the new one is whole
     times : (samples,) times of all samples, those that are there first and unchanged
-    The copy is checked chunk by chunk; the old file stays until the new one is whole.
-    Raises ArchiveError where `times` does not go on from the samples that are there, and as `reopen`; StorageError
-    where the device has no room for both files.
+    Raises ArchiveError where `times` does not go on from the samples that are there; StorageError where the device has
+    no room for both files.
     """
     times = np.array(times, dtype=np.float64)
-    place = schema.resolved(path)
-    source, archive = _opened_for_writing(place)
-    try:
-        done = archive.committed
+    with archive:
+        done, place = archive.committed, archive.path
         if times.ndim != 1 or len(times) < done or not np.array_equal(times[:done], archive.times[:done]):
             raise ArchiveError(
                 f"the times of {place} cannot change: its {done} committed samples have to come first, as they are."
             )
-        archive.verify()
-        header = Header(
-            archive.system, archive.integrator, archive.dt, times, archive.provenance, archive.certificate_text
-        )
+        header = replace(archive.parts()[1], times=times)
         checkpoint = archive.checkpoint()
-        storage, layout = built(place, header, checkpoint)
-        with discarded_on_failure(storage, partial_path(place)):
-            writer = ArchiveWriter(storage, place, layout, Commit(0, 0, 0, 0, 0))
+        with ArchiveWriter._made(place, header, checkpoint) as writer:
             _copy(archive, writer, checkpoint)
-            take_name(storage, place, overwrite=True)
+            if not archive.parts()[0].is_at(place):
+                raise ArchiveError(f"{place} was replaced by another file while it was extended; nothing was changed.")
+            take_name(writer._storage, place, overwrite=True)
         return writer
-    finally:
-        source.close()
 
 
 def _copy(archive: Archive, writer: ArchiveWriter, checkpoint: Checkpoint) -> None:
     """Commit all chunks of an archive to a new writer as they were, in blocks."""
     per_sample = 48 * archive.layout.q.shape[1]
     step = max(1, BLOCK // per_sample)
-    for first in range(0, archive.committed, step):
+    for first in range(0, max(1, archive.committed), step):
         end = min(first + step, archive.committed)
-        writer.commit(archive.q[first:end], archive.v[first:end], checkpoint)
-    if not archive.committed:
-        writer.commit(archive.q[:], archive.v[:], checkpoint)
-
-
-def _opened_for_writing(path: Path) -> tuple[Storage, Archive]:
-    storage = opened(path, os.O_RDWR)
-    try:
-        if not storage.lock():
-            raise busy(path)
-        return storage, Archive._of(storage, path)
-    except BaseException:
-        storage.close()
-        raise
-
-
-def _commit_of(archive: Archive) -> Commit:
-    """Return the commit that an open archive stands at."""
-    chunks = archive.chunks
-    return Commit(archive.sequence, archive.committed, len(chunks), zlib.crc32(chunks.tobytes()), 0)
+        writer._write(archive.q[first:end], archive.v[first:end], checkpoint)
 
 
 def _check_checkpoint(checkpoint: Mapping[str, NDArray[Any]], layout: Layout) -> None:

@@ -170,8 +170,13 @@ def _failure(f: Finding) -> str:
 def _finding(record: Mapping[str, Any]) -> Finding:
     values = {key: value for key, value in record.items() if key != "verdict"}
     for key in ("measured", "bound"):
-        values[key] = math.nan if values[key] is None else values[key]
-    return Finding(**values)
+        values[key] = math.nan if values[key] is None else float(values[key])
+    finding = Finding(**values)
+    texts = (finding.name, finding.unit, finding.note)
+    words = (finding.holds, finding.needed, finding.declared or False)
+    if not (all(isinstance(x, str) for x in texts) and all(isinstance(x, bool) for x in words)):
+        raise InputError(f"this is no certificate: {shown(record)} is no finding")
+    return finding
 
 
 def _number(x: float) -> str:

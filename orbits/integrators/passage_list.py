@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.errors import InputError
 from orbits.integrators.base import Array
 from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, WHEN
 
@@ -70,18 +71,25 @@ class PassageList:
         self.passages = known[np.lexsort((known[:, MATE], known[:, ROW], known[:, WHEN]))]
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
-        """Return the list as arrays of a fixed shape."""
+        """Return the list as arrays of a fixed shape; nothing for a march that began without one."""
+        if self.left_out == UNKNOWN:
+            return {}
         padded = np.zeros((2 * self._room, COLUMNS))
         padded[: len(self.passages)] = self.passages
         return {"passages": padded, "passage_counts": np.array([len(self.passages), self.left_out], dtype=np.int64)}
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go back to a checkpoint; those of earlier versions have no list."""
+        """Go back to a checkpoint; those of earlier versions have no list. Raises InputError for what is no list."""
         if "passages" not in checkpoint:
             self.passages, self.left_out = np.empty((0, COLUMNS)), UNKNOWN
             return
-        count, self.left_out = (int(x) for x in checkpoint["passage_counts"])
-        self.passages = np.array(checkpoint["passages"][:count], dtype=np.float64)
+        count, left_out = (int(x) for x in checkpoint["passage_counts"])
+        passages = np.array(checkpoint["passages"][: max(count, 0)], dtype=np.float64)
+        bodies, rows = passages[:, [ROW, MATE]], len(self._gm)
+        numbers = np.isfinite(passages).all() and (bodies == np.floor(bodies)).all()
+        if count != len(passages) or left_out < UNKNOWN or not numbers or not ((bodies >= 0) & (bodies < rows)).all():
+            raise InputError("the list of passages in its checkpoint names bodies or numbers that there cannot be.")
+        self.passages, self.left_out = passages, left_out
 
     def _is_revolution(self, passages: Array) -> NDArray[np.bool_]:
         """Whether the two go round one another: about the dominant body, or on an ellipse within its Hill radius."""

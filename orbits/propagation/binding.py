@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Mapping
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits._version import __version__
-from orbits.errors import InputError, shown
+from orbits.errors import ArchiveError, InputError, shown
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
@@ -20,6 +22,9 @@ from orbits.system import System
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
 """Entries of the provenance that must agree for a resumed run to give the same bits."""
+
+PASSAGES = frozenset({"passages", "passage_counts"})
+"""Arrays of a checkpoint that list the passages of a march."""
 
 
 def bound(
@@ -53,6 +58,29 @@ def bound(
         stops=None if conditions is None else conditions.stops,
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
     )
+
+
+def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
+    """Take a marcher of the run in the archive at `path` to its checkpoint.
+
+    Raises ArchiveError where the checkpoint is not one of this run.
+    """
+    expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
+    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items()}
+    if not found.keys() & PASSAGES:  # a run of an earlier version, which kept no list of them
+        expected = {name: kind for name, kind in expected.items() if name not in PASSAGES}
+    wrong = [name for name in sorted(expected.keys() | found.keys()) if expected.get(name) != found.get(name)]
+    if wrong:
+        raise ArchiveError(
+            f"{path}: the checkpoint is not one of this run, {wrong[0]!r} does not fit. The samples can be read, but "
+            "the run cannot be resumed; it may come from another version of orbits."
+        )
+    if min(checkpoint["counts"]) < 0:
+        raise ArchiveError(f"{path} is damaged: its checkpoint counts {checkpoint['counts'].tolist()} steps.")
+    try:
+        marcher.restore(checkpoint)
+    except InputError as error:
+        raise ArchiveError(f"{path} is damaged: {error}") from error
 
 
 def provenance() -> dict[str, str]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.propagation.binding import bound
+from orbits.propagation.binding import bound, restore
 from orbits.propagation.passage_effect import Pair
 
 if TYPE_CHECKING:
@@ -112,13 +112,9 @@ class Seen:
     def by(cls, trajectory: Trajectory, record: Record | None) -> Seen:
         """Return what a run saw; of one in an archive without `record`, what its last checkpoint holds."""
         if record is None:
-            from orbits.archive import Archive
-
-            assert trajectory.path is not None
-            with Archive.open(trajectory.path) as archive:
-                checkpoint = archive.checkpoint()
+            assert trajectory.archive is not None
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1)
-            marcher.restore(checkpoint)
+            restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
             record = Record.of(marcher)
         return cls(trajectory.system, record)
 

@@ -15,11 +15,11 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import integrators
-from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted
+from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted, OrbitsError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
 from orbits.propagation import guidance, judgement
-from orbits.propagation.binding import bound, differences, provenance
+from orbits.propagation.binding import bound, differences, provenance, restore
 from orbits.propagation.grid import (
     MOST_SAMPLES,
     checked_duration,
@@ -55,6 +55,12 @@ MEMORY_SHARE = 0.8
 
 COMMIT_SECONDS = 10.0
 """An archive is committed at least this often: a lost machine costs no more than this."""
+
+FIRST_COMMIT_SECONDS = 0.25
+"""How long a run into an archive marches before its first commit after the start."""
+
+COMMIT_SHARE = 0.25
+"""Commits grow rarer with a run, up to `COMMIT_SECONDS`: a lost machine costs this share of what was computed."""
 
 
 def propagate(
@@ -96,8 +102,9 @@ def propagate(
     threads : for massless particles and thousands of bodies; None takes all processors. The result does not depend on
         it, to the last bit.
 
-    Raises InputError for what cannot be run, ConvergenceError or SingularityError for a step that fails,
-    StorageError when writing fails, Interrupted (with `.trajectory`) after Ctrl-C or SIGTERM.
+    Raises InputError for what cannot be run, ConvergenceError or SingularityError for a step that fails, StorageError
+    when writing fails or the archive is deleted or replaced meanwhile, Interrupted after Ctrl-C, SIGTERM or SIGHUP; all
+    of them with the samples so far as `.trajectory`.
     """
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
@@ -114,7 +121,7 @@ def propagate(
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        return _march(system, integrator, marcher, times, 0, None, progress, watch)
+        return _march(system, integrator, marcher, times, 0, lambda: None, progress, watch)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
@@ -122,18 +129,22 @@ def propagate(
         raise InputError(f"certificate is a {type(certificate).__name__}; expected True or what orbits.certify returns")
     measured = certify(system, integrator, h) if certificate is True else certificate
 
-    writer = ArchiveWriter.create(
-        archive,
-        system=system,
-        integrator=integrators.describe(integrator),
-        dt=h,
-        times=times,
-        checkpoint=marcher.checkpoint(),
-        provenance=provenance(),
-        certificate=measured.to_json() if measured else "",
-        overwrite=checked_flag(overwrite, "overwrite"),
-    )
-    return _march(system, integrator, marcher, times, 0, writer, progress, watch)
+    replace = checked_flag(overwrite, "overwrite")
+
+    def begin() -> ArchiveWriter:
+        return ArchiveWriter.create(
+            archive,
+            system=system,
+            integrator=integrators.describe(integrator),
+            dt=h,
+            times=times,
+            checkpoint=marcher.checkpoint(),
+            provenance=provenance(),
+            certificate=measured.to_json() if measured else "",
+            overwrite=replace,
+        )
+
+    return _march(system, integrator, marcher, times, 0, begin, progress, watch)
 
 
 def resume(
@@ -155,34 +166,54 @@ def resume(
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
     from orbits.archive import Archive, ArchiveWriter, extended
+    from orbits.trajectory.run import made_by
 
     progress = checked_progress(progress)
-    old = Archive.open(path)
-    system, h = old.system, old.dt
-    integrator = integrators.build(old.integrator)
-    changed = differences(old.provenance)
-    if changed and checked_flag(same_bits, "same_bits"):
-        raise ArchiveError(
-            f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out differently "
-            "here. Resume with same_bits=False (--any-bits) to accept that."
-        )
-    target = None if until is None else checked_until(system.units, until, h)
-    times = old.times if target is None else _extended_times(old, target)
-    marcher = bound(system, integrator, h, threads)
-    committed, checkpoint = old.committed, old.checkpoint()
-    old.close()
-    if committed == len(times):
-        return Trajectory.open(path)
-    marcher.restore(checkpoint)
-    writer = ArchiveWriter.reopen(path) if target is None else extended(path, times)
+    # All that follows is read behind the lock: a second resume cannot add to the file after this one has looked.
+    old = Archive.claim(path)
+    try:
+        system, h = old.system, old.dt
+        integrator, _ = made_by(old)
+        changed = differences(old.provenance)
+        if changed and checked_flag(same_bits, "same_bits"):
+            raise ArchiveError(
+                f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out "
+                "differently here. Resume with same_bits=False (--any-bits) to accept that."
+            )
+        target = None if until is None else checked_until(system.units, until, h)
+        times = old.times if target is None else _extended_times(old, target)
+        if old.committed == len(times):
+            old.release()
+            return Trajectory.of_archive(old, path=str(path))
+        marcher = bound(system, integrator, h, threads)
+        restore(marcher, old.checkpoint(), path)
+        _check_place(marcher, times, old.committed, path)
+    except BaseException:
+        old.close()
+        raise
+
+    def begin() -> ArchiveWriter:
+        return ArchiveWriter.going_on(old) if target is None else extended(old, times)
+
     watch = _Watch(Conditions(system, ()), None, True)
-    return _march(system, integrator, marcher, times, committed, writer, progress, watch)
+    return _march(system, integrator, marcher, times, old.committed, begin, progress, watch)
+
+
+def _check_place(marcher: Marcher, times: Array, committed: int, path: Path) -> None:
+    """Refuse a checkpoint that does not lie between the last sample that is there and the next one."""
+    steps, _ = split(times, marcher.h)
+    last = int(steps[committed - 1]) if committed else 0
+    if not last <= marcher.step <= int(steps[committed]):
+        raise ArchiveError(
+            f"{path} is damaged: its checkpoint is at step {marcher.step}, but the samples before and after it are at "
+            f"steps {last} and {int(steps[committed])}. Restore it from a copy."
+        )
 
 
 def _extended_times(old: Archive, target: float) -> Array:
     times = old.times
     if not old.complete:
-        raise ArchiveError("this run is not complete yet: resume it without until=..., then extend it")
+        raise ArchiveError(f"the run in {old.path} is not complete yet: resume it without until=..., then extend it")
     end = float(times[-1])
     direction = np.sign(old.dt)
     if (target - end) * direction < 0.0:
@@ -209,15 +240,21 @@ def _march(
     marcher: Marcher,
     times: Array,
     first: int,
-    writer: ArchiveWriter | None,
+    begin: Callable[[], ArchiveWriter | None],
     progress: bool | None,
     watch: _Watch,
 ) -> Trajectory:
-    """March from sample `first` to the last one; every way out leaves the archive closed and readable."""
+    """March from sample `first` to the last one; every way out leaves the archive closed and readable.
+
+    begin : opens the archive to write to, if there is one
+    """
     begun = time.perf_counter()
-    failure: IntegrationError | None = None
+    failure: IntegrationError | StorageError | None = None
+    writer: ArchiveWriter | None = None
     try:
+        # A signal is noted before there is a file, so that none is left behind without a word of how to go on.
         with StopRequest() as stop:
+            writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
             keeper = _Keeper(len(system.names), times, first, writer)
@@ -225,12 +262,15 @@ def _march(
             steps = whole_steps(end, marcher.h)
             bar = Progress(progress, label=integrator.label, total=end, unit=system.units.time, steps=steps)
             try:
-                _sample(system, marcher, times, first, keeper, bar, stop, watch)
-            except IntegrationError as error:
+                try:
+                    _sample(system, marcher, times, first, keeper, bar, stop, watch)
+                except IntegrationError as error:
+                    failure = error
+                finally:
+                    bar.close()
+                keeper.commit(marcher)
+            except StorageError as error:
                 failure = error
-            finally:
-                bar.close()
-            keeper.commit(marcher)
         statistics = Statistics(
             steps=marcher.step,
             evaluations=marcher.evaluations,
@@ -238,11 +278,17 @@ def _march(
             wall_time=time.perf_counter() - compiled,
             compile_time=compiled - begun,
         )
-    finally:
-        marcher.close()
+        try:
+            trajectory = _result(system, integrator, marcher.h, times, keeper, writer, statistics)
+        except OrbitsError as error:
+            # From a device that has failed, what was committed can perhaps not be read either.
+            raise failure or error from None
+    except BaseException:
         if writer is not None:
             writer.close()
-    trajectory = _result(system, integrator, marcher.h, times, keeper, writer, statistics)
+        raise
+    finally:
+        marcher.close()
     trajectory.stopped = watch.stopped
     trajectory._record = Record.of(marcher)
     if watch.check_step and len(trajectory._record.listed):
@@ -275,7 +321,9 @@ def _result(
     statistics: Statistics,
 ) -> Trajectory:
     if writer is not None:
-        return Trajectory.open(writer.path, statistics=statistics)
+        # Through the file that was written, whatever its path leads to by now.
+        path = str(writer.path) if writer.in_place else None
+        return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics)
     q, v = keeper.arrays()
     return Trajectory(
         system,
@@ -333,6 +381,8 @@ def _sample(
     watch.begun = time.perf_counter()
     steps, remainders = split(times, marcher.h)
     for index in range(first, len(times)):
+        if stop.name:
+            return
         while marcher.step < steps[index]:
             marcher.advance(min(marcher.block, int(steps[index]) - marcher.step))
             bar.update(marcher.step * marcher.h)
@@ -349,8 +399,6 @@ def _sample(
                 return
         if keeper.full:
             keeper.commit(marcher)
-        if stop.name:
-            return
 
 
 @cache
@@ -379,7 +427,7 @@ class _Keeper:
         self._q = np.empty((room, bodies, 3))
         self._v = np.empty((room, bodies, 3))
         self._count = 0
-        self._committed_at = time.perf_counter()
+        self._begun = self._committed_at = time.perf_counter()
 
     @property
     def full(self) -> bool:
@@ -388,8 +436,12 @@ class _Keeper:
 
     @property
     def overdue(self) -> bool:
-        """Whether the archive should be brought up to date."""
-        return self._writer is not None and time.perf_counter() - self._committed_at > COMMIT_SECONDS
+        """Whether the archive should be brought up to date: soon after the start, and then ever more rarely."""
+        if self._writer is None:
+            return False
+        elapsed = self._committed_at - self._begun
+        pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
+        return time.perf_counter() - self._committed_at > pause
 
     def add(self, q: Array, v: Array) -> None:
         """Take one more sample."""

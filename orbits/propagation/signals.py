@@ -1,4 +1,4 @@
-"""Stopping a run between two blocks of steps: Ctrl-C and SIGTERM are noted, not obeyed at once."""
+"""Stopping a run between two blocks of steps: Ctrl-C, SIGTERM and SIGHUP are noted, not obeyed at once."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
-CAUGHT = (signal.SIGINT, signal.SIGTERM)
+CAUGHT = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class StopRequest:
-    """Within its context the first SIGINT or SIGTERM sets `name`; a second SIGINT interrupts at once.
+    """Within its context the first of the signals sets `name`; a second SIGINT interrupts at once.
 
-    Outside the main thread, where Python delivers no signals, it does nothing.
+    A signal that this process ignores stays ignored, as SIGHUP under nohup. Outside the main thread, where Python
+    delivers no signals, it does nothing.
     """
 
     def __init__(self) -> None:
@@ -23,7 +24,7 @@ class StopRequest:
     def __enter__(self) -> StopRequest:
         if threading.current_thread() is threading.main_thread():
             # A handler that was not made in Python reads as None; nobody could put it back.
-            caught = [number for number in CAUGHT if signal.getsignal(number) is not None]
+            caught = [number for number in CAUGHT if signal.getsignal(number) not in (None, signal.SIG_IGN)]
             self._before = {number: signal.signal(number, self._note) for number in caught}
         return self
 

@@ -25,6 +25,7 @@ from orbits.trajectory.values import BodyTrajectory, ConservedQuantities, Sample
 if TYPE_CHECKING:
     from astropy.time import Time
 
+    from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
     from orbits.propagation.approach import Approach
@@ -48,7 +49,7 @@ class Trajectory(Tabular):
     step : the signed step actually used, in the unit of time
     integrator, statistics : how it was made and what it cost
     complete : whether every sample that was asked for is there
-    path : the archive it reads from, if it does
+    path, archive : the archive it reads from, if it does
     certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
     stopped : why and where a condition or a callback ended the run, or None
 
@@ -86,6 +87,7 @@ class Trajectory(Tabular):
         self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
         self.stopped = stopped
+        self.archive: Archive | None = None
         self._record = record
         self._q, self._v, self._close = q, v, close
 
@@ -95,33 +97,37 @@ class Trajectory(Tabular):
 
         Raises ArchiveError for a file that is missing, truncated, foreign or newer, or of a method that is not known.
         """
-        from orbits import integrators
         from orbits.archive import Archive
-        from orbits.certificate import Certificate
 
-        archive = Archive.open(path)
-        text = archive.certificate_text
+        return cls.of_archive(Archive.open(path), path=str(path), statistics=statistics)
+
+    @classmethod
+    def of_archive(cls, archive: Archive, *, path: str | None, statistics: Statistics | None = None) -> Trajectory:
+        """Return the trajectory in an open archive, which is closed with it, or at once where this fails.
+
+        path : where it can be opened again, or None where it cannot
+        Raises ArchiveError for a method that is not known, and for a certificate that is none.
+        """
         try:
-            integrator = integrators.build(archive.integrator)
-        except InputError as error:
+            integrator, certificate = made_by(archive)
+            run = cls(
+                archive.system,
+                archive.times[: archive.committed],
+                archive.q,
+                archive.v,
+                step=archive.dt,
+                integrator=integrator,
+                statistics=statistics,
+                complete=archive.complete,
+                path=path,
+                certificate=certificate,
+                close=archive.close,
+            )
+        except BaseException:
             archive.close()
-            raise ArchiveError(
-                f"{path}: {error} Read the samples themselves with orbits.Archive.open(path), or get a version of "
-                "orbits that knows this method."
-            ) from error
-        return cls(
-            archive.system,
-            archive.times[: archive.committed],
-            archive.q,
-            archive.v,
-            step=archive.dt,
-            integrator=integrator,
-            statistics=statistics,
-            complete=archive.complete,
-            path=str(path),
-            certificate=Certificate.from_record(json.loads(text)) if text else None,
-            close=archive.close,
-        )
+            raise
+        run.archive = archive
+        return run
 
     def close(self) -> None:
         """Close the archive behind this trajectory; nothing can be read from it afterwards."""
@@ -303,6 +309,10 @@ class Trajectory(Tabular):
         known = {"stopped": self.stopped, "_record": self._record}
         return _reopened, (self._place, len(self), self.statistics), known
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the open file behind: the samples themselves are copied where no path leads to it."""
+        return {**vars(self), "archive": None, "_close": None}
+
     def _repr_html_(self) -> str:
         epoch = self.system.epoch
         pairs = {"bodies": few(self.names), "epoch": "none" if epoch is None else f"{epoch.isot} TDB"}
@@ -340,7 +350,7 @@ class Trajectory(Tabular):
     def _seen(self) -> Seen:
         from orbits.propagation.passages_seen import Seen
 
-        if self._record is None and self.path is None:
+        if self._record is None and self.archive is None:
             raise InputError(
                 f"{self!r} was not made by orbits.propagate, so its approaches were not recorded; expected a run."
             )
@@ -356,6 +366,24 @@ class Trajectory(Tabular):
     def _epoch(self) -> None:
         if self.system.epoch is None:
             raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
+
+
+def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
+    """Return the method that the run in an archive was made with, and what was measured of it before, if it was.
+
+    Raises ArchiveError for a method that is not known, and for a certificate that is none.
+    """
+    from orbits import integrators
+    from orbits.certificate import Certificate
+
+    try:
+        text = archive.certificate_text
+        return integrators.build(archive.integrator), Certificate.from_record(json.loads(text)) if text else None
+    except InputError as error:
+        raise ArchiveError(
+            f"{archive.path}: {str(error).rstrip('.')}. Read the samples themselves with orbits.Archive.open(path), or "
+            "get a version of orbits that knows this method."
+        ) from error
 
 
 def _reopened(path: str, samples: int, statistics: Statistics | None) -> Trajectory:

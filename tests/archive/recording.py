@@ -1,14 +1,11 @@
-"""Record every write of a run, of HDF5's as of our own, and play any part of it back into a file."""
+"""Record every write of a run and play any part of it back into a file."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
@@ -51,32 +48,14 @@ def apply(data: bytearray, offset: int, content: bytes) -> None:
     data[offset : offset + len(content)] = content
 
 
-class _RecordedFile(io.FileIO):
-    """The file object that HDF5 writes its metadata through."""
-
-    recording: Recording
-
-    def write(self, data: Any) -> int:
-        self.recording.writes.append((self.tell(), bytes(data)))
-        return super().write(data)
-
-    def truncate(self, size: int | None = None) -> int:
-        self.recording.writes.append((self.tell() if size is None else size, None))
-        return super().truncate(size)
-
-
 def record(path: Path, chunks: list[int], monkeypatch: pytest.MonkeyPatch) -> Recording:
     """Create an archive and commit `chunks` samples at a time (0: a checkpoint alone), recording every write."""
     recording = Recording()
-    real_file, real_write, real_sync = h5py.File, Storage._write_some, Storage.sync
+    real_write, real_resize, real_sync = Storage._write_some, Storage.resize, Storage.sync
 
-    def file(name: Any, mode: str = "r", **options: Any) -> Any:
-        if mode != "w":
-            return real_file(name, mode, **options)
-        raw = _RecordedFile(name, "r+")
-        raw.recording = recording
-        del options["locking"]
-        return real_file(raw, mode, driver="fileobj", **options)
+    def resize(self: Storage, size: int) -> None:
+        recording.writes.append((size, None))
+        real_resize(self, size)
 
     def write(self: Storage, offset: int, data: memoryview) -> int:
         count = real_write(self, offset, data)
@@ -88,7 +67,7 @@ def record(path: Path, chunks: list[int], monkeypatch: pytest.MonkeyPatch) -> Re
         recording.barriers.append(len(recording.writes))
 
     with monkeypatch.context() as patch:
-        patch.setattr(h5py, "File", file)
+        patch.setattr(Storage, "resize", resize)
         patch.setattr(Storage, "_write_some", write)
         patch.setattr(Storage, "sync", sync)
         q, v = runs.samples(sum(chunks))
@@ -106,14 +85,15 @@ def record(path: Path, chunks: list[int], monkeypatch: pytest.MonkeyPatch) -> Re
 def trouble(path: Path, image: bytes, chunks: list[int], promised: int) -> str | None:
     """Say what is wrong with a file after a stop, or None.
 
-    promised : commits that had returned. The file must open with these or more, hold exactly what they held, and go on
-    to a whole run from there; or refuse in words where nothing had been promised.
+    promised : commits that had returned, or -1 before the file took its name. The file must open with these or more,
+    hold exactly what they held, and go on to a whole run from there; or refuse in words where nothing was promised.
     """
     path.write_bytes(image)
     q, v = runs.samples(sum(chunks))
     try:
         with Archive.open(path) as archive:
-            commits, done = archive.sequence, archive.committed
+            # The first commit, at creation, is the start.
+            commits, done = archive.last.sequence - 1, archive.committed
             if commits < promised:
                 return f"{commits} commits, {promised} were promised"
             if done != sum(chunks[:commits]) or archive.complete != (done == sum(chunks)):
@@ -129,12 +109,12 @@ def trouble(path: Path, image: bytes, chunks: list[int], promised: int) -> str |
                 writer.commit(q[first : first + count], v[first : first + count], runs.checkpoint(number))
         runs.assert_whole(path, sum(chunks))
     except ArchiveError as error:
-        return str(error) if promised else None
+        return str(error) if promised >= 0 else None
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     return None
 
 
 def promised(recording: Recording, done: int) -> int:
-    """How many commits had returned when `done` writes were done."""
-    return sum(done >= end for end in recording.acknowledged)
+    """How many commits had returned when `done` writes were done; -1 before the file took its name."""
+    return -1 if done < recording.created else sum(done >= end for end in recording.acknowledged)

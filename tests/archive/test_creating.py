@@ -131,7 +131,8 @@ def test_a_device_that_turns_out_full_leaves_nothing_behind(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, before[1]))
     try:
-        with pytest.raises(StorageError, match=r"run\.h5 needs 4\.8 MB, but"):
+        words = r"run\.h5 needs 4\.9 MB, but this process may write no file larger than 1\.0 MB.*ulimit"
+        with pytest.raises(StorageError, match=words):
             runs.create(tmp_path / "run.h5", 1000, bodies=100)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
@@ -180,7 +181,7 @@ def test_two_writers_exclude_each_other_and_readers_do_not(tmp_path):
     (q, v), busy = runs.samples(6), "is being written by another run"
     with runs.create(path, 6) as writer:
         writer.commit(q[:2], v[:2], runs.checkpoint(1))
-        for use in (ArchiveWriter.reopen, lambda p: runs.create(p, 3, overwrite=True), lambda p: extended(p, [0.0])):
+        for use in (ArchiveWriter.reopen, Archive.claim, lambda p: runs.create(p, 3, overwrite=True)):
             with pytest.raises(ArchiveError, match=busy):
                 use(path)
         code = f"from orbits.archive import ArchiveWriter; ArchiveWriter.reopen({str(path)!r})"
@@ -202,7 +203,7 @@ def test_plain_h5py_reads_a_run_that_is_under_way(tmp_path):
         writer.commit(q[:2], v[:2], runs.checkpoint(1))
         code = f"import h5py; print(h5py.File({str(path)!r})['commits'][:]['samples'])"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        assert done.stdout == "[2 0]\n"
+        assert done.stdout == "[0 2]\n"
 
 
 def test_what_a_killed_run_left_while_creating_is_in_nobodys_way(tmp_path):
@@ -210,6 +211,83 @@ def test_what_a_killed_run_left_while_creating_is_in_nobodys_way(tmp_path):
     partial_path(path).write_bytes(b"half a file")
     runs.finished(path)
     assert leftovers(tmp_path) == ["run.h5"]
+
+
+@pytest.mark.parametrize("target", ["nowhere", "precious"])
+def test_a_link_where_the_file_is_made_is_taken_away_and_not_followed(tmp_path, target):
+    path = tmp_path / "run.h5"
+    (tmp_path / "precious").write_text("precious")
+    partial_path(path).symlink_to(tmp_path / target)
+    runs.finished(path)
+    runs.assert_whole(path)
+    assert leftovers(tmp_path) == ["precious", "run.h5"]
+    assert (tmp_path / "precious").read_text() == "precious"
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo])
+def test_what_is_no_file_where_the_file_is_made_is_named(tmp_path, make):
+    path = tmp_path / "run.h5"
+    make(partial_path(path))
+    with pytest.raises(ArchiveError, match=r"\.run\.h5\.partial is in the way: .*Remove it"):
+        runs.create(path, 3)
+    assert leftovers(tmp_path) == [".run.h5.partial"]
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o664])
+def test_a_file_keeps_its_permissions_when_it_is_overwritten_or_extended(tmp_path, mode):
+    path = runs.finished(tmp_path / "run.h5")
+    path.chmod(mode)
+    runs.finished(path, 4, overwrite=True)
+    assert path.stat().st_mode & 0o777 == mode
+    extended(Archive.claim(path), np.arange(9) * 0.5).close()
+    assert path.stat().st_mode & 0o777 == mode
+
+
+def test_the_unfinished_copy_of_a_private_file_is_never_open_to_others(tmp_path, monkeypatch):
+    path = runs.finished(tmp_path / "run.h5")
+    path.chmod(0o600)
+    modes = []
+
+    def look(name: str) -> None:
+        real = getattr(Storage, name)
+
+        def looked(self: Storage, *arguments: object) -> object:
+            modes.append(os.fstat(self.fileno()).st_mode & 0o777)
+            return real(self, *arguments)
+
+        monkeypatch.setattr(Storage, name, looked)
+
+    for name in ("lock", "become", "resize", "write", "sync"):
+        look(name)
+    runs.finished(path, overwrite=True)
+    assert set(modes) == {0o600}
+
+
+def test_a_new_file_has_the_permissions_that_the_user_gives_to_new_files(tmp_path):
+    before = os.umask(0o027)
+    try:
+        path = runs.finished(tmp_path / "run.h5")
+    finally:
+        os.umask(before)
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_the_start_is_committed_before_the_file_takes_its_name(tmp_path, monkeypatch):
+    path = tmp_path / "run.h5"
+    real = os.link
+
+    def look(partial: Path, target: Path) -> None:
+        with Archive.open(partial) as archive:
+            assert (archive.committed, archive.complete) == (0, False)
+            assert runs.same_checkpoint(archive.checkpoint(), runs.checkpoint(0))
+        real(partial, target)
+
+    monkeypatch.setattr(os, "link", look)
+    runs.create(path, 6).close()
+    q, v = runs.samples(6)
+    with ArchiveWriter.reopen(path) as writer:
+        writer.commit(q, v, runs.checkpoint(1))
+    runs.assert_whole(path)
 
 
 def test_a_second_name_of_an_archive_that_creating_left_is_never_written_to(tmp_path):
@@ -328,7 +406,7 @@ def test_extending_keeps_all_and_makes_room_for_more(tmp_path, done):
     with Archive.open(path) as archive:
         before = (archive.system, archive.integrator, archive.dt, dict(archive.provenance))
     times = np.concatenate([np.arange(6) * 0.5, [7.0, 8.0, 9.0]])
-    with extended(path, times) as writer:
+    with extended(Archive.claim(path), times) as writer:
         assert (writer.committed, writer.capacity) == (done, 9)
         with Archive.open(path) as archive:
             assert (archive.system, archive.integrator, archive.dt, dict(archive.provenance)) == before
@@ -345,7 +423,7 @@ def test_extending_keeps_all_and_makes_room_for_more(tmp_path, done):
 def test_extending_copies_block_by_block(tmp_path, monkeypatch):
     path = runs.finished(tmp_path / "run.h5", 6, 6)
     monkeypatch.setattr("orbits.archive.writer.BLOCK", 2 * 48 * 3)
-    with extended(path, np.arange(6) * 0.5):
+    with extended(Archive.claim(path), np.arange(6) * 0.5):
         pass
     runs.assert_whole(path)
     with Archive.open(path) as archive:
@@ -356,7 +434,7 @@ def test_extending_copies_block_by_block(tmp_path, monkeypatch):
 def test_extending_cannot_change_what_is_there(tmp_path, times):
     path = runs.finished(tmp_path / "run.h5")
     with pytest.raises(ArchiveError, match=r"have to come first, as they are|have shape"):
-        extended(path, times)
+        extended(Archive.claim(path), times)
     runs.assert_whole(path)
 
 
@@ -366,6 +444,6 @@ def test_extending_refuses_damage_and_leaves_the_file(tmp_path):
     data[data.index(runs.samples(6)[0][0].tobytes())] ^= 1
     path.write_bytes(data)
     with pytest.raises(ArchiveError, match="samples 0 to 1 do not hold their checksum"):
-        extended(path, np.arange(9) * 0.5)
+        extended(Archive.claim(path), np.arange(9) * 0.5)
     assert path.read_bytes() == data
     assert leftovers(tmp_path) == ["run.h5"]

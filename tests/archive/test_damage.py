@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.archive import Archive, ArchiveWriter, extended
+from orbits.archive import Archive, ArchiveWriter
 from orbits.archive.commits import ROW, Commit
 from orbits.errors import ArchiveError
 
@@ -71,7 +71,6 @@ FILES = {
     "foreign": (write_foreign, "not an archive of orbits"),
     "newer": (write_newer, r"schema '2'; this version of orbits reads '1'.*pip install --upgrade"),
     "repacked": (write_repacked, "rewritten by another tool: /q"),
-    "not begun": (lambda path: runs.create(path, 3).close(), "holds no commit: .*overwrite=True"),
 }
 
 
@@ -80,7 +79,7 @@ def test_a_file_that_is_no_archive_is_refused_in_words(kind, tmp_path):
     make, words = FILES[kind]
     path = tmp_path / "run.h5"
     make(path)
-    for use in (Archive.open, ArchiveWriter.reopen, orbits.Trajectory.open, lambda p: extended(p, [0.0])):
+    for use in (Archive.open, ArchiveWriter.reopen, orbits.Trajectory.open, Archive.claim):
         with pytest.raises(ArchiveError, match=words) as caught:
             use(path)
         assert str(path) in str(caught.value)
@@ -106,8 +105,9 @@ def test_a_flipped_bit_in_the_samples_is_found(path, sample):
     # Six samples in three commits: the last one is checked at opening, all by verify().
     flip(path, places(path)["q" if sample % 2 else "v"][0] + sample * 72 + 5)
     if sample < 4:
-        with Archive.open(path) as archive, pytest.raises(ArchiveError, match=r"damaged: samples .* Restore it"):
-            archive.verify()
+        for read in (Archive.verify, lambda archive: archive.q[sample], lambda archive: archive.v[:]):
+            with Archive.open(path) as archive, pytest.raises(ArchiveError, match=r"damaged: samples .* Restore it"):
+                read(archive)
     else:
         with pytest.raises(ArchiveError, match=r"damaged: samples 4 to 5 .*salvage=True"):
             Archive.open(path)
@@ -115,8 +115,8 @@ def test_a_flipped_bit_in_the_samples_is_found(path, sample):
 
 def test_a_flipped_bit_in_the_checkpoint_or_the_table_of_chunks_is_found(path):
     whole = path.read_bytes()
-    # Three commits: the last one's checkpoint is in slot 0.
-    for name, words in (("checkpoints/0/memory", "the checkpoint"), ("chunks", "the table of chunks")):
+    # The start and three commits: the last one's checkpoint is in slot 1.
+    for name, words in (("checkpoints/1/memory", "the checkpoint"), ("chunks", "the table of chunks")):
         path.write_bytes(whole)
         flip(path, places(path)[name][0])
         with pytest.raises(ArchiveError, match=f"damaged: {words} does not hold its checksum"):
@@ -124,7 +124,7 @@ def test_a_flipped_bit_in_the_checkpoint_or_the_table_of_chunks_is_found(path):
 
 
 def test_a_flipped_bit_in_the_last_commit_row_leaves_the_commit_before_it(path):
-    flip(path, places(path)["commits"][0] + 3)
+    flip(path, places(path)["commits"][0] + ROW.itemsize + 3)
     with Archive.open(path) as archive:
         assert archive.committed == 4
         assert not archive.complete

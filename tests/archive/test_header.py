@@ -37,7 +37,8 @@ UNITS = [
 
 
 def reopened(path: Path, system: System, **options) -> Archive:
-    with runs.create(path, 2, len(system), system=system, overwrite=True, **options) as writer:
+    times = np.arange(2) * 0.5 * options.get("dt", 1.0)
+    with runs.create(path, times, len(system), system=system, overwrite=True, **options) as writer:
         q, v = runs.samples(1, len(system))
         writer.commit(q, v, runs.checkpoint(1, len(system)))
     archive = Archive.open(path)
@@ -65,6 +66,7 @@ def test_the_packages_own_unit_systems_come_back_themselves():
 
 NAMES = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=128)
 NUMBERS = st.floats(-1e12, 1e12, allow_subnormal=True)
+STEPS = st.floats(-1e12, -1e-300) | st.floats(1e-300, 1e12)
 POSITIVE = st.floats(5e-324, 1e12)
 # To the nanosecond over all dates that epochs may have, and what two floats say beyond it.
 EPOCHS = st.none() | st.builds(
@@ -91,8 +93,8 @@ def systems(draw: st.DrawFn) -> System:
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
-@given(system=systems(), dt=NUMBERS, first=NUMBERS, step=POSITIVE)
-def test_every_system_comes_back_equal_to_the_last_bit(system, dt, first, step, tmp_path):
+@given(system=systems(), dt=STEPS)
+def test_every_system_comes_back_equal_to_the_last_bit(system, dt, tmp_path):
     archive = reopened(tmp_path / "run.h5", system, dt=dt)
     again = archive.system
     assert again == system
@@ -119,7 +121,7 @@ def test_times_and_integrator_and_provenance_come_back(tmp_path):
     integrator = {"name": "neu", "parameters": {"stages": 3, "tol": 0.1, "scheme": "Lie-Trotter", "flag": True}}
     provenance = {"cpu_features": "+avx " * 20_000, "größe": "viel", "empty": ""}
     path = tmp_path / "run.h5"
-    with runs.create(path, times, integrator=integrator, provenance=provenance) as writer:
+    with runs.create(path, times, integrator=integrator, provenance=provenance, dt=-1e290) as writer:
         writer.commit(*runs.samples(0), runs.checkpoint(1))
     with Archive.open(path) as archive:
         assert np.array_equal(archive.times, times)

@@ -94,7 +94,7 @@ print("finished", flush=True)
 
 
 def readable(path):
-    """Whether the run has committed something: how long compiling takes before that is nobody's promise."""
+    """Whether the run has made its file, with the start in it: how long that takes is nobody's promise."""
     try:
         orbits.Trajectory.open(path).close()
     except ArchiveError:
@@ -114,7 +114,7 @@ def test_a_killed_process_leaves_a_file_that_resumes_to_the_same_bits(tmp_path, 
     process.communicate()
     stopped = orbits.Trajectory.open(path)
     done = len(stopped)
-    assert 0 < done < 3001
+    assert 0 <= done < 3001
     stopped.close()
     # The first 40 samples further on are compared, not all 3001: a shorter run of the same problem gives them.
     system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))

@@ -167,6 +167,7 @@ def test_a_checkpoint_of_an_earlier_version_has_no_list_and_says_so(apophis):
     listed, left_out = after.passages()
     assert left_out == UNKNOWN
     assert len(listed) == 2  # those that came after: by the Earth and by the Moon
+    assert after.checkpoint().keys() == old.keys()  # what its archive has room for
 
 
 def test_of_more_passages_than_there_is_room_for_the_fastest_are_kept_and_the_others_counted():

@@ -1,0 +1,97 @@
+"""Files for HDF5 that are not on the device: one in memory to make an archive in, one that reads an open descriptor.
+
+HDF5 keeps what it could not write, tries again when the process ends, and has crashed there. Here it writes to memory,
+which does not fail; the bytes go to the device afterwards, by calls whose failures are ours to handle.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from typing import Any
+
+from orbits.archive.storage import Storage
+
+PAGE = 4096
+
+
+class _Positioned(io.RawIOBase):
+    """A file with a position, of `size` bytes."""
+
+    size = 0
+    _at = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._at
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self.size}[whence]
+        return self._at
+
+
+class SparseFile(_Positioned):
+    """A file in memory that takes room only for the pages that something was written to."""
+
+    def __init__(self) -> None:
+        self._pages: dict[int, bytearray] = {}
+
+    def writable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        view = memoryview(buffer).cast("B")
+        count = max(0, min(len(view), self.size - self._at))
+        for done, page, within, length in _pieces(self._at, count):
+            view[done : done + length] = self._pages.get(page, bytes(PAGE))[within : within + length]
+        self._at += count
+        return count
+
+    def write(self, data: Any) -> int:
+        view = memoryview(data).cast("B")
+        for done, page, within, length in _pieces(self._at, len(view)):
+            self._pages.setdefault(page, bytearray(PAGE))[within : within + length] = view[done : done + length]
+        self._at += len(view)
+        self.size = max(self.size, self._at)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        self.size = self._at if size is None else size
+        self._pages = {page: data for page, data in self._pages.items() if page * PAGE < self.size}
+        return self.size
+
+    def written(self) -> Iterator[tuple[int, bytes]]:
+        """Yield (offset, bytes) of all that was written, page by page."""
+        for page in sorted(self._pages):
+            yield page * PAGE, bytes(self._pages[page][: self.size - page * PAGE])
+
+
+class StoredFile(_Positioned):
+    """What a `Storage` has open, to be read: whatever its path names by now."""
+
+    def __init__(self, storage: Storage) -> None:
+        self._storage = storage
+        self.size = storage.size
+
+    def readinto(self, buffer: Any) -> int:
+        view = memoryview(buffer).cast("B")
+        count = max(0, min(len(view), self.size - self._at))
+        self._storage.read_into(view[:count], self._at)
+        self._at += count
+        return count
+
+
+def _pieces(offset: int, count: int) -> Iterator[tuple[int, int, int, int]]:
+    """Yield (bytes before it, page, place in the page, length) of each page that `count` bytes at `offset` touch."""
+    done = 0
+    while done < count:
+        page, within = divmod(offset + done, PAGE)
+        length = min(PAGE - within, count - done)
+        yield done, page, within, length
+        done += length

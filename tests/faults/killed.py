@@ -1,0 +1,116 @@
+"""Runs that are killed at one call to the system after another, each in a fork of one process.
+
+    python -m tests.faults.killed FOLDER EVERY
+
+For each stage a child makes, overwrites, resumes or extends an archive and is killed by SIGKILL just before, or just
+after, its n-th change of the file or folder. Prints how many were killed, and what was wrong with what they left.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import orbits
+from orbits.archive.storage import Storage
+from orbits.propagation import run as run_module
+
+from . import small
+
+CALLS: list[tuple[Any, str]] = [
+    (Storage, "lock"), (Storage, "resize"), (Storage, "reserve"), (Storage, "_write_some"), (Storage, "sync"),
+    (os, "link"), (os, "replace"), (Path, "unlink"),
+]  # fmt: skip
+
+
+def killed_at(work: Callable[[], object], stage: int, late: bool) -> bool:
+    """Do the work in a child that is killed at its `stage`-th call; return whether it came so far."""
+    child = os.fork()
+    if not child:
+        count = 0
+
+        def mortal(real: Callable[..., Any]) -> Callable[..., Any]:
+            def call(*arguments: Any, **options: Any) -> Any:
+                nonlocal count
+                count += 1
+                if count == stage and not late:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                result = real(*arguments, **options)
+                if count == stage:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                return result
+
+            return call
+
+        for owner, name in CALLS:
+            setattr(owner, name, mortal(getattr(owner, name)))
+        try:
+            work()
+        except BaseException as error:
+            print(f"stage {stage}: {error!r}", flush=True)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    return os.WIFSIGNALED(status)
+
+
+def wrong(path: Path, kind: str) -> str | None:
+    """Say what is wrong with what a killed run left behind, or return None."""
+    if kind == "made" and not path.exists():
+        small.propagate(path).close()  # what lies about is in nobody's way
+    run = orbits.Trajectory.open(path)
+    if not small.is_part_of_the_run(run):
+        return "wrong numbers"
+    least = {"made": 0, "overwritten": 0, "resumed": 7, "extended": small.SAMPLES}[kind]
+    if len(run) < least:
+        return f"{len(run)} samples, {least} were there before"
+    run.close()
+    if not small.is_part_of_the_run(orbits.resume(path, progress=False, threads=1)):
+        return "wrong numbers after resuming"
+    small.propagate(path, overwrite=True).close()
+    left = [each.name for each in path.parent.iterdir() if each.name != path.name]
+    return f"left behind: {left}" if left else None
+
+
+def main(folder: Path, every: int) -> None:
+    small.straight()
+    run_module.COMMIT_SECONDS = 0.0
+    os.fsync = lambda descriptor: None  # a killed process loses nothing that it has written, whatever the device has
+    half, whole = small.interrupted(folder / "half.h5"), small.finished(folder / "whole.h5")
+    (folder / "run").mkdir()
+    path = folder / "run" / "run.h5"
+    kinds: dict[str, tuple[Path | None, Callable[[], object]]] = {
+        "made": (None, lambda: small.propagate(path)),
+        "overwritten": (whole, lambda: small.propagate(path, overwrite=True)),
+        "resumed": (half, lambda: orbits.resume(path, progress=False, threads=1)),
+        "extended": (whole, lambda: orbits.resume(path, until=small.LONGER, progress=False, threads=1)),
+    }
+    killed, found = 0, []
+    for kind, (before, work) in kinds.items():
+        for late in (False, True):
+            stage = 1
+            while True:
+                for left in path.parent.iterdir():
+                    left.unlink()
+                if before is not None:
+                    shutil.copy(before, path)
+                if not killed_at(work, stage, late):
+                    break
+                killed += 1
+                try:
+                    trouble = wrong(path, kind)
+                except Exception as error:
+                    trouble = repr(error)
+                if trouble:
+                    found.append(f"{kind}, killed {'after' if late else 'before'} call {stage}: {trouble}")
+                stage += every
+    print(killed, flush=True)
+    print("\n".join(found), flush=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -1,0 +1,76 @@
+"""A small real run: planets and asteroids for a year, in an archive with a commit for each sample or so."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.propagation import run as run_module
+
+METHOD = orbits.StormerVerlet()
+SAMPLES = 13
+ARGUMENTS: dict[str, Any] = {
+    "dt": 0.5 * u.day, "duration": 60 * u.day, "samples": SAMPLES, "progress": False, "check_step": False, "threads": 1,
+}  # fmt: skip
+LONGER = 80 * u.day
+
+
+@cache
+def system() -> orbits.System:
+    sun = orbits.System.solar_system("2022-08-09")
+    keep = ["Sun", "Earth-Moon barycenter", "Jupiter"]
+    index = [sun.names.index(name) for name in keep]
+    some = sun.replaced(q=sun.values.q, v=sun.values.v)
+    return orbits.System.from_states(
+        keep, some.values.gm[index], some.values.q[index], some.values.v[index],
+        epoch=sun.epoch, units=sun.units, radii=[0.005, 1e-4, 5e-4],
+    ).add_particles(orbits.asteroids(2))  # fmt: skip
+
+
+def propagate(path: Path | None = None, **options: Any) -> orbits.Trajectory:
+    return orbits.propagate(system(), METHOD, archive=path, **{**ARGUMENTS, **options})
+
+
+@cache
+def straight() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, positions and velocities of the run extended to `LONGER`, never stopped and never in a file."""
+    run = propagate(duration=LONGER, samples=17)
+    return run.times, run.q.value, run.v.value
+
+
+def interrupted(path: Path, samples: int = 7, **options: Any) -> Path:
+    """Write the run up to so many samples, one commit each, and return the path."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_module, "COMMIT_SECONDS", 0.0)
+        seen: list[Any] = []
+        propagate(path, callback=lambda t, state: seen.append(t) or len(seen) == samples, **options).close()
+    return path
+
+
+def finished(path: Path) -> Path:
+    """Write the whole run, one commit for each sample, and return the path."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_module, "COMMIT_SECONDS", 0.0)
+        propagate(path).close()
+    return path
+
+
+def is_part_of_the_run(run: orbits.Trajectory) -> bool:
+    """Whether every value of a run is one that was computed: bodies, times, states, what it says of itself."""
+    times, q, v = straight()
+    n = len(run)
+    return (
+        run.system == system()
+        and run.integrator == METHOD
+        and run.step == 0.5
+        and np.array_equal(run.times, times[:n])
+        and np.array_equal(run.q.value, q[:n])
+        and np.array_equal(run.v.value, v[:n])
+        and all(np.array_equal(run[k].values.q, q[k]) for k in range(n))
+    )
