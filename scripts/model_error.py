@@ -4,7 +4,8 @@
 
 The integration is at round-off here (metres in a thousand years), so all that is left is the model: DE440 has
 relativity, the figures of Sun, Earth and Moon, tides, and 343 asteroids and the Kuiper belt, and these runs have not.
-Positions are heliocentric, the Moon's also from the Earth, at the same TDB; the largest distance since the start counts.
+Positions are heliocentric, the Moon's also from the Earth, at the same TDB; the largest distance since the start
+counts. Source of the forces in DE440: Park et al. (2021), AJ 161, 105.
 """
 
 from __future__ import annotations
@@ -39,8 +40,7 @@ def real_positions() -> np.ndarray:
 def missed(bodies: tuple[str, ...], dt: float, real: np.ndarray) -> dict[str, np.ndarray]:
     """Return the difference from DE440 seen from the Sun, by body: (times, 3), km.
 
-    bodies : of DE440, with the Sun; of Earth and Moon apart, "Moon from the Earth" and the place of their barycentre are
-        added
+    bodies : of DE440, with the Sun; where Earth and Moon are apart, "Moon from the Earth" and their barycentre are added
     dt : step in days of Gauss with 8 stages
     real : as of `real_positions`
     """

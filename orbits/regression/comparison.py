@@ -72,9 +72,9 @@ def compare(
         "position_km": 1.0}; positions also by body, {"position_km": {"Mercury": 0.1, "particles": 100}}, or as a length
         in the system's unit, {"position": 1e-9}; for one method alone, {"gauss": {"energy": 1e-13}}
     yardstick : what positions are measured against. "auto": the exact solution where there is one, otherwise
-        "converged": Gauss collocation with 8 stages at the largest power of two up to dt/2, the largest difference to
-        the same with 7 and with 6 stages being its own error, which is printed. A time is their step instead. "exact" insists on
-        the exact solution; "none" measures no positions
+        "converged": Gauss collocation with 8 stages at the largest power of two up to dt/2; the largest difference to
+        the same with 7 and with 6 stages is its own error, which is printed. A time is their step instead. "exact"
+        insists on the exact solution; "none" measures no positions
     title : heads the table and the picture
     runs : finished runs of `integrators` from this system with this dt and these samples, which are then not run again;
         wall and compile times are then those of these runs (a run into an archive includes its writing)

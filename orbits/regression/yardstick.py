@@ -231,8 +231,8 @@ def power_of_two(step: float) -> float:
 def converged(system: System, times: Array, step: float, threads: int | None = None) -> Yardstick:
     """Positions by Gauss collocation with 8 stages at `step`, in the system's time unit.
 
-    The largest difference to the same with 7 or 6 stages over the samples, per body, is its error. Where round-off is all
-    that is left, each difference is that of two random walks, and may be small by chance: hence two of them.
+    The largest difference to the same with 7 or 6 stages over the samples, per body, is its error. Where round-off is
+    all that is left, each difference is that of two random walks, and may be small by chance: hence two of them.
     Cost: three times that of a run at this step, massless particles included.
     Raises IntegrationError when the stages do not converge.
     """

@@ -55,5 +55,5 @@ def test_mercury_misses_what_relativity_turns_its_perihelion(measured):
 def test_a_run_is_where_de440_is_at_the_start(script):
     real = script.real_positions()
     differences = script.missed(("Sun", "Jupiter"), 50.0, real)
-    # Barycentric states of different bodies share no origin; seen from the Sun they are the same floats but for rounding.
+    # The origins are the barycentres of other bodies; seen from the Sun the places are the same but for rounding.
     assert abs(differences["Jupiter"][0]).max() < 1e-6
