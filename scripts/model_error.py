@@ -40,7 +40,7 @@ def real_positions() -> np.ndarray:
 def missed(bodies: tuple[str, ...], dt: float, real: np.ndarray) -> dict[str, np.ndarray]:
     """Return the difference from DE440 seen from the Sun, by body: (times, 3), km.
 
-    bodies : of DE440, with the Sun; where Earth and Moon are apart, "Moon from the Earth" and their barycentre are added
+    bodies : of DE440, with the Sun; where Earth and Moon are apart, "Moon from the Earth" and their barycentre come too
     dt : step in days of Gauss with 8 stages
     real : as of `real_positions`
     """

@@ -18,7 +18,7 @@ from orbits.integrators.marcher import available_threads
 def part_ten_bodies(repetitions: int) -> dict[str, Any]:
     """Sun, planets and Pluto, Newtonian point masses, over 1,000 years: time, and RMS position error over rotated
     starts, each against where that very start, rounded as it is, leads. What the model itself misses of the real Solar
-    System is in library.md, "The model".
+    System is [another matter](library.md#the-model).
     """
     gm, q, v, reference = ten_bodies_data()
     span = 1000 * YEAR

@@ -6,8 +6,8 @@ So the difference of each rounded start from the one of the reference is followe
 
     end(q + d) = end(q) + [end(q + s d) - end(q)] / s,    s = 2^22,
 
-both ends in brackets by IAS15. The bundled reference in quadruple precision gives the first summand; of the second, four
-digits are enough, and IAS15 and the curvature of the flow leave five. R has rational entries and is exactly
+both ends in brackets by IAS15. The bundled reference in quadruple precision gives the first summand; of the second,
+four digits are enough, and IAS15 and the curvature of the flow leave five. R has rational entries and is exactly
 orthogonal, and all sums are fractions, so that nothing else is rounded.
 
 Integrations from the rotated starts in 80-bit floats (heyoka, tolerance 1e-20) agree with these ends to their own
