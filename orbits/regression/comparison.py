@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT_SOLVES = 200_000
-"""With yardstick="auto" the exact solution is used up to this many bodies times samples (some 20 s)."""
+"""With yardstick="auto" the exact solution is used up to this many bodies times samples (up to a minute)."""
 
 _YARDSTICKS = ("auto", "exact", "converged", "none")
 _BLIND = (

@@ -72,7 +72,7 @@ def exact(gm: Array, q: Array, v: Array, times: Array) -> Yardstick:
     """The exact positions at `times` of a system for which `exact_applies`.
 
     gm (bodies,), q and v (bodies, 3), times (samples,) : float64, G absorbed in gm
-    About 0.1 ms per moving body and sample.
+    A few tenths of a millisecond per moving body and sample.
     """
     import mpmath
 

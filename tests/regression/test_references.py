@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import math
 from pathlib import Path
@@ -44,3 +45,11 @@ def test_where_a_rounded_rotated_start_leads_is_known_to_more_digits_than_its_ro
         assert references.errors(really, start, truth).max() < 3e-16
         rounding = max(rounding, references.errors(really, start, end).max())
     assert rounding > 1e-14  # what a good method was blamed for: fifty times as much
+
+
+def test_a_benchmark_of_one_part_leaves_the_other_sections_of_the_page(monkeypatch):
+    monkeypatch.syspath_prepend(str(SCRIPT.parent.parent))
+    benchmark = importlib.import_module("benchmark")
+    page = "# Head\n\nMade by.\n\n## One\n\nold\n\n## Two\n\nkept\n\n## By hand\n\nkept too\n"
+    new = "# Head\n\nMade elsewhere.\n\n## One\n\nnew\n\n"
+    assert benchmark.merged(page, new) == page.replace("old", "new")
