@@ -1,11 +1,12 @@
 """Measure speed, accuracy, start-up and memory; write JSON and the Markdown tables of docs/benchmarks.md.
 
-    make bench                                     all of it, about six minutes
+    make bench                                     all of it, about seven minutes
     python scripts/benchmark.py ten_bodies         one part; --help lists them
+    python scripts/benchmark.py ten_bodies --docs  one part, and its section of docs/benchmarks.md
 
 Peers run in the same process, alternating with ours, one core unless said; compile time is measured apart. The figure
-is the median over the repetitions, the accuracy the root mean square over rotated starts against a quadruple-precision
-reference.
+is the median over the repetitions, the accuracy the root mean square over rotated starts, each against where that
+start, rounded as it is, leads in quadruple precision.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -97,12 +99,25 @@ def markdown(results: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def merged(page: str, new: str) -> str:
+    """Return the page with those of its sections replaced that `new` has too, and all else as it is."""
+    sections = {section.split("\n", 1)[0]: section for section in _sections(new)[1:]}
+    return "".join(sections.get(section.split("\n", 1)[0], section) for section in _sections(page))
+
+
+def _sections(page: str) -> list[str]:
+    """Return what is before the first heading of the second level, and then each with what follows it."""
+    return re.split(r"^(?=## )", page, flags=re.MULTILINE)
+
+
 def main() -> None:
     """Run the parts asked for and write what they gave."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", choices=[[], *PARTS], help="which parts; all of them when none is named")
     parser.add_argument("--repetitions", type=int, default=7, help="at least 5 for figures to be quoted")
-    parser.add_argument("--docs", action="store_true", help="write the tables to docs/benchmarks.md as well")
+    parser.add_argument(
+        "--docs", action="store_true", help="write the tables to docs/benchmarks.md as well: of the parts that were run"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "benchmark", help="folder for JSON and Markdown")
     options = parser.parse_args()
     results: dict[str, Any] = {"machine": machine(), "parts": {}}
@@ -115,8 +130,9 @@ def main() -> None:
     (options.out / "benchmark.md").write_text(page)
     if options.docs:
         target = ROOT / "docs" / "benchmarks.md"
-        _, heading, by_hand = target.read_text().partition(BY_HAND)
-        target.write_text(f"{page}\n{heading}{by_hand}")
+        before = target.read_text()
+        _, heading, by_hand = before.partition(BY_HAND)
+        target.write_text(merged(before, page + "\n") if options.parts else f"{page}\n{heading}{by_hand}")
     print(page)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.references import Exact, exact
 from orbits.integrators.marcher import Marcher
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.regression import peers
@@ -20,25 +21,11 @@ AU_KM = 149597870.7
 YEAR = 365.25
 
 
-def ten_bodies_data() -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def ten_bodies_data() -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, Exact]]:
     """GM, q, v of Sun, planets and Pluto at J2000, and where quadruple precision puts them after some years."""
     data = json.loads(data_path("solar_system_10body.json").read_text())
-    reference = {
-        years: np.array([[float(x) for x in row] for row in rows])[:, :3]
-        for years, rows in data["reference_years"].items()
-    }
+    reference = {years: exact(rows)[:, :3] for years, rows in data["reference_years"].items()}
     return np.array(data["gm_au3_d2"]), np.array(data["q"]), np.array(data["v"]), reference
-
-
-def rotations(count: int) -> list[np.ndarray]:
-    """Random rotations, uniformly distributed, always the same."""
-    rng = np.random.default_rng(20000101)
-    out = [np.eye(3)]
-    for _ in range(count - 1):
-        matrix, upper = np.linalg.qr(rng.normal(size=(3, 3)))
-        matrix = matrix * np.sign(np.diag(upper))
-        out.append(matrix if np.linalg.det(matrix) > 0 else -matrix)
-    return out
 
 
 def marcher(method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: float, threads: int = 1) -> Marcher:

@@ -37,7 +37,7 @@ def make(names, massive, *, rows=None, length_unit="km"):
         names=tuple(names),
         massive=tuple(massive),
         followed="worst of the massive bodies",
-        yardstick=YardstickNote("step-halved", "Gauss(stages=8) at dt = 1 d", dict.fromkeys(names, 2e-4)),
+        yardstick=YardstickNote("converged", "Gauss(stages=8) at dt = 1 d", dict.fromkeys(names, 2e-4)),
         settings={"title": "A test", "dt": 6.0},
         notes=("A remark.",),
     )

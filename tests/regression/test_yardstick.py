@@ -1,13 +1,20 @@
-"""The exact yardstick is exact: every digit of it, on every conic, against formulas it does not use."""
+"""The exact yardstick is exact: every digit of it, on every conic, against formulas it does not use. The converged one
+is as good as it says.
+"""
 
 from __future__ import annotations
+
+import json
+from fractions import Fraction
 
 import mpmath
 import numpy as np
 import pytest
 from mpmath import mpf
 
+import orbits
 from orbits.regression import yardstick
+from orbits.resources import data_path
 
 TIMES = np.concatenate([np.linspace(-400.0, 400.0, 21), [1e-9, 1e6, -1e9]])
 
@@ -119,3 +126,30 @@ def test_the_exact_solution_is_claimed_only_where_there_is_one(gm, v_last, softe
     q = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0]])
     v = np.array([[0.0, 0, 0], [0, 1, 0], [v_last, 0, 0]])
     assert yardstick.exact_applies(np.array(gm), q, v, softening) is known
+
+
+@pytest.fixture(scope="module")
+def ten_bodies():
+    """The ten bodies of the data file, the days of its references, and these as sums of high and low parts."""
+    data = json.loads(data_path("solar_system_10body.json").read_text(encoding="utf-8"))
+    system = orbits.System.from_states(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
+    days = np.array([365.25 * float(year) for year in data["reference_years"]])
+    exact = [[[Fraction(x) for x in row[:3]] for row in rows] for rows in data["reference_years"].values()]
+    high = np.array(exact, dtype=np.float64)
+    low = np.array([[[float(x - Fraction(float(x))) for x in row] for row in rows] for rows in exact])
+    return system, days, high, low
+
+
+def test_the_converged_yardstick_is_as_good_as_it_says_against_quadruple_precision(ten_bodies):
+    system, days, high, low = ten_bodies
+    times = np.append(0.0, days)
+    made = yardstick.converged(system, times, 2.0)
+    error = np.linalg.norm((made.q[1:] - high) - low, axis=-1).max(axis=0)
+    # Random walks: the stated error is the larger of two distances between them, at most half of what one has done.
+    assert np.all(error < 2 * made.error), error / made.error
+    assert np.all(made.error[5:] < 1e-12)  # au; Jupiter to Pluto: 68 m in a thousand years, so it is not blind safety
+
+
+@pytest.mark.parametrize(("step", "expected"), [(3.0, 2.0), (4.0, 4.0), (0.99, 0.5), (1e-300, 2.0**-997)])
+def test_the_step_of_the_converged_yardstick_is_a_power_of_two(step, expected):
+    assert yardstick.power_of_two(step) == expected
