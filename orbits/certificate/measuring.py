@@ -141,10 +141,9 @@ class Problem:
     def momentum_maps(self) -> Iterator[tuple[str, Measured]]:
         """The largest change of each symmetry's momentum map along the path, relative to the sum of its terms."""
         for symmetry in self.lagrangian.symmetries:
-            xi = np.array([symmetry.generator(x) for x in self.path.q])
-            terms = np.sum(np.abs(self.path.p * xi), axis=1)
-            charge = np.sum(self.path.p * xi, axis=1)
-            scale = float(np.max(terms))
+            charge = self.path.momentum_map(symmetry)
+            states = zip(self.path.q, self.path.p, self.path.t, strict=True)
+            scale = max(symmetry.charge_size(q, p, float(t)) for q, p, t in states)
             drift = float(np.max(np.abs(charge - charge[0]))) / scale if scale > 0.0 else 0.0
             # A random walk of roundings, each of half a unit of each of the terms.
             yield symmetry.name, Measured(drift, 4.0 * EPS * math.sqrt(len(self.path)), "relative")
