@@ -46,7 +46,7 @@ def certify(
     t : time of the start, for a Lagrangian that depends on it
 
     Measured are: the step against a plain solution of its equations; the residual of its discrete Euler–Lagrange
-    equations; the momentum map of each symmetry; symplecticity, from the exact derivative of the step, of the massive
+    equations, and its momenta against those of its L_d, without which equivalent L_d would pass; the momentum map of each symmetry; symplecticity, from the exact derivative of the step, of the massive
     bodies and of particles' fibres; the area of a loop of initial conditions; reversibility; the order of the map and
     of L_d, above the plateau of round-off; whether the energy is bounded.
 
@@ -100,6 +100,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
     has = problem.has_discrete_lagrangian()
     if has:
         yield _finding("discrete Euler-Lagrange residual", problem.euler_lagrange(), method.variational, needed=True)
+        yield _finding("momenta of L_d", problem.legendre_transforms(), method.variational, needed=True)
     else:
         reason = "its tableau is not symplectic" if method.variational else "it has none"
         yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, method.variational, True, reason)
