@@ -130,7 +130,8 @@ class Problem:
         residual = discrete.euler_lagrange_residual(self.discrete_lagrangian, q, self.dt, self.t)
         worst = self._in_ulps(residual)
         # The equations of L_d are solved in float64 too, stage by stage, which adds several times as much.
-        return Measured(worst[0], 8.0 * worst[1], "ulp", "positions are stored to 2^-53, differences of neighbours see it")
+        note = "positions are stored to 2^-53, differences of neighbours see it"
+        return Measured(worst[0], 8.0 * worst[1], "ulp", note)
 
     def legendre_transforms(self) -> Measured:
         """What the step's own momenta miss of those of L_d, -D1 and D2 at either end of a step, in ulps of D2 L_d.

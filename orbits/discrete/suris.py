@@ -85,7 +85,7 @@ class Suris(DiscreteLagrangian):
         return path[0], path[1]
 
     def integral(self, q0: ArrayLike, q1: ArrayLike, h: float) -> Array:
-        """Return cos((q1 - q0)/2) + kappa cos((q1 + q0)/2), constant along orbits; q0, q1 : neighbours, of any shape."""
+        """Return cos((q1 - q0)/2) + kappa cos((q1 + q0)/2), constant along orbits; q0, q1 : neighbours."""
         before, after = np.asarray(q0, dtype=np.float64), np.asarray(q1, dtype=np.float64)
         kept: Array = np.cos((after - before) / 2) + self._kappa(time_step(h)) * np.cos((after + before) / 2)
         return kept

@@ -27,8 +27,8 @@ class Uniform(Plain):
     m, eB, g = 1.7, 0.9, np.array([0.4, -1.1])
 
     def __init__(self, *, magnetic="", force=False):
-        turn = {"": [[0.0, 0.0], [0.0, 0.0]], "symmetric": [[0.0, -0.5], [0.5, 0.0]], "landau": [[0.0, -1.0], [0.0, 0.0]]}
-        self.A, self.force = self.eB * np.array(turn[magnetic]), self.m * self.g * force
+        row, column = {"": (0.0, 0.0), "symmetric": (-0.5, 0.5), "landau": (-1.0, 0.0)}[magnetic]
+        self.A, self.force = self.eB * np.array([[0.0, row], [column, 0.0]]), self.m * self.g * force
 
     def value(self, q, v, t=0.0):
         return 0.5 * self.m * (v @ v) + v @ self.A @ q + self.force @ q
@@ -55,12 +55,13 @@ FALLING_BOOST = orbits.Symmetry(
     lambda q, t: Uniform.m * (q[0] + Uniform.g[0] * t * t / 2),
     timed=True,
 )
-TURN = orbits.Symmetry("turn", rotation().flow, rotation().generator, lambda q: Uniform.eB * (q[1] ** 2 - q[0] ** 2) / 2)
+PLAIN = rotation()
+TURN = orbits.Symmetry("turn", PLAIN.flow, PLAIN.generator, lambda q: Uniform.eB * (q[1] ** 2 - q[0] ** 2) / 2)
 
 
 @pytest.mark.parametrize("tableau", [*FAMILY, *EULER], ids=lambda t: t.name)
 def test_a_gauge_term_linear_in_q_and_t_is_inherited_by_every_method_of_the_family(tableau):
-    """Translation in a uniform magnetic field, K = e B y/2; in a uniform force, K = m g t; boost of a free body, m x."""
+    """Translation in a uniform magnetic field, K = e B y/2; in a uniform force, m g t; boost of a free body, m x."""
     for L, symmetry in (
         (Uniform(magnetic="symmetric"), X),
         (Uniform(force=True), FALL),

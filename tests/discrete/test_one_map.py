@@ -1,5 +1,7 @@
 """Two discrete Lagrangians that share their equations on Q x Q may be two maps of phase space: momenta tell."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ def test_trapezoidal_and_both_symplectic_eulers_share_their_equations_and_are_th
     """They differ by f(q1) - f(q0), f = -+ h V/2: the same paths of positions, momenta apart by grad f."""
     trapezoidal = discrete.trapezoidal(L)
     path = discrete.march_pairs(trapezoidal, L.q, L.q + H * L.v, H, 20)
-    p = np.array([discrete.legendre_minus(trapezoidal, *pair, H)[1] for pair in zip(path[:-1], path[1:], strict=True)])
+    p = np.array([discrete.legendre_minus(trapezoidal, *pair, H)[1] for pair in pairwise(path)])
     p = np.vstack([p, discrete.legendre_plus(trapezoidal, *path[-2:], H)[1]])
     rest = np.zeros(L.dimension)
     kick = np.array([0.5 * H * L.gradients(q, rest)[0] for q in path])
