@@ -127,7 +127,8 @@ def with_symmetries():
     """The Lagrangians with all their symmetries, and a charged particle in a uniform field, which has more of them."""
     for name in NAMES:
         yield pytest.param(problem(name), id=name)
-    yield pytest.param(problem("charged-particle").with_parameters(B2=0.0, E2=0.0), id="charged-particle, uniform field")
+    uniform = problem("charged-particle").with_parameters(B2=0.0, E2=0.0)
+    yield pytest.param(uniform, id="charged-particle, uniform field")
 
 
 @pytest.mark.parametrize("L", list(with_symmetries()))
