@@ -151,17 +151,24 @@ class Problem:
     def _in_ulps(self, residual: Array) -> tuple[float, float]:
         """The residual of the step that stands out most, and what rounding can do there, in ulps of its D2 L_d."""
         worst, noise = 0.0, 1.0
-        q, L_d = self.path.q, self.discrete_lagrangian
-        for k, r in enumerate(residual):
-            jet = L_d.jet(q[k], q[k + 1], self.dt, self.t + k * self.dt)
-            # Stored positions have lost 2^-53 |q|; D2 L_d sees their difference through its second derivatives.
-            felt = np.abs(jet.d12) @ np.abs(q[k + 1]) + np.abs(jet.d22) @ np.abs(q[k + 1])
-            ulp = float(np.spacing(np.max(np.abs(jet.d2))))
+        for r, (ulp, here) in zip(residual, self._ulps, strict=False):
             missed = float(np.max(np.abs(r))) / ulp
-            here = 4.0 * EPS * float(np.max(felt)) / ulp + 4.0
             if missed / here > worst / noise:
                 worst, noise = missed, here
         return worst, noise
+
+    @cached_property
+    def _ulps(self) -> list[tuple[float, float]]:
+        """Of the first steps: the unit in the last place of D2 L_d, and how many of them rounding can make."""
+        found = []
+        q = self.path.q[: DEL_POINTS + 1]
+        for k in range(len(q) - 1):
+            jet = self.discrete_lagrangian.jet(q[k], q[k + 1], self.dt, self.t + k * self.dt)
+            # Stored positions have lost 2^-53 |q|; D2 L_d sees their difference through its second derivatives.
+            felt = np.abs(jet.d12) @ np.abs(q[k + 1]) + np.abs(jet.d22) @ np.abs(q[k + 1])
+            ulp = float(np.spacing(np.max(np.abs(jet.d2))))
+            found.append((ulp, 4.0 * EPS * float(np.max(felt)) / ulp + 4.0))
+        return found
 
     def momentum_maps(self) -> Iterator[tuple[str, Measured]]:
         """The largest change of each symmetry's momentum map along the path, relative to the sum of its terms."""

@@ -14,8 +14,8 @@ Li2 the dilogarithm. It stands for the pendulum to order 2, is symmetric, and it
 
 so that no orbit is chaotic, where the standard map (the trapezoidal rule for sin q itself) has islands and chaos.
 
-W is analytic for h omega < 2. At h omega = 2 the force, q/2, jumps at q = pi; beyond, its mean over a turn is no longer
-zero and no periodic potential has it. Such steps are refused.
+W is analytic for h omega < 2. At h omega = 2, W' = q/2 jumps at q = pi, and for longer steps arg jumps there by a whole
+turn: there -D1 L_d and D2 L_d do not exist, although D1D2 L_d = -I/h is regular. Such steps are refused.
 
 Source: Suris (1989), Integrable mappings of the standard type, Functional Analysis and Its Applications 23, 74-76.
 """

@@ -99,11 +99,12 @@ class Lagrangian:
         if self.example is not None:
             self.vector(self.example.q, "the example's q")
             self.vector(self.example.v, "the example's v")
-        strangers = [x for x in self.symmetries if not isinstance(x, Symmetry)]
+        groups = self.groups(self.parameters) if callable(self.groups) else self.groups
+        strangers = [x for x in groups if not isinstance(x, Symmetry)] if isinstance(groups, Sequence) else [groups]
         if strangers:
             raise InputError(
-                f"'{self.name}': symmetries must be `orbits.Symmetry` objects, or a function of the parameters that "
-                f"returns such; got {strangers[0]!r}"
+                f"'{self.name}': symmetries must be `orbits.Symmetry` objects, in a list, or a function of the "
+                f"parameters that returns one; got {shown(strangers[0])}"
             )
 
     def __copy__(self) -> Lagrangian:

@@ -15,6 +15,7 @@ and sec. 4 and 8 for boosts.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,6 +43,8 @@ class Symmetry:
     gauge : q -> K(q), a number: L changes by s dK/dt to first order in s; None where L does not change
     timed : whether the three depend on time: they take it as their last argument, flow(s, q, t), generator(q, t),
         gauge(q, t)
+
+    Raises InputError for what is no function of these arguments.
     """
 
     name: str
@@ -49,6 +52,26 @@ class Symmetry:
     generator: Callable[..., Array]
     gauge: Callable[..., float] | None = None
     timed: bool = False
+
+    def __post_init__(self) -> None:
+        """Raise InputError for what is no function of the arguments that it is called with."""
+        time = ["t"] * self.timed
+        for part, arguments in (("flow", ["s", "q", *time]), ("generator", ["q", *time]), ("gauge", ["q", *time])):
+            function = getattr(self, part)
+            if function is None and part == "gauge":
+                continue
+            if not callable(function):
+                raise InputError(f"'{self.name}': {part} must be a function, got {shown(function)}")
+            try:
+                inspect.signature(function).bind(*arguments)
+            except TypeError:
+                now = f"with timed={self.timed} it is called as {part}({', '.join(arguments)})"
+                raise InputError(
+                    f"'{self.name}': {part} takes other arguments, {part}{inspect.signature(function)}; {now}. A "
+                    "symmetry that depends on time needs timed=True, and t as the last argument of all three."
+                ) from None
+            except ValueError:
+                continue  # compiled elsewhere: its arguments are not told
 
     def moved(self, s: float, q: Array, t: float = 0.0) -> Array:
         """Return q moved by the group at the time t, (d,)."""

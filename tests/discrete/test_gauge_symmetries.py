@@ -1,5 +1,7 @@
 """Symmetries up to a total derivative: L changes by dK/dt, and p . xi - K is conserved, by which methods, how well."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -195,6 +197,26 @@ def test_a_symmetry_that_depends_on_time_asks_for_the_time():
         discrete.momentum_map(boost([1.0, 0.0]), q, q, [0.0, 1.0, 2.0])
     assert discrete.momentum_map(boost([1.0, 0.0], 2.0), q, q, [0.0, 1.0]).tolist() == [-0.6, 0.4 - 0.8]
     assert discrete.momentum_map(boost([1.0, 0.0], 2.0), q[1], q[1], 1.0) == 0.4 - 0.8
+
+
+def test_functions_of_other_arguments_and_what_is_no_list_of_symmetries_are_refused():
+    def untimed(q):
+        return q
+
+    def timed(q, t):
+        return q
+
+    with pytest.raises(InputError, match=r"generator takes other arguments, generator\(q, t\); with timed=False"):
+        orbits.Symmetry("late", lambda s, q: q, timed)
+    with pytest.raises(InputError, match=r"gauge takes other arguments.*needs timed=True"):
+        orbits.Symmetry("late", lambda s, q: q, untimed, timed)
+    with pytest.raises(InputError, match=r"flow takes other arguments.*timed=True it is called as flow\(s, q, t\)"):
+        orbits.Symmetry("early", lambda s, q: q, timed, timed=True)
+    with pytest.raises(InputError, match="generator must be a function, got 'no'"):
+        orbits.Symmetry("none", lambda s, q: q, "no")
+    for symmetries in (rotation(), [rotation(), "turn"], lambda parameters: rotation()):
+        with pytest.raises(InputError, match=r"must be `orbits\.Symmetry` objects, in a list"):
+            dataclasses.replace(orbits.lagrangians.kepler, groups=symmetries)
 
 
 def test_bad_boosts_are_refused():
