@@ -31,6 +31,9 @@ EPS = 2.0**-53
 STEPS = 200
 """Length of the march on which momentum maps, areas and reversibility are measured."""
 
+DEL_POINTS = 12
+"""At how many points of the march the equations of L_d are checked."""
+
 ENERGY_STEPS = 4000
 """Length of the march on which the energy is followed."""
 
@@ -121,30 +124,58 @@ class Problem:
         defect = tableau.b[:, None] * tableau.a_bar + (tableau.b[:, None] * tableau.a).T
         return bool(np.max(np.abs(defect - np.outer(tableau.b, tableau.b))) < 1e-14)
 
-    def euler_lagrange(self, points: int = 12) -> Measured:
+    def euler_lagrange(self) -> Measured:
         """The DEL residual along the path with the method's own L_d, in ulps of D2 L_d."""
-        L_d = discrete.vprk(self.lagrangian, self.integrator.tableau)
-        q = self.path.q[: points + 2]
-        residual = discrete.euler_lagrange_residual(L_d, q, self.dt, self.t, in_ulps=True)
+        q = self.path.q[: DEL_POINTS + 2]
+        residual = discrete.euler_lagrange_residual(self.discrete_lagrangian, q, self.dt, self.t)
+        worst = self._in_ulps(residual)
+        # The equations of L_d are solved in float64 too, stage by stage, which adds several times as much.
+        note = "positions are stored to 2^-53, differences of neighbours see it"
+        return Measured(worst[0], 8.0 * worst[1], "ulp", note)
+
+    def legendre_transforms(self) -> Measured:
+        """What the step's own momenta miss of those of L_d, -D1 and D2 at either end of a step, in ulps of D2 L_d.
+
+        With this the step is the map of this L_d, and not only of one that differs by f(q1) - f(q0).
+        """
+        q, p = self.path.q[: DEL_POINTS + 1], self.path.p[: DEL_POINTS + 1]
+        residual = discrete.momentum_residual(self.discrete_lagrangian, q, p, self.dt, self.t)
+        worst = self._in_ulps(residual)
+        return Measured(worst[0], 8.0 * worst[1], "ulp", "p = -D1 L_d before, D2 L_d after a step")
+
+    @cached_property
+    def discrete_lagrangian(self) -> discrete.DiscreteLagrangian:
+        """The method's own."""
+        return discrete.vprk(self.lagrangian, self.integrator.tableau)
+
+    def _in_ulps(self, residual: Array) -> tuple[float, float]:
+        """The residual of the step that stands out most, and what rounding can do there, in ulps of its D2 L_d."""
         worst, noise = 0.0, 1.0
-        for k, r in enumerate(residual):
-            jet = L_d.jet(q[k], q[k + 1], self.dt, self.t + k * self.dt)
+        for r, (ulp, here) in zip(residual, self._ulps, strict=False):
+            missed = float(np.max(np.abs(r))) / ulp
+            if missed / here > worst / noise:
+                worst, noise = missed, here
+        return worst, noise
+
+    @cached_property
+    def _ulps(self) -> list[tuple[float, float]]:
+        """Of the first steps: the unit in the last place of D2 L_d, and how many of them rounding can make."""
+        found = []
+        q = self.path.q[: DEL_POINTS + 1]
+        for k in range(len(q) - 1):
+            jet = self.discrete_lagrangian.jet(q[k], q[k + 1], self.dt, self.t + k * self.dt)
             # Stored positions have lost 2^-53 |q|; D2 L_d sees their difference through its second derivatives.
             felt = np.abs(jet.d12) @ np.abs(q[k + 1]) + np.abs(jet.d22) @ np.abs(q[k + 1])
-            ulp = np.spacing(np.max(np.abs(jet.d2)))
-            here = 4.0 * EPS * float(np.max(felt)) / ulp + 4.0
-            if np.max(np.abs(r)) / here > worst / noise:
-                worst, noise = float(np.max(np.abs(r))), here
-        # The equations of L_d are solved in float64 too, stage by stage, which adds several times as much.
-        return Measured(worst, 8.0 * noise, "ulp", "positions are stored to 2^-53, differences of neighbours see it")
+            ulp = float(np.spacing(np.max(np.abs(jet.d2))))
+            found.append((ulp, 4.0 * EPS * float(np.max(felt)) / ulp + 4.0))
+        return found
 
     def momentum_maps(self) -> Iterator[tuple[str, Measured]]:
         """The largest change of each symmetry's momentum map along the path, relative to the sum of its terms."""
         for symmetry in self.lagrangian.symmetries:
-            xi = np.array([symmetry.generator(x) for x in self.path.q])
-            terms = np.sum(np.abs(self.path.p * xi), axis=1)
-            charge = np.sum(self.path.p * xi, axis=1)
-            scale = float(np.max(terms))
+            charge = self.path.momentum_map(symmetry)
+            states = zip(self.path.q, self.path.p, self.path.t, strict=True)
+            scale = max(symmetry.charge_size(q, p, float(t)) for q, p, t in states)
             drift = float(np.max(np.abs(charge - charge[0]))) / scale if scale > 0.0 else 0.0
             # A random walk of roundings, each of half a unit of each of the terms.
             yield symmetry.name, Measured(drift, 4.0 * EPS * math.sqrt(len(self.path)), "relative")
@@ -257,7 +288,7 @@ class Problem:
 
     def order_of_discrete_lagrangian(self) -> Slope:
         """The slope of |L_d - exact L_d| along a true solution, less 1."""
-        L_d = discrete.vprk(self.lagrangian, self.integrator.tableau)
+        L_d = self.discrete_lagrangian
         h, errors = [], []
         scale = self.momentum_size * self.size
         starts = [0, len(self.path) // 5, len(self.path) // 2]  # at one alone the leading term may vanish

@@ -22,8 +22,9 @@ from orbits.discrete.legendre import (
 from orbits.discrete.linear import exact_free_particle, exact_harmonic_oscillator, exact_linear
 from orbits.discrete.marching import advance, march_pairs, start, step
 from orbits.discrete.noether import Drift, drift, invariance, momentum_map
-from orbits.discrete.path import action, euler_lagrange_residual
+from orbits.discrete.path import action, euler_lagrange_residual, momentum_residual
 from orbits.discrete.quadrature import midpoint, symplectic_euler_a, symplectic_euler_b, trapezoidal
+from orbits.discrete.suris import suris
 from orbits.discrete.vprk import vprk
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "midpoint",
     "momentum_map",
     "momentum_mismatch",
+    "momentum_residual",
     "pair_derivative",
     "phase_derivative",
     "phase_map",
@@ -58,6 +60,7 @@ __all__ = [
     "require_regular",
     "start",
     "step",
+    "suris",
     "symplectic_euler_a",
     "symplectic_euler_b",
     "trapezoidal",

@@ -1,16 +1,29 @@
 """The discrete Noether theorem along a trajectory: which part of a drift is round-off, which the solver's, which true.
 
-If L_d(g q0, g q1) = L_d(q0, q1) for all g of a one-parameter group with generator xi, then
-D1 L_d . xi(q0) + D2 L_d . xi(q1) = 0, and J_k = p_k . xi(q_k) is conserved along discrete trajectories. In general, for
-*any* points q_k and momenta p_k,
+Let a one-parameter group have the generator xi(q, t) and the gauge term K(q, t), which is 0 where the group leaves L
+alone. If L_d changes by s [K(q1, t1) - K(q0, t0)], to first order in s, when both points are moved, then
 
-    J_{k+1} - J_k =   D1 L_d(q_k, q_{k+1}) . xi(q_k) + D2 L_d(q_k, q_{k+1}) . xi(q_{k+1})               broken symmetry
-                    + [p_{k+1} - D2 L_d(q_k, q_{k+1})] . xi(q_{k+1}) - [p_k + D1 L_d(q_k, q_{k+1})] . xi(q_k)   residual
+    D1 L_d . xi(q0, t0) + D2 L_d . xi(q1, t1) = K(q1, t1) - K(q0, t0),
+
+and J_k = p_k . xi(q_k, t_k) - K(q_k, t_k) is conserved along discrete trajectories. In general, for *any* points q_k
+and momenta p_k, with xi_k and K_k at (q_k, t_k),
+
+    J_{k+1} - J_k =   D1 L_d(q_k, q_{k+1}) . xi_k + D2 L_d(q_k, q_{k+1}) . xi_{k+1} - (K_{k+1} - K_k)   broken symmetry
+                    + [p_{k+1} - D2 L_d(q_k, q_{k+1})] . xi_{k+1} - [p_k + D1 L_d(q_k, q_{k+1})] . xi_k       residual
+
+Which K a discrete Lagrangian inherits from L depends on its rule, for an affine xi = A q + u + w t. With Q_i, V_i at
+the times t + c_i h of a symplectic pair of tableaux a, a_bar with weights b, c_i = sum_j a_ij, the change is
+h sum_i b_i dK/dt(Q_i, V_i), which is K(q1, t1) - K(q0, t0)
+
+    for K linear in q and t                              by every method of the family
+    for K with t^2                                       where sum_i b_i c_i = 1/2: order 2
+    for K with products of coordinates                   where b_i a_ij + b_j a_ji = b_i b_j: Gauss, but not Lobatto
+    for all K                                            by the exact discrete Lagrangian, for every xi
 
 The momenta are the step's own: recomputed from stored positions they lose digits, for a position has lost eps |q| and
 L_d sees the difference of neighbours.
 
-Source: Marsden & West (2001), sec. 1.3.3.
+Source: Marsden & West (2001), sec. 1.3.3, for K = 0. The second line of the residual is what a solver leaves.
 """
 
 from __future__ import annotations
@@ -23,7 +36,7 @@ from numpy.typing import ArrayLike
 
 from orbits.discrete.base import Array, DiscreteLagrangian
 from orbits.discrete.path import points_of, spacing
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.lagrangians.symmetry import Symmetry
 
 EPS = 2.0**-53
@@ -33,9 +46,9 @@ EPS = 2.0**-53
 class Drift:
     """The drift of a momentum map along a trajectory of N points, split; all arrays (N,), since the first point.
 
-    momentum : J_k = p_k . xi(q_k)
+    momentum : J_k = p_k . xi(q_k, t_k) - K(q_k, t_k)
     total : J_k - J_0
-    broken : the sum over the steps of D1 L_d . xi(q_k) + D2 L_d . xi(q_{k+1}): L_d is not invariant
+    broken : the sum over the steps of D1 L_d . xi_k + D2 L_d . xi_{k+1} - (K_{k+1} - K_k): L_d lacks the symmetry
     solver : the sum of the residuals above the noise floor of their step: the equations were not solved
     round_off : total - broken - solver: residuals that cannot be told from the rounding of what is stored
     floor : the sum of the noise floors, the most that round-off can have done
@@ -69,21 +82,39 @@ def invariance(
     s: float,
     t: float = 0.0,
 ) -> float:
-    """Return L_d(g q0, g q1) - L_d(q0, q1), an action, g = the group at s; 0 if L_d is invariant."""
-    moved0, moved1 = symmetry.flow(s, discrete.vector(q0, "q0")), symmetry.flow(s, discrete.vector(q1, "q1"))
-    return discrete.value(moved0, moved1, h, t) - discrete.value(q0, q1, h, t)
+    """Return L_d(g q0, g q1) - L_d(q0, q1), an action, g = the group at s; 0 if L_d is invariant.
+
+    With a gauge term, less what it adds, K_s(q1, t + h) - K_s(q0, t), K_s being K integrated along the flow up to s:
+    0 if L_d is invariant up to a total difference.
+    """
+    x0, x1 = discrete.vector(q0, "q0"), discrete.vector(q1, "q1")
+    change = discrete.value(symmetry.moved(s, x0, t), symmetry.moved(s, x1, t + h), h, t) - discrete.value(x0, x1, h, t)
+    return change - (symmetry.gained(s, x1, t + h) - symmetry.gained(s, x0, t))
 
 
-def momentum_map(symmetry: Symmetry, q: ArrayLike, p: ArrayLike) -> float | Array:
-    """Return J = p . xi(q): a float for one point (d,), (N,) for N points (N, d) or (N, n, 3)."""
+def momentum_map(symmetry: Symmetry, q: ArrayLike, p: ArrayLike, t: ArrayLike | None = None) -> float | Array:
+    """Return J = p . xi(q, t) - K(q, t): a float for one point (d,), (N,) for N points (N, d) or (N, n, 3).
+
+    t : time of the point, or (N,) of the points; needed where the symmetry depends on time
+    """
     x, y = np.asarray(q, dtype=np.float64), np.asarray(p, dtype=np.float64)
     if x.shape != y.shape or x.ndim not in (1, 2, 3):
         raise InputError(f"q and p must have one shape, (d,), (N, d) or (N, n, 3); got {x.shape} and {y.shape}")
     if not (np.all(np.isfinite(x)) and np.all(np.isfinite(y))):
         raise InputError("q and p must be finite")
+    if t is None and symmetry.timed:
+        raise InputError(
+            f"'{symmetry.name}' depends on time, and no time was given. Pass t=, the time of the point or the times of "
+            "the points."
+        )
+    times = np.zeros(()) if t is None else np.asarray(t, dtype=np.float64)
+    count = x.shape[:1] if x.ndim > 1 else ()
+    if times.shape not in ((), count) or not np.all(np.isfinite(times)):
+        raise InputError(f"t must be a finite number, or one for each point; got {shown(t)}")
     if x.ndim == 1:
-        return float(y @ symmetry.generator(x))
-    return np.array([b.ravel() @ symmetry.generator(a.ravel()) for a, b in zip(x, y, strict=True)])
+        return symmetry.charge(x, y, float(times))
+    times = np.broadcast_to(times, count)
+    return np.array([symmetry.charge(a.ravel(), b.ravel(), float(c)) for a, b, c in zip(x, y, times, strict=True)])
 
 
 def drift(
@@ -102,7 +133,8 @@ def drift(
     """
     q, _ = points_of(discrete, q_path, least=2)
     step, start = spacing(h, len(q), t0)
-    jets = [discrete.jet(a, b, step, start + k * step) for k, (a, b) in enumerate(itertools.pairwise(q))]
+    t = start + step * np.arange(len(q))
+    jets = [discrete.jet(a, b, step, float(t[k])) for k, (a, b) in enumerate(itertools.pairwise(q))]
     d1, d2 = np.array([jet.d1 for jet in jets]), np.array([jet.d2 for jet in jets])
     if p_path is None:
         p = np.vstack([-d1[:1], d2])
@@ -110,11 +142,12 @@ def drift(
         p, _ = points_of(discrete, p_path, least=2)
         if p.shape != q.shape:
             raise InputError(f"q_path and p_path must have one shape; got {q.shape} and {p.shape}")
-    xi = np.array([symmetry.generator(x) for x in q])
+    xi = np.array([symmetry.xi(x, float(at)) for x, at in zip(q, t, strict=True)])
     if xi.shape != q.shape:
         raise InputError(f"{symmetry.name}: the generator gives {xi.shape[1:]} for a point of shape {q.shape[1:]}")
     before, after = xi[:-1], xi[1:]
-    broken = np.einsum("ki,ki->k", d1, before) + np.einsum("ki,ki->k", d2, after)
+    K = np.array([symmetry.K(x, float(at)) for x, at in zip(q, t, strict=True)])
+    broken = np.einsum("ki,ki->k", d1, before) + np.einsum("ki,ki->k", d2, after) - np.diff(K)
     residual = np.einsum("ki,ki->k", p[1:] - d2, after) - np.einsum("ki,ki->k", p[:-1] + d1, before)
     size = np.array([np.abs(jet.d12) for jet in jets])
     # D1 and D2 feel the rounding of q0 and q1 through the second derivatives, of which |D1D2| is the scale.
@@ -122,7 +155,7 @@ def drift(
     floor = np.einsum("ki,ki->k", felt + np.abs(p[:-1]), np.abs(before))
     floor += np.einsum("ki,ki->k", felt + np.abs(p[1:]), np.abs(after))
     floor *= 4.0 * EPS
-    momentum = np.asarray(momentum_map(symmetry, q, p))
+    momentum = np.asarray(momentum_map(symmetry, q, p, t))
     total = momentum - momentum[0]
     parts = [
         np.concatenate([[0.0], np.cumsum(x)])

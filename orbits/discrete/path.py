@@ -2,7 +2,12 @@
 
     S(q_0, ..., q_N) = sum_k L_d(q_k, q_{k+1}; h),      dS/dq_k = D2 L_d(q_{k-1}, q_k; h) + D1 L_d(q_k, q_{k+1}; h)
 
-Source: Marsden & West (2001), sec. 1.3.
+Positions alone do not tell one L_d from another: L_d + f(q1) - f(q0) has the same equations, for any f, and the momenta
+p + grad f(q). That a method is the map of L_d needs its momenta too:
+
+    p_k = -D1 L_d(q_k, q_{k+1}; h),      p_{k+1} = D2 L_d(q_k, q_{k+1}; h).
+
+Source: Marsden & West (2001), sec. 1.3, 1.5.
 """
 
 from __future__ import annotations
@@ -53,6 +58,29 @@ def euler_lagrange_residual(
             residual / np.spacing(np.maximum(np.max(np.abs(arriving), axis=1), np.finfo(np.float64).tiny))[:, None]
         )
     return residual.reshape(len(residual), *shape)
+
+
+def momentum_residual(
+    discrete: DiscreteLagrangian, path: ArrayLike, momenta: ArrayLike, h: float | ArrayLike, t0: float = 0.0
+) -> Array:
+    """Return p_k + D1 L_d(q_k, q_{k+1}) and p_{k+1} - D2 L_d(q_k, q_{k+1}) of each step: 0 along the map of L_d.
+
+    path, momenta : (N, d) or (N, n, 3), N >= 2; the result has shape (N - 1, 2, ...): both ends of each step
+    h : their spacing, or the N times themselves, which must be uniform
+
+    Stronger than `euler_lagrange_residual`, which is the difference of two of these and cannot see what an equivalent
+    L_d adds to all momenta. Raises InputError for other shapes or times.
+    """
+    points, shape = points_of(discrete, path, least=2)
+    p, _ = points_of(discrete, momenta, least=2)
+    if p.shape != points.shape:
+        raise InputError(f"path and momenta must have one shape; got {points.shape} and {p.shape}")
+    step, start = spacing(h, len(points), t0)
+    residual = np.empty((len(points) - 1, 2, points.shape[1]))
+    for k, (a, b) in enumerate(itertools.pairwise(points)):
+        _, d1, d2 = discrete.first(a, b, step, start + k * step)
+        residual[k] = p[k] + d1, p[k + 1] - d2
+    return residual.reshape(len(residual), 2, *shape)
 
 
 def points_of(discrete: DiscreteLagrangian, path: ArrayLike, *, least: int) -> tuple[Array, tuple[int, ...]]:

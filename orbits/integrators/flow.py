@@ -66,8 +66,8 @@ class DiscretePath:
         return np.array([self.lagrangian.energy(q, v, float(t)) for q, v, t in states])
 
     def momentum_map(self, symmetry: Symmetry) -> Array:
-        """Return Noether's charge J = p . xi(q) of a symmetry at each sample, (n,)."""
-        return np.array([p @ symmetry.generator(q) for q, p in zip(self.q, self.p, strict=True)])
+        """Return Noether's charge J = p . xi(q, t) - K(q, t) of a symmetry at each sample, (n,)."""
+        return np.array([symmetry.charge(q, p, float(t)) for q, p, t in zip(self.q, self.p, self.t, strict=True)])
 
 
 class Flow:

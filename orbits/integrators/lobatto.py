@@ -5,7 +5,7 @@
 IIIA gives the positions and IIIB the momenta, or the other way round. For a separable Lagrangian IIIA–IIIB with two
 stages is Störmer–Verlet, the method of the trapezoidal discrete Lagrangian.
 
-Source: Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Marsden & West (2001), sec. 2.6.4; Sun (1993).
+Source: Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Marsden & West (2001), sec. 2.6; Sun (1993).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
 Each is the adjoint of the other; neither is symmetric. As partitioned tableaux: one stage, a = 0 with a_bar = 1, or the
 other way round.
 
-Source: Hairer, Lubich & Wanner (2006), sec. VI.3.1; Marsden & West (2001), sec. 2.6.1.
+Source: Hairer, Lubich & Wanner (2006), sec. VI.3; Marsden & West (2001), sec. 2.6.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class SymplecticEuler(VariationalRungeKutta):
     name: ClassVar[str] = "symplectic-euler"
     summary: ClassVar[str] = "symplectic Euler, kick–drift or drift–kick: variational, order 1"
     declares: ClassVar[frozenset[str]] = frozenset({SYMPLECTIC, MOMENTUM_MAPS})
-    source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. VI.3.1; Marsden & West (2001), sec. 2.6.1"
+    source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. VI.3; Marsden & West (2001), sec. 2.6"
 
     def __post_init__(self) -> None:
         if not isinstance(self.variant, str) or self.variant not in _VARIANTS:

@@ -10,9 +10,9 @@ import importlib
 import pkgutil
 
 from orbits.lagrangians.base import Lagrangian
-from orbits.lagrangians.symmetry import rotation, translation
+from orbits.lagrangians.symmetry import boost, rotation, translation
 
-__all__ = ["registry", "rotation", "translation"]
+__all__ = ["boost", "registry", "rotation", "translation"]
 
 _FOUND: dict[str, Lagrangian] = {}
 for _module in pkgutil.iter_modules(__path__):

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from orbits.kernels.binding import Tag
 
 Array = NDArray[np.float64]
+Symmetries = Sequence[Symmetry] | Callable[[Mapping[str, float]], Sequence[Symmetry]]
+"""Symmetries, or a function that makes them from the values of the parameters by name: K may depend on masses."""
 
 SEPARABLE = "separable"
 """L(q, v) = T(v) - V(q) with a constant mass matrix and no time: an explicit method can serve it."""
@@ -65,7 +67,8 @@ class Lagrangian:
     compile : makes the kernels, on first use; called once
     example : a nonlinear motion that shows the system at work; what tables and tests use when nothing else is given.
         None for a Lagrangian without one
-    symmetries : one-parameter groups that leave L invariant
+    groups : one-parameter groups that leave L as it is but for a total derivative, or a function of the parameters that
+        makes them; read them as `symmetries`
     source : where it comes from
     order : (d,) which coordinate stands at each place of the kernels' vectors; None where it is the same
 
@@ -80,7 +83,7 @@ class Lagrangian:
     parameters: Mapping[str, float]
     compile: Callable[[], Compiled] = field(repr=False)
     example: Motion | None
-    symmetries: tuple[Symmetry, ...] = ()
+    groups: Symmetries = ()
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)
 
@@ -96,9 +99,13 @@ class Lagrangian:
         if self.example is not None:
             self.vector(self.example.q, "the example's q")
             self.vector(self.example.v, "the example's v")
-        strangers = [x for x in self.symmetries if not isinstance(x, Symmetry)]
+        groups = self.groups(self.parameters) if callable(self.groups) else self.groups
+        strangers = [x for x in groups if not isinstance(x, Symmetry)] if isinstance(groups, Sequence) else [groups]
         if strangers:
-            raise InputError(f"'{self.name}': symmetries must be `orbits.Symmetry` objects, got {strangers[0]!r}")
+            raise InputError(
+                f"'{self.name}': symmetries must be `orbits.Symmetry` objects, in a list, or a function of the "
+                f"parameters that returns one; got {shown(strangers[0])}"
+            )
 
     def __copy__(self) -> Lagrangian:
         return self
@@ -121,7 +128,7 @@ class Lagrangian:
         parameters: Mapping[Any, float] | None = None,
         name: str = "lagrangian",
         example: Motion | None = None,
-        symmetries: Sequence[Symmetry] = (),
+        symmetries: Symmetries = (),
         source: str = "",
     ) -> Lagrangian:
         """Return a Lagrangian from an expression in SymPy; its kernels are kept on disk for other processes.
@@ -129,6 +136,7 @@ class Lagrangian:
         L : SymPy expression of q, v, t and the parameters, twice differentiable
         q, v : d coordinates and their velocities: symbols, or functions of t and their derivatives
         t : the time, if L depends on it; parameters : values by symbol
+        symmetries : a list of them, or a function that makes it from the parameters' values by name
 
         Raises InputError, with the reason, for what cannot be used: symbols without a value, functions that cannot be
         compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse.
@@ -150,7 +158,7 @@ class Lagrangian:
         name: str,
         parameters: Mapping[str, float] | None = None,
         example: Motion | None = None,
-        symmetries: Sequence[Symmetry] = (),
+        symmetries: Symmetries = (),
         formula: str = "",
         source: str = "",
     ) -> Lagrangian:
@@ -179,6 +187,11 @@ class Lagrangian:
             formula=formula,
             source=source,
         )
+
+    @cached_property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """The one-parameter groups that leave L as it is but for a total derivative, for these parameters."""
+        return tuple(self.groups(self.parameters) if callable(self.groups) else self.groups)
 
     @cached_property
     def compiled(self) -> Compiled:

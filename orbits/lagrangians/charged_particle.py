@@ -5,19 +5,21 @@
     phi = E2 (2 z^2 - x^2 - y^2) / 2
 
 Depends on velocities linearly: an implicit method in canonical form serves it. Invariant under rotations about z; its
-canonical momentum p = m v + e A is not m v.
+canonical momentum p = m v + e A is not m v. Without the electric field (E2 = 0) it may be translated and boosted along
+z; in a uniform magnetic field (B2 = 0 too) a translation across it changes L by a total derivative: conserved are
+p_x - e B0 y/2 and p_y + e B0 x/2, which place the centre of the gyration.
 Parameters: mass m, charge e, the fields' B0, B2 and E2; any units in which e v B is a force.
 Source: Landau & Lifshitz, The Classical Theory of Fields, sec. 16, for slow motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from orbits.lagrangians.base import Motion
 from orbits.lagrangians.symbolic import shipped
-from orbits.lagrangians.symmetry import rotation
+from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
 
 
 def _expression(q: Sequence[Any], v: Sequence[Any], t: Any, p: Any) -> Any:
@@ -28,6 +30,21 @@ def _expression(q: Sequence[Any], v: Sequence[Any], t: Any, p: Any) -> Any:
     return p.m * (v[0] ** 2 + v[1] ** 2 + v[2] ** 2) / 2 + p.e * turning - p.e * potential
 
 
+def _symmetries(parameters: Mapping[str, float]) -> tuple[Symmetry, ...]:
+    """Those that the fields leave; in a uniform magnetic field x -> x + s adds s e B0/2 dy/dt to L."""
+    x, y, z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
+    found = [rotation(z, name="rotation about z")]
+    if parameters["E2"] == 0.0:
+        found += [translation(z, name="translation along z"), boost(z, parameters["m"], name="boost along z")]
+        if parameters["B2"] == 0.0:
+            half = parameters["e"] * parameters["B0"] / 2
+            found += [
+                translation(x, name="translation along x", gauge=lambda q: half * q[1]),
+                translation(y, name="translation along y", gauge=lambda q: -half * q[0]),
+            ]
+    return tuple(found)
+
+
 charged_particle = shipped(
     name="charged-particle",
     formula="m |v|^2 / 2 + e A(q) . v - e phi(q)",
@@ -35,6 +52,6 @@ charged_particle = shipped(
     parameters={"m": 1.0, "e": 1.0, "B0": 1.0, "B2": 0.5, "E2": 0.2},
     expression=_expression,
     example=Motion(q=(0.8, 0.1, 0.3), v=(0.2, 0.5, 0.1), dt=0.2),
-    symmetries=(rotation([0.0, 0.0, 1.0], name="rotation about z"),),
+    symmetries=_symmetries,
     source_="Landau & Lifshitz, The Classical Theory of Fields, sec. 16",
 )

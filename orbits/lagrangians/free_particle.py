@@ -8,16 +8,25 @@ Source: Marsden & West (2001), sec. 1.1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from orbits.lagrangians.base import Motion
 from orbits.lagrangians.symbolic import shipped
-from orbits.lagrangians.symmetry import rotation, translation
+from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
 
 
 def _expression(q: Sequence[Any], v: Sequence[Any], t: Any, p: Any) -> Any:
     return p.m * (v[0] ** 2 + v[1] ** 2 + v[2] ** 2) / 2
+
+
+def _symmetries(parameters: Mapping[str, float]) -> tuple[Symmetry, ...]:
+    axes = dict(zip("xyz", ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]), strict=True))
+    return (
+        *(translation(u, name=f"translation along {x}") for x, u in axes.items()),
+        *(boost(u, parameters["m"], name=f"boost along {x}") for x, u in axes.items()),
+        rotation(axes["z"], name="rotation about z"),
+    )
 
 
 free_particle = shipped(
@@ -27,11 +36,6 @@ free_particle = shipped(
     parameters={"m": 1.0},
     expression=_expression,
     example=Motion(q=(0.3, -0.2, 0.5), v=(0.7, 0.4, -0.9), dt=0.1),
-    symmetries=(
-        translation([1.0, 0.0, 0.0], name="translation along x"),
-        translation([0.0, 1.0, 0.0], name="translation along y"),
-        translation([0.0, 0.0, 1.0], name="translation along z"),
-        rotation([0.0, 0.0, 1.0], name="rotation about z"),
-    ),
+    symmetries=_symmetries,
     source_="Marsden & West (2001), sec. 1.1",
 )

@@ -13,8 +13,7 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
-from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Compiled, Lagrangian, Motion
-from orbits.lagrangians.symmetry import Symmetry
+from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Compiled, Lagrangian, Motion, Symmetries
 
 CANONICAL = ("value", "gradients", "hessians")
 KNOWN = ("accelerate", *CANONICAL)
@@ -27,7 +26,7 @@ def from_kernels(
     name: str,
     parameters: Mapping[str, float],
     example: Motion | None,
-    symmetries: Sequence[Symmetry],
+    symmetries: Symmetries,
     formula: str,
     source: str,
 ) -> Lagrangian:
@@ -70,7 +69,7 @@ def from_kernels(
         parameters=parameters,
         compile=lambda: made,
         example=example,
-        symmetries=tuple(symmetries),
+        groups=symmetries,
         source=source,
     )
 

@@ -12,6 +12,7 @@ Source: Hairer, Lubich & Wanner (2006), sec. I.2.4; Plummer (1911) for the softe
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +30,7 @@ from orbits.kernels.gravity import (
 )
 from orbits.kernels.lanes import get, put, sqrt
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Compiled, Lagrangian, Motion
-from orbits.lagrangians.symmetry import Symmetry, rotation, translation
+from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
 
 
 @kernel(inline=True)
@@ -113,11 +114,14 @@ def parameters(gm: NDArray[np.float64], softening: float = 0.0) -> NDArray[np.fl
     return np.concatenate([[softening * softening], gm])
 
 
-def symmetries(bodies: int) -> tuple[Symmetry, ...]:
-    """Return the translations along and the rotations about the three axes."""
+def symmetries(parameters: Mapping[str, float]) -> tuple[Symmetry, ...]:
+    """Return the translations and boosts along and the rotations about the three axes."""
     axes = dict(zip("xyz", np.eye(3), strict=True))
+    gm = [value for name, value in parameters.items() if name.startswith("GM")]
+    bodies = len(gm)
     return (
         *(translation(u, copies=bodies, name=f"translation along {x}") for x, u in axes.items()),
+        *(boost(u, gm, name=f"boost along {x}") for x, u in axes.items()),
         *(rotation(u, copies=bodies, name=f"rotation about {x}") for x, u in axes.items()),
     )
 
@@ -147,7 +151,7 @@ newtonian = Lagrangian(
     parameters={"eps2": 0.0, **{f"GM{i + 1}": gm for i, gm in enumerate(_GM)}},
     compile=_compiled,
     example=_EXAMPLE,
-    symmetries=symmetries(len(_GM)),
+    groups=symmetries,
     source="Hairer, Lubich & Wanner (2006), sec. I.2.4",
     order=_order(len(_GM)),
 )
@@ -172,6 +176,5 @@ def n_body(gm: ArrayLike, softening: float = 0.0) -> Lagrangian:
         parameters={"eps2": softening * softening, **{f"GM{i + 1}": float(g) for i, g in enumerate(values)}},
         compile=lambda: made,
         example=None,
-        symmetries=symmetries(n),
         order=_order(n),
     )

@@ -15,7 +15,7 @@ def reduced(L: Lagrangian) -> tuple[Any, ...]:
 
     own = registry().get(L.name)
     # Other values of the parameters leave these parts as they are; whoever makes another Lagrangian makes them anew.
-    parts = ("coordinates", "example", "symmetries")
+    parts = ("coordinates", "example", "groups")
     if own is None or any(getattr(L, part) is not getattr(own, part) for part in parts):
         raise InputError(
             f"'{L.name}' cannot be pickled: its kernels are code, and not of this package. Make it again where it is "

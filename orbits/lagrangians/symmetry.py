@@ -1,16 +1,26 @@
-"""One-parameter groups of symmetries and their generators.
+"""One-parameter groups of symmetries, their generators, and what they add to the Lagrangian.
 
 A group acts on configurations by q -> flow(s, q), flow(0, q) = q; its generator is xi(q) = d/ds flow(s, q) at s = 0. If
-L is invariant under the group, Noether's theorem gives the conserved momentum map J = p . xi(q); if a discrete
-Lagrangian is invariant, the discrete theorem keeps p_k . xi(q_k) along its discrete trajectories, exactly.
+the group leaves L as it is but for a total derivative,
 
-Source: Marsden & West (2001), sec. 1.2.3, 1.3.3.
+    d/ds L(flow(s, q), d/dt flow(s, q), t) = dK/dt  at s = 0,      K = K(q, t), the gauge term,
+
+Noether's theorem gives the conserved charge J = p . xi(q) - K(q, t). K = 0 is plain invariance: translations and
+rotations of a closed system. With K: boosts, whose xi depends on time, translations in uniform fields. If a discrete
+Lagrangian changes by K(q1, t1) - K(q0, t0), the discrete theorem keeps p_k . xi(q_k) - K(q_k, t_k), exactly.
+
+Source: Marsden & West (2001), sec. 1.2 and 1.3, for K = 0; Landau & Lifshitz, Mechanics, sec. 2, for total derivatives
+and sec. 4 and 8 for boosts.
 """
 
 from __future__ import annotations
 
+import inspect
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +28,9 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.errors import InputError, shown
 
 Array = NDArray[np.float64]
+
+NODES = 12
+"""Of the quadrature of K along a flow, for each unit of the group's parameter: round-off for rotations by a radian."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +40,78 @@ class Symmetry:
     name : for tables
     flow : (s, q) -> q moved by the group, q a vector of shape (d,)
     generator : q -> xi(q) of shape (d,), the derivative of `flow` at s = 0
+    gauge : q -> K(q), a number: L changes by s dK/dt to first order in s; None where L does not change
+    timed : whether the three depend on time: they take it as their last argument, flow(s, q, t), generator(q, t),
+        gauge(q, t)
+
+    Raises InputError for what is no function of these arguments.
     """
 
     name: str
-    flow: Callable[[float, Array], Array]
-    generator: Callable[[Array], Array]
+    flow: Callable[..., Array]
+    generator: Callable[..., Array]
+    gauge: Callable[..., float] | None = None
+    timed: bool = False
 
-    def defect(self, q: Array) -> float:
+    def __post_init__(self) -> None:
+        """Raise InputError for what is no function of the arguments that it is called with."""
+        time = ["t"] * self.timed
+        for part, arguments in (("flow", ["s", "q", *time]), ("generator", ["q", *time]), ("gauge", ["q", *time])):
+            function = getattr(self, part)
+            if function is None and part == "gauge":
+                continue
+            if not callable(function):
+                raise InputError(f"'{self.name}': {part} must be a function, got {shown(function)}")
+            try:
+                inspect.signature(function).bind(*arguments)
+            except TypeError:
+                now = f"with timed={self.timed} it is called as {part}({', '.join(arguments)})"
+                raise InputError(
+                    f"'{self.name}': {part} takes other arguments, {part}{inspect.signature(function)}; {now}. A "
+                    "symmetry that depends on time needs timed=True, and t as the last argument of all three."
+                ) from None
+            except ValueError:
+                continue  # compiled elsewhere: its arguments are not told
+
+    def moved(self, s: float, q: Array, t: float = 0.0) -> Array:
+        """Return q moved by the group at the time t, (d,)."""
+        return self.flow(s, q, t) if self.timed else self.flow(s, q)
+
+    def xi(self, q: Array, t: float = 0.0) -> Array:
+        """Return the generator at q and t, (d,)."""
+        return self.generator(q, t) if self.timed else self.generator(q)
+
+    def K(self, q: Array, t: float = 0.0) -> float:
+        """Return the gauge term at q and t; 0 without one."""
+        if self.gauge is None:
+            return 0.0
+        return float(self.gauge(q, t) if self.timed else self.gauge(q))
+
+    def charge(self, q: Array, p: Array, t: float = 0.0) -> float:
+        """Return Noether's charge p . xi(q, t) - K(q, t)."""
+        return float(p @ self.xi(q, t)) - self.K(q, t)
+
+    def charge_size(self, q: Array, p: Array, t: float = 0.0) -> float:
+        """Return the sum of the sizes of the charge's terms, of which its rounding is a part.
+
+        K is one number, its terms are not known: each coordinate counts by how much K changes when it is doubled.
+        """
+        size = float(np.sum(np.abs(p * self.xi(q, t))))
+        if self.gauge is None:
+            return size
+        here = self.K(q, t)
+        return size + abs(here) + sum(abs(self.K(q + doubled, t) - here) for doubled in np.diag(q))
+
+    def gained(self, s: float, q: Array, t: float = 0.0) -> float:
+        """Return K_s, with which the whole move by s changes L by dK_s/dt: K integrated along the flow from q."""
+        if self.gauge is None or s == 0.0:
+            return 0.0
+        pieces = math.ceil(abs(s))
+        x, w = _quadrature()
+        at = (np.arange(pieces)[:, None] + x).ravel() * (s / pieces)
+        return s / pieces * math.fsum(np.tile(w, pieces) * [self.K(self.moved(u, q, t), t) for u in at])
+
+    def defect(self, q: Array, t: float = 0.0) -> float:
         """Return by how much `generator` misses the derivative of `flow` at q, relative to their size.
 
         A central difference of eighth order: what is left of a correct pair is about 1e-12.
@@ -41,25 +119,65 @@ class Symmetry:
         q = np.asarray(q, dtype=np.float64)
         step = 0.01
         weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
-        slope = sum(w * (self.flow(m * step, q) - self.flow(-m * step, q)) for m, w in weights.items()) / step
-        xi = self.generator(q)
+        slope = sum(w * (self.moved(m * step, q, t) - self.moved(-m * step, q, t)) for m, w in weights.items()) / step
+        xi = self.xi(q, t)
         return float(np.max(np.abs(slope - xi)) / max(np.max(np.abs(xi)), np.max(np.abs(slope)), 1e-300))
 
 
-def translation(direction: ArrayLike, *, copies: int = 1, name: str = "translation") -> Symmetry:
+@cache
+def _quadrature() -> tuple[Array, Array]:
+    """Return nodes and weights of Gauss's quadrature on [0, 1]."""
+    x, w = np.polynomial.legendre.leggauss(NODES)
+    return (1.0 + x) / 2.0, w / 2.0
+
+
+def translation(
+    direction: ArrayLike,
+    *,
+    copies: int = 1,
+    name: str = "translation",
+    gauge: Callable[..., float] | None = None,
+    timed: bool = False,
+) -> Symmetry:
     """Return the translation q -> q + s u by one vector u, repeated for each of `copies` bodies.
 
     direction : (k,), not zero; the configuration is a vector of copies * k coordinates, body after body
+    gauge, timed : as for `Symmetry`; K(q) = e B y/2 along x in a uniform magnetic field, say
     """
-    u = np.tile(np.asarray(direction, dtype=np.float64), copies)
-    if u.ndim != 1 or not np.all(np.isfinite(u)) or not np.any(u):
-        raise InputError(f"a translation needs a direction, a finite vector that is not zero; got {shown(direction)}")
+    u = np.tile(_direction(direction, "a translation"), copies)
 
-    def flow(s: float, q: Array) -> Array:
+    def flow(s: float, q: Array, t: float = 0.0) -> Array:
         moved: Array = q + s * u
         return moved
 
-    return Symmetry(name, flow, lambda q: u.copy())
+    def generator(q: Array, t: float = 0.0) -> Array:
+        return u.copy()
+
+    return Symmetry(name, flow, generator, gauge, timed)
+
+
+def boost(direction: ArrayLike, masses: ArrayLike = 1.0, *, name: str = "boost") -> Symmetry:
+    """Return the Galilean boost q -> q + s u t of all bodies, with the gauge term K = sum m q . u.
+
+    direction : (k,), not zero; masses : of the bodies, a number or (n,)
+    The configuration is a vector of n * k coordinates, body after body. The charge is -(sum m q - P t) . u: the centre
+    of mass moves uniformly.
+    """
+    m = np.atleast_1d(np.asarray(masses, dtype=np.float64))
+    if m.ndim != 1 or not np.all(m > 0.0) or not np.all(np.isfinite(m)):
+        raise InputError(f"a boost needs the masses of the bodies, finite and positive; got {shown(masses)}")
+    u = _direction(direction, "a boost")
+    everywhere, weighted = np.tile(u, len(m)), np.kron(m, u)
+
+    def flow(s: float, q: Array, t: float) -> Array:
+        moved: Array = q + (s * t) * everywhere
+        return moved
+
+    def generator(q: Array, t: float) -> Array:
+        xi: Array = t * everywhere
+        return xi
+
+    return Symmetry(name, flow, generator, lambda q, t: float(weighted @ q), timed=True)
 
 
 def rotation(axis: ArrayLike | None = None, *, copies: int = 1, name: str = "rotation") -> Symmetry:
@@ -88,3 +206,10 @@ def rotation(axis: ArrayLike | None = None, *, copies: int = 1, name: str = "rot
         return xi
 
     return Symmetry(name, flow, generator)
+
+
+def _direction(direction: Any, what: str) -> Array:
+    u = np.asarray(direction, dtype=np.float64)
+    if u.ndim != 1 or not np.all(np.isfinite(u)) or not np.any(u):
+        raise InputError(f"{what} needs a direction, a finite vector that is not zero; got {shown(direction)}")
+    return u

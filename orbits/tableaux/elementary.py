@@ -1,6 +1,6 @@
 """Small tableaux: the symplectic Euler methods, explicit Euler, and the classical Runge–Kutta method.
 
-Source: Hairer, Lubich & Wanner (2006), sec. I.1.2, VI.3.1; Kutta (1901).
+Source: Hairer, Lubich & Wanner (2006), sec. I.1.2, VI.3; Kutta (1901).
 """
 
 from __future__ import annotations

@@ -31,6 +31,7 @@ def test_a_system_with_particles_is_certified_with_their_fibres(certificate):
     assert certificate["symplecticity"].measured < 4e-15
     assert [f.name for f in certificate.findings if f.name.startswith("momentum map")] == [
         *(f"momentum map: translation along {x}" for x in "xyz"),
+        *(f"momentum map: boost along {x}" for x in "xyz"),
         *(f"momentum map: rotation about {x}" for x in "xyz"),
     ]
     assert certificate["order of the map"].measured == pytest.approx(8, abs=0.5)

@@ -15,9 +15,10 @@ TIME = 0.3
 def test_every_maker_of_a_discrete_lagrangian_is_tested_here():
     makers = {name.split()[0] for name in rules()}
     from_numbers = {"exact_kepler", "exact_linear", "exact_free_particle", "exact_harmonic_oscillator"}  # test_exact.py
+    of_one = {"suris"}  # test_suris.py
     returned = {name: getattr(discrete, name).__annotations__.get("return") for name in discrete.__all__}
-    classes = ("DiscreteLagrangian", "Quadrature", "Vprk", "ExactByCollocation", "ExactKepler", "ExactLinear")
-    assert {name for name, kind in returned.items() if kind in classes} == makers | from_numbers
+    classes = ("DiscreteLagrangian", "Quadrature", "Vprk", "ExactByCollocation", "ExactKepler", "ExactLinear", "Suris")
+    assert {name for name, kind in returned.items() if kind in classes} == makers | from_numbers | of_one
 
 
 def compare(L_d, q0, q1, h, t, bound, delta):

@@ -74,6 +74,12 @@ def test_the_leapfrog_of_rebound_solves_discrete_equations_and_ias15_does_not():
     assert ulps.shape == (58, 3, 3)
     # Stored positions of 1.5 lose 2^-53, twice, and differences of neighbours are 0.08: 40 was reached.
     assert ulps.max() < 120
+    # There the momenta are those of half a kick, and the drifts and kicks are the map of the trapezoidal L_d.
+    momenta = gm[:, None] * (speeds[:-1] + speeds[1:]) / 2
+    residual = discrete.momentum_residual(L_d, amid[:-1], momenta, h)
+    assert np.abs(residual).max() < 120 * np.spacing(np.abs(momenta).max())
+    euler = discrete.symplectic_euler_a(n_body(gm))
+    assert np.abs(discrete.momentum_residual(euler, amid[:-1], momenta, h)).max() > 1e-5
     gm, path, speeds = rebound_path("ias15", h, 60)
     assert np.abs(discrete.euler_lagrange_residual(L_d, path, h, in_ulps=True)).max() > 1e9
     # What IAS15 follows is the true motion: the exact L_d sees no residual but its rounding and that of the positions.

@@ -118,6 +118,20 @@ def test_the_foils_of_the_pictures_are_judged_to_fail(tmp_path):
         assert any(words in claim for claim in claims)
 
 
+@pytest.mark.parametrize("h", [0.9, 1.6])
+def test_the_pendulums_picture_leaves_no_island_empty(h):
+    """Starts on lines and a grid do, all 200 of them: squares of 2.5 and 4 % of the width stay white."""
+    names = load("pendulum").experiment.__globals__
+    verlet, cells = orbits.StormerVerlet(), names["CELLS"]
+
+    def largest(marched):
+        empty = names["gaps"](names["visited"](*marched, h, "standard"), 1, names["top"](h, "standard"))
+        return max((side / cells for *_, side in empty), default=0.0)
+
+    assert largest(names["march_into_gaps"](verlet, h, "standard")) < names["EMPTY"]
+    assert largest(names["march_all"](verlet, h, names["starts"](h, "standard"))) > 2 * names["EMPTY"]
+
+
 def test_arenstorfs_orbits_close_with_8000_steps_of_gauss(tmp_path):
     outcome = perform(load("arenstorf"), out=tmp_path, plot=False)
     rows = [row for row in outcome.result.tables[0].rows if row[1:3] == ["Gauss(stages=8)", 8000]]

@@ -9,7 +9,7 @@ The velocities are iterated to the round-off floor: V_i <- V_i + M^-1 (P_i - dL/
 the start of the step, a fixed point where it converges; otherwise simplified Newton on all stages at once, from the
 same start, with a Jacobian that is renewed when the iteration stalls above the floor.
 
-Source: Marsden & West (2001), sec. 2.6.1; Hairer, Lubich & Wanner (2006), sec. VI.6.2, VIII.6.
+Source: Marsden & West (2001), sec. 2.6; Hairer, Lubich & Wanner (2006), sec. VI.6.2, VIII.6.
 """
 
 from __future__ import annotations

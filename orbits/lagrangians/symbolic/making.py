@@ -9,10 +9,9 @@ from typing import Any
 
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
-from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, real, require_name
+from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, Symmetries, real, require_name
 from orbits.lagrangians.symbolic.generation import Formula, name_of, source
 from orbits.lagrangians.symbolic.modules import digest, module
-from orbits.lagrangians.symmetry import Symmetry
 
 
 def from_sympy(
@@ -24,7 +23,7 @@ def from_sympy(
     parameters: Mapping[Any, float] | None = None,
     name: str = "lagrangian",
     example: Motion | None = None,
-    symmetries: Sequence[Symmetry] = (),
+    symmetries: Symmetries = (),
     source_: str = "",
 ) -> Lagrangian:
     """Return a Lagrangian from an expression L(q, v, t; parameters) in SymPy; see `Lagrangian.from_sympy`."""
@@ -42,7 +41,7 @@ def from_sympy(
         parameters={str(key): value for key, value in (parameters or {}).items()},
         compile=lambda: compiled,
         example=example,
-        symmetries=tuple(symmetries),
+        groups=symmetries,
         source=source_,
     )
 
@@ -55,7 +54,7 @@ def shipped(
     parameters: Mapping[str, float],
     expression: Callable[[Sequence[Any], Sequence[Any], Any, Any], Any],
     example: Motion,
-    symmetries: Sequence[Symmetry] = (),
+    symmetries: Symmetries = (),
     source_: str,
 ) -> Lagrangian:
     """Return a Lagrangian of this package; SymPy is loaded only if its kernels have never been made on this machine.
@@ -86,7 +85,7 @@ def shipped(
         parameters=dict(parameters),
         compile=compile_,
         example=example,
-        symmetries=tuple(symmetries),
+        groups=symmetries,
         source=source_,
     )
 
