@@ -34,7 +34,7 @@ def checksum(data: bytes) -> bytes:
     return hashlib.blake2b(data, digest_size=CHECKSUM_BYTES).digest()
 
 
-class CheckedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
+class CheckedFiles(caching.IndexDataCacheFile):
     """The index of one kernel and its data files, one for each signature.
 
     owners : users whose files are used beside our own and root's: whoever owns the source could change that
@@ -104,7 +104,7 @@ class CheckedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
         except FileNotFoundError:
             return None
         except OSError as error:
-            trust.warn(f"the file {path} of compiled kernels cannot be read ({error.strerror}): they are compiled anew.")
+            trust.warn(f"the file {path} of kernels cannot be read ({error.strerror}); they are compiled anew.")
             return None
 
     def _discard(self, path: Path, reason: str) -> None:
@@ -129,11 +129,11 @@ class _Private:
         trust.make_private(Path(self.get_cache_path()))
 
 
-class _Chosen(_Private, caching.UserProvidedCacheLocator):  # type: ignore[misc]
+class _Chosen(_Private, caching.UserProvidedCacheLocator):
     """In NUMBA_CACHE_DIR."""
 
 
-class _BesideSource(caching.InTreeCacheLocator):  # type: ignore[misc]
+class _BesideSource(caching.InTreeCacheLocator):
     """In the `__pycache__` beside the source, where no more users may write than in the folder of the source."""
 
     def ensure_cache_path(self) -> None:
@@ -147,15 +147,15 @@ class _BesideSource(caching.InTreeCacheLocator):  # type: ignore[misc]
             raise PermissionError(f"{place} {reason}")
 
 
-class _UserWide(_Private, caching.UserWideCacheLocator):  # type: ignore[misc]
+class _UserWide(_Private, caching.UserWideCacheLocator):
     """In the user's own folder of Numba's caches."""
 
 
-class _Session(_Private, caching.IPythonCacheLocator):  # type: ignore[misc]
+class _Session(_Private, caching.IPythonCacheLocator):
     """In IPython's folder, for what was typed into a session."""
 
 
-class _Temporary(_Private, caching.UserWideCacheLocator):  # type: ignore[misc]
+class _Temporary(_Private, caching.UserWideCacheLocator):
     """In a private temporary folder, where nothing else can be had."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
@@ -163,11 +163,11 @@ class _Temporary(_Private, caching.UserWideCacheLocator):  # type: ignore[misc]
         self._cache_path = str(trust.temporary_folder() / self.get_suitable_cache_subpath(py_file))
 
 
-class _Implementation(caching.CompileResultCacheImpl):  # type: ignore[misc]
-    _locator_classes = (_Chosen, _BesideSource, _UserWide, _Session, _Temporary)
+class _Implementation(caching.CompileResultCacheImpl):
+    _locator_classes: list[Any] = [_Chosen, _BesideSource, _UserWide, _Session, _Temporary]  # noqa: RUF012, Numba's
 
 
-class KernelCache(caching.FunctionCache):  # type: ignore[misc]
+class KernelCache(caching.FunctionCache):
     """The cache of one kernel. Private to Numba; pyproject.toml pins the range in which tests have seen it work.
 
     stamp : text that must agree for an entry to be used, beside the source of the kernel's own file
