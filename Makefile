@@ -1,6 +1,6 @@
 # orbits: everything from a fresh clone needs only make, python3 >= 3.11 with venv, and the Python package index.
 #
-#     make run     make test     make contracts     make bench     make slow     make docs     make clean     make help
+#     make run    make test    make contracts    make faults    make bench    make slow    make docs    make clean    make help
 #
 # PYTHON=python3.12 chooses another interpreter for .venv.
 
@@ -18,7 +18,7 @@ BENCH := $(VENV)/.installed-bench
 DOCS := $(VENV)/.installed-docs
 
 .DEFAULT_GOAL := help
-.PHONY: run test contracts bench slow docs clean help
+.PHONY: run test contracts faults bench slow docs clean help
 
 run: $(BASE)  ## set up .venv and run the asteroid belt with its comparison against REBOUND
 	$(BIN)/orbits run asteroid_belt
@@ -34,6 +34,9 @@ slow: $(DEV)  ## the tests that take minutes
 
 contracts: $(DEV)  ## every method on every Lagrangian: what is declared holds, what is not fails
 	$(BIN)/python -m pytest tests/contracts -m "not slow"
+
+faults: $(DEV)  ## attack runs and archives: kills, races, full disks, damaged and hostile files, signals, a fuzz
+	$(BIN)/python -m pytest tests/faults -m "not slow"
 
 bench: $(BENCH)  ## measure speed and accuracy against the peers
 	$(BIN)/python scripts/benchmark.py
