@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, shown
+from orbits.system.checks import checked_flag
 from orbits.units import UnitSystem, quantity_from_text
 
 Array = NDArray[np.float64]
@@ -125,13 +126,6 @@ def _time(units: UnitSystem, value: Any, what: str) -> float:
         expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
         value = quantity_from_text(value, what, expected)
     return single_number(units.time_value(value, what), what)
-
-
-def checked_flag(value: Any, what: str) -> bool:
-    """Return True or False as it was given. Raises InputError, naming it, for anything else."""
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    raise InputError(f"{what} is {shown(value)}; expected True or False")
 
 
 def checked_progress(value: Any) -> bool | None:

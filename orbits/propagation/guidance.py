@@ -44,6 +44,12 @@ PHASES = (0.1, 0.25, 0.4)
 symmetry alone.
 """
 
+MOST_ANGLE = 1e6
+"""Of a step, beyond which a passage counts as a fall into the centre: no step resolves that."""
+
+MOST_ECCENTRICITY = 1e8
+"""Of a passage that is tried: beyond it, paths are straight lines."""
+
 RADIANS = 10.0
 GRID = 8
 """Angles and eccentricities are rounded up, to so many values an octave: what was tried need not be tried again."""
@@ -54,6 +60,7 @@ def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> 
 
     eccentricity : of the two-body orbit, >= 0; angle : step x speed / distance at the pericentre, in radians
     """
+    eccentricity = min(eccentricity, MOST_ECCENTRICITY)
     rounded = 2.0 ** (math.ceil(GRID * math.log2(angle)) / GRID)
     if eccentricity < 0.97:
         e = 1.0 - 2.0 ** (math.floor(GRID / 2 * math.log2(1.0 - eccentricity)) / (GRID / 2))
@@ -103,13 +110,14 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
     if row < 0:
         return
     softening = system.values.softening
-    angle = abs(h) * speed / math.sqrt(distance**2 + softening**2) if distance + softening > 0.0 else math.inf
+    reach = math.hypot(distance, softening)  # of which no square underflows
+    angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
     if angle < QUIET:
         return
     units, name, other = system.units, system.names[row], system.names[partner]
     if system.values.gm[row] > system.values.gm[partner]:
         name, other = other, name
-    if not math.isfinite(angle) or angle > 1e6:
+    if not math.isfinite(angle):
         warnings.warn(
             f"{name} falls straight into {other}: no step resolves that. Give a softening, or other starting values.",
             StepWarning,
