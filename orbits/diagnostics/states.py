@@ -21,8 +21,8 @@ ORDINARY = 100
 def massive_rows(gm: ArrayLike, **arrays: ArrayLike) -> tuple[Floats, list[Floats]]:
     """(gm > 0, and the rows of each array that belong to them), shapes (m,) and (..., m, 3), contiguous float64.
 
-    Raises InputError, naming the array, where a shape does not fit or a value of a massive body is not finite, and for a
-    gm that is not finite or below 0.
+    Raises InputError, naming the array, where a shape does not fit, a value of a massive body is not finite, or a gm
+    is not finite or below 0.
     """
     gm_values = finite(numbers(gm, "gm"), "gm")
     if gm_values.ndim != 1:
@@ -46,13 +46,16 @@ def massive_rows(gm: ArrayLike, **arrays: ArrayLike) -> tuple[Floats, list[Float
 
 
 def numbers(value: ArrayLike, what: str) -> Floats:
-    """Return an array as float64. Raises InputError, naming it, for one that does not hold real numbers."""
+    """Return an array as float64. Raises InputError, naming it, for what is no real numbers, or has a unit."""
     try:
-        if not np.iscomplexobj(value):
-            return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
+        array = np.asarray(value)
+        if array.dtype.kind in "biuf" and not hasattr(value, "unit") and not isinstance(value, np.ma.MaskedArray):
+            return np.asarray(array, dtype=np.float64)
+    # Whatever an object of the caller's raises when it is asked for its numbers.
+    except Exception:
         pass
-    raise InputError(f"{what} is {shown(value)}; expected an array of real numbers.")
+    remedy = " Take the floats, such as system.values.q." if hasattr(value, "unit") else ""
+    raise InputError(f"{what} is {shown(value)}; expected an array of real numbers.{remedy}")
 
 
 def finite(values: Floats, what: str) -> Floats:

@@ -26,7 +26,8 @@ BEYOND = "{what} of this orbit would be {value}, beyond the range of floats. Cho
 
 def named(names: Sequence[str] | None) -> Sequence[str] | None:
     """Return the names of bodies as they were given. Raises InputError for anything else than a list of texts."""
-    if names is None or (isinstance(names, list | tuple | np.ndarray) and all(isinstance(name, str) for name in names)):
+    listed = isinstance(names, list | tuple) or (isinstance(names, np.ndarray) and names.ndim == 1)
+    if names is None or (listed and all(isinstance(name, str) for name in names)):
         return names
     raise InputError(f"names is {shown(names)}; expected a list of names such as ['Ceres', 'Pallas'], or None")
 
