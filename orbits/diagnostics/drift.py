@@ -72,7 +72,8 @@ def own_scale(first: ArrayLike, terms: float, later: Callable[[], float]) -> flo
     This is the size of the first value, or that of its terms where they cancel to less than a millionth of it, as in
     the angular momentum of the figure-eight.
     """
-    size = float(np.linalg.norm(np.asarray(first)))
+    vector, power = scaled(np.atleast_1d(np.asarray(first, dtype=np.float64)))
+    size = math.ldexp(float(np.linalg.norm(vector)), power)
     return size if size > CANCELLED * terms else terms or later()
 
 
@@ -83,12 +84,17 @@ def kinetic_energies(gm: Floats, v: Floats) -> Floats:
 
 def moments(gm: Floats, q: Floats, v: Floats) -> Floats:
     """The sum of gm |q| |v|, what the angular momentum is a part of, to a few digits: (..., n, 3) to (...)."""
-    return np.asarray(np.sum(gm * np.linalg.norm(q, axis=-1) * np.linalg.norm(v, axis=-1), axis=-1))
+    return np.asarray(np.sum(gm * lengths(q) * lengths(v), axis=-1))
 
 
 def momenta(gm: Floats, v: Floats) -> Floats:
     """The sum of gm |v|, what the linear momentum is a part of, to a few digits: (..., n, 3) to (...)."""
-    return np.asarray(np.sum(gm * np.linalg.norm(v, axis=-1), axis=-1))
+    return np.asarray(np.sum(gm * lengths(v), axis=-1))
+
+
+def lengths(x: Floats) -> Floats:
+    """Of vectors, (..., 3) to (...), without squares that overflow or vanish."""
+    return np.asarray(np.hypot(np.hypot(x[..., 0], x[..., 1]), x[..., 2]))
 
 
 def _scale(scale: object) -> float:
@@ -122,8 +128,7 @@ def uniform_motion_drift(gm: Floats, t: Floats, centre: Floats, q: Floats, v: Fl
     """`centre_of_mass_drift` from the centre itself, (n, 3), and the first of the states, (bodies, 3) each."""
     uniform = centre[0] + np.outer(t - t[0], centre_of_mass(gm, v))
     away = q[gm > 0.0] - centre_of_mass(gm, q)
-    reach = float(np.linalg.norm(away, axis=1).max())
-    reach = max(reach, float(np.linalg.norm(uniform - uniform[0], axis=1).max(initial=0.0)))
+    reach = float(max(lengths(away).max(), lengths(uniform - uniform[0]).max()))
     return drift(centre - uniform, scale=reach)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.diagnostics.doubledouble import Floats, Pair, dot, scale, subtract, total, two_product
-from orbits.diagnostics.states import blocks, massive_rows, scaled, unscaled
+from orbits.diagnostics.states import ORDINARY, balanced, blocks, massive_rows, scaled, unscaled
 from orbits.errors import InputError, shown
 
 
@@ -28,25 +28,38 @@ def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) ->
     gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
     length = _softening(softening)
     shape, samples = q_massive.shape[:-2], math.prod(q_massive.shape[:-2])
-    (weights, m), (x, k), (w, n) = scaled(gm_massive), scaled(q_massive), scaled(v_massive)
-    q_flat, v_flat = (array.reshape((samples, *array.shape[-2:])) for array in (x, w))
+    weights, (w, _), kinetic_power = balanced(gm_massive, v_massive, v_massive)
+    x, k = scaled(np.append(q_massive, length))
+    length, x = float(x[-1]), x[:-1]
+    masses, m = _scaled_by_pairs(gm_massive)
+    q_flat, v_flat = (array.reshape((samples, len(weights), 3)) for array in (x, w))
     out = np.empty(samples)
     for block in blocks(samples, len(weights)):
         kinetic = total(scale(dot(v_flat[block], v_flat[block]), 0.5 * weights))
-        attraction = _attraction(weights, q_flat[block], math.ldexp(length, -k))
+        attraction = _attraction(masses, q_flat[block], length)
         if np.isnan(attraction.hi).any():
             raise InputError(
-                "two massive bodies are at one place, or nearer to each other than 1e-145 of their distance from the "
-                "origin: their energy is infinite. Expected bodies apart, or a softening."
+                "two massive bodies are at one place, or distances or masses differ by more than 145 powers of ten: "
+                "the energy is beyond floats. Expected bodies apart, or a softening."
             )
-        # Both in units of their own: their exponents are added last, so that nothing overflows before.
-        out[block] = _difference(kinetic, m + 2 * n, attraction, 2 * m - k)
+        # Each in units of its own: their exponents are added last, so that nothing overflows before.
+        out[block] = _difference(kinetic, kinetic_power, attraction, 2 * m - k)
     return out.reshape(shape)
+
+
+def _scaled_by_pairs(gm: Floats) -> tuple[Floats, int]:
+    """Return gm / 2^m and m, exact, and so that the largest product of two of them is about 1."""
+    largest = np.frexp(np.sort(gm)[-2:])[1]
+    if not len(gm) or np.all(np.abs(largest) < ORDINARY):
+        return gm, 0
+    m = int(largest.sum()) // len(largest)
+    with np.errstate(over="ignore"):
+        return np.ldexp(gm, -m), m
 
 
 def _difference(a: Pair, power_a: int, b: Pair, power_b: int) -> Floats:
     """Return a 2^power_a - b 2^power_b."""
-    power = max(power_a, power_b)
+    power = np.where(a.hi == 0.0, power_b, np.where(b.hi == 0.0, power_a, max(power_a, power_b)))
     a, b = (Pair(*(np.ldexp(x, k - power) for x in pair)) for pair, k in ((a, power_a), (b, power_b)))
     return unscaled(subtract(a, b).rounded(), power, "the energy")
 

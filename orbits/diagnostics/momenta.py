@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.diagnostics.doubledouble import Floats, Pair, divide, scale, subtract, total, two_product
-from orbits.diagnostics.states import blocks, massive_rows, scaled, unscaled
+from orbits.diagnostics.states import balanced, blocks, massive_rows, scaled, unscaled
 from orbits.errors import InputError
 
 
@@ -28,8 +28,8 @@ def linear_momentum(gm: ArrayLike, v: ArrayLike) -> Floats:
     for a momentum beyond the range of floats.
     """
     gm_massive, (v_massive,) = massive_rows(gm, v=v)
-    (weights, m), (w, n) = scaled(gm_massive), scaled(v_massive)
-    return unscaled(_weighted_sum(weights, w).rounded(), m + n, "the linear momentum")
+    weights, (w,), power = balanced(gm_massive, v_massive)
+    return unscaled(_weighted_sum(weights, w).rounded(), power, "the linear momentum")
 
 
 def angular_momentum(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> Floats:
@@ -41,8 +41,8 @@ def angular_momentum(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> Floats:
     """
     gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
     shape, samples = q_massive.shape[:-2], math.prod(q_massive.shape[:-2])
-    (weights, m), (x, k), (w, n) = scaled(gm_massive), scaled(q_massive), scaled(v_massive)
-    q_flat, v_flat = (array.reshape((samples, *array.shape[-2:])) for array in (x, w))
+    weights, (x, w), power = balanced(gm_massive, q_massive, v_massive)
+    q_flat, v_flat = (array.reshape((samples, len(weights), 3)) for array in (x, w))
     out = np.empty((samples, 3))
     for block in blocks(samples, len(weights)):
         q_axes, v_axes = (np.ascontiguousarray(np.moveaxis(x[block], -1, 0)) for x in (q_flat, v_flat))
@@ -50,7 +50,7 @@ def angular_momentum(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> Floats:
             i, j = (axis + 1) % 3, (axis + 2) % 3
             moment = subtract(two_product(q_axes[i], v_axes[j]), two_product(q_axes[j], v_axes[i]))
             out[block, axis] = total(scale(moment, weights)).rounded()
-    return unscaled(out.reshape((*shape, 3)), m + k + n, "the angular momentum")
+    return unscaled(out.reshape((*shape, 3)), power, "the angular momentum")
 
 
 def centre_of_mass(gm: ArrayLike, q: ArrayLike) -> Floats:
@@ -63,9 +63,10 @@ def centre_of_mass(gm: ArrayLike, q: ArrayLike) -> Floats:
     gm_massive, (q_massive,) = massive_rows(gm, q=q)
     if not len(gm_massive):
         raise InputError("no body has gm > 0, so there is no centre of mass; expected at least one massive body.")
-    (weights, _), (x, k) = scaled(gm_massive), scaled(q_massive)
-    whole = total(Pair(weights, np.zeros_like(weights)))
-    return unscaled(divide(_weighted_sum(weights, x), whole).rounded(), k, "the centre of mass")
+    weights, (x,), power = balanced(gm_massive, q_massive)
+    masses, m = scaled(gm_massive)
+    whole = total(Pair(masses, np.zeros_like(masses)))
+    return unscaled(divide(_weighted_sum(weights, x), whole).rounded(), power - m, "the centre of mass")
 
 
 def noether_charges(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> NoetherCharges:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from orbits.diagnostics.doubledouble import Floats
 from orbits.errors import InputError, shown
@@ -68,18 +67,34 @@ def finite(values: Floats, what: str) -> Floats:
 
 
 def scaled(x: Floats) -> tuple[Floats, int]:
-    """Return (x / 2^k, k): exact, and so that products of three of its elements neither overflow nor vanish.
+    """Return (x / 2^k, k): exact, and so that no product of three of its elements overflows.
 
     k is 0 for all that is measured in sensible units.
     """
-    k = math.frexp(float(np.max(np.abs(x), initial=0.0)))[1]
-    if abs(k) < ORDINARY:
-        return x, 0
-    k = min(max(k, -1000), 1000)
-    return x * 2.0**-k, k
+    k = int(np.frexp(np.max(np.abs(x), initial=0.0))[1])
+    return (x, 0) if abs(k) < ORDINARY else (np.ldexp(x, -k), k)
 
 
-def unscaled(values: Floats, k: int, what: str) -> Floats:
+def balanced(gm: Floats, *arrays: Floats) -> tuple[Floats, list[Floats], int]:
+    """Return (weights, arrays, k), of which the products of a weight and components of the arrays are those of gm, over
+    2^k: exact, at most about 1, and none vanishes that counts beside the others.
+
+    gm : (m,); arrays : (..., m, 3)
+    Each body is scaled on its own, by powers of two; nothing is where all is measured in sensible units.
+    """
+    sizes = [np.max(np.abs(x), axis=(*range(x.ndim - 2), x.ndim - 1), initial=0.0) for x in arrays]
+    mantissas, power = np.frexp(gm)
+    powers = [np.frexp(size)[1] for size in sizes]
+    counts = np.all([size > 0.0 for size in sizes], axis=0)
+    if not counts.any() or all(np.all(np.abs(k[counts]) < ORDINARY) for k in (power, *powers)):
+        return gm, list(arrays), 0
+    whole = np.add(power, np.sum(powers, axis=0), dtype=np.int64)
+    k = int(whole[counts].max())
+    weights = np.ldexp(mantissas, np.clip(whole - k, -9999, 9999).astype(np.int32))
+    return weights, [np.ldexp(x, -n[:, None]) for x, n in zip(arrays, powers, strict=True)], k
+
+
+def unscaled(values: Floats, k: int | NDArray[np.int64], what: str) -> Floats:
     """Return values 2^k. Raises InputError where that, named `what`, is beyond the range of floats."""
     with np.errstate(over="ignore"):
         out = np.ldexp(values, k)

@@ -215,7 +215,7 @@ def unresolved(system: System, integrator: Integrator, h: float, record: Array) 
     gm, softening = system.values.gm, system.values.softening
     with np.errstate(all="ignore"):
         mu = gm[:, None] + gm[partner]
-        effective = np.sqrt(distance**2 + softening**2)
+        effective = np.hypot(distance, softening)
         angle = np.minimum(abs(h) * speed / effective, 1e6)
         eccentricity = np.maximum(effective * speed**2 / mu - 1.0, 0.0)
         worth = np.isfinite(distance) & (angle > ALWAYS) & (2.0 / np.maximum(eccentricity, 1.0) > NEGLIGIBLE)

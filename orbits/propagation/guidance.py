@@ -60,7 +60,8 @@ def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> 
 
     eccentricity : of the two-body orbit, >= 0; angle : step x speed / distance at the pericentre, in radians
     """
-    eccentricity = min(eccentricity, MOST_ECCENTRICITY)
+    if not eccentricity < MOST_ECCENTRICITY:  # what is no number either: a square that overflowed
+        eccentricity = MOST_ECCENTRICITY
     rounded = 2.0 ** (math.ceil(GRID * math.log2(angle)) / GRID)
     if eccentricity < 0.97:
         e = 1.0 - 2.0 ** (math.floor(GRID / 2 * math.log2(1.0 - eccentricity)) / (GRID / 2))

@@ -201,7 +201,7 @@ class Trajectory(Tabular):
         if isinstance(key, bool) or not isinstance(key, int | np.integer):
             raise InputError(f'run[{shown(key)}]: give a name, run["Sun"], or the number of a sample, run[-1].')
         if not -len(self) <= key < len(self):
-            raise IndexError(f"sample {key} of a run with {len(self)} samples")
+            raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
         k = int(key) % len(self)
         return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
 
