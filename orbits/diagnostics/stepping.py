@@ -85,7 +85,7 @@ def _is_finite(value: float) -> bool:
 
 def count(value: int, what: str) -> int:
     """Return a positive whole number. Raises InputError for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < 1:
         raise InputError(f"{what} must be a positive whole number, got {shown(value)}")
     if value > MOST_STEPS:
         raise InputError(f"{what} = {shown(value)}: at most {MOST_STEPS:.0e} are possible; take fewer")

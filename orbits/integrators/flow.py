@@ -314,7 +314,7 @@ def _finite(value: Any, what: str) -> float:
 
 
 def _count(value: Any, what: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < 1:
         raise InputError(f"{what} must be a whole number >= 1, got {shown(value)}")
     return int(value)
 

@@ -70,7 +70,7 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
     """
     if isinstance(samples, bool) or (isinstance(samples, float) and not samples.is_integer()):
         raise InputError(f"samples must be a whole number or an array of times, got {shown(samples)}")
-    if isinstance(samples, int | np.integer | float):
+    if isinstance(samples, int | np.integer | float) and not isinstance(samples, np.timedelta64):
         count = int(samples)
         if count < 2:
             raise InputError(

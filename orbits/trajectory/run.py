@@ -198,7 +198,7 @@ class Trajectory(Tabular):
             i = index_of(key, self.names, "body")
             q, v = self._q[:, i], self._v[:, i]
             return BodyTrajectory(key, self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
-        if isinstance(key, bool) or not isinstance(key, int | np.integer):
+        if isinstance(key, bool | np.timedelta64) or not isinstance(key, int | np.integer):
             raise InputError(f'run[{shown(key)}]: give a name, run["Sun"], or the number of a sample, run[-1].')
         if not -len(self) <= key < len(self):
             raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
