@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from astropy import units as u
@@ -28,6 +28,12 @@ GM_SUN = 0.00029591220828411956
 # G is known to 2e-5; further off than this is a slip in the units, not another edition of CODATA.
 G_TOLERANCE = 1e-3
 
+LONGEST_TEXT = 200
+"""Characters of a quantity or a unit as text."""
+
+LARGEST_UNIT = 1e50
+"""Of a unit in m, s or kg: with larger ones, or smaller than its inverse, GM and energies are beyond floats."""
+
 
 @dataclass(frozen=True)
 class UnitSystem:
@@ -35,7 +41,7 @@ class UnitSystem:
 
     name : what messages and files call it
     length, time, mass : astropy units; all three physical, or all three dimensionless
-    G : the constant of gravitation in length^3/(mass time^2); by default CODATA's in these units
+    G : the constant of gravitation in length^3/(mass time^2); by default (None) CODATA's in these units
 
     Its methods `*_value` turn a quantity in any fitting unit into float64 in this system's unit, and take plain numbers
     as being in that unit already; a bare unit, such as u.M_sun, is one of it. They raise InputError, naming the value,
@@ -48,14 +54,14 @@ class UnitSystem:
     length: u.UnitBase
     time: u.UnitBase
     mass: u.UnitBase
-    G: float = math.nan
+    G: float = cast(float, None)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"a unit system is called {shown(self.name)}; expected a name such as 'SI'.")
         kinds = {"length": u.m, "time": u.s, "mass": u.kg}
-        for what in kinds:
-            object.__setattr__(self, what, _unit(getattr(self, what), f"the unit of {what} of {self.name!r}"))
+        for what, kind in kinds.items():
+            object.__setattr__(self, what, _unit(getattr(self, what), f"the unit of {what} of {self.name!r}", kind))
         units = {what: getattr(self, what) for what in kinds}
         physical = [units[what].is_equivalent(kind) for what, kind in kinds.items()]
         plain = [unit == u.dimensionless_unscaled for unit in units.values()]
@@ -68,19 +74,20 @@ class UnitSystem:
         object.__setattr__(self, "G", self._checked_G())
 
     def _checked_G(self) -> float:
+        given = cast("float | None", self.G)
         try:
-            G = float(self.G)
+            G = math.nan if given is None else float(given)
         except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"unit system {self.name!r}: G = {shown(self.G)}; expected a number.") from error
         if not self.is_physical:
-            if math.isnan(G):
+            if given is None:
                 raise InputError(f"unit system {self.name!r} has no physical units; give G, usually G=1.")
             nature = None
         else:
             from astropy import constants
 
             nature = float(constants.G.to_value(self.gm / self.mass))
-            G = nature if math.isnan(G) else G
+            G = nature if given is None else G
         if not (math.isfinite(G) and G > 0.0):
             raise InputError(f"unit system {self.name!r}: G = {shown(G)}; expected a finite number > 0.")
         if nature is not None and abs(G / nature - 1.0) > G_TOLERANCE:
@@ -182,9 +189,12 @@ def quantity_from_text(value: Any, what: str, expected: str) -> Any:
     """Return a text such as "6 d" as a quantity, anything else as it is; InputError for another text."""
     if not isinstance(value, str):
         return value
+    if len(value) > LONGEST_TEXT:  # astropy would look for the unit that was meant, in quadratic time
+        raise InputError(f"{what} = {shown(value)}, a text of {len(value):,} characters; expected {expected}.")
     try:
         return u.Quantity(value)
-    except (TypeError, ValueError) as error:
+    # UnitScaleError, RecursionError and whatever else the units of a text lead to.
+    except Exception as error:
         raise InputError(f"{what} = {shown(value)}; expected {expected}.{unit_meant(error)}") from None
 
 
@@ -200,11 +210,20 @@ def kind_of(array: NDArray[Any]) -> str:
     return words.get(array.dtype.kind, "objects")
 
 
-def _unit(unit: Any, what: str) -> u.UnitBase:
+def _unit(unit: Any, what: str, kind: u.UnitBase) -> u.UnitBase:
     try:
-        return u.Unit(unit)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{what} is {shown(unit)}; expected an astropy unit such as u.km ({error}).") from error
+        if isinstance(unit, str) and len(unit) > LONGEST_TEXT:
+            raise ValueError(f"a text of {len(unit):,} characters")
+        found = u.Unit(unit)
+        if found.is_equivalent(kind):
+            size = float(found.to(kind))
+            if not 1.0 / LARGEST_UNIT <= size <= LARGEST_UNIT:
+                raise ValueError(f"it is {size:.3g} {kind}, beyond {LARGEST_UNIT:.0e} either way")
+        return found
+    # Powers of a unit's scale overflow, or vanish, in astropy with errors of several kinds.
+    except Exception as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise InputError(f"{what} is {shown(unit)}; expected an astropy unit such as u.km ({reason}).") from error
 
 
 def _gathered(x: Any) -> Any:

@@ -15,7 +15,7 @@ class Report:
     """Raises InputError at the first bad entry (errors="raise"), or counts them and keeps the first few ("skip")."""
 
     def __init__(self, errors: Any, name: str) -> None:
-        if errors not in ("raise", "skip"):
+        if not isinstance(errors, str) or errors not in ("raise", "skip"):
             raise InputError(
                 f"errors = {shown(errors)}; expected 'raise', to stop at the first entry that cannot be read, or 'skip'"
             )

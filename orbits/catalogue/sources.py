@@ -18,8 +18,8 @@ from orbits.errors import InputError
 GZIP = b"\x1f\x8b"
 
 
-# A line of MPCORB.DAT on its own, without an end: by the packed epoch in columns 21 to 25.
-LINE = re.compile(r".{19} [I-L]\d\d[0-9A-C][0-9A-V] .{78,}")
+# A line of MPCORB.DAT on its own, without an end, perhaps cut short: by the packed epoch in columns 21 to 25.
+LINE = re.compile(r".{19} [I-L]\d\d[0-9A-C][0-9A-V]( |$)")
 
 
 @contextmanager

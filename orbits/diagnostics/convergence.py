@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.diagnostics.stepping import Bodies, check_step, count, march, numbers
+from orbits.diagnostics.states import numbers
+from orbits.diagnostics.stepping import Bodies, check_step, count, march
 from orbits.errors import InputError, IntegrationError
 
 if TYPE_CHECKING:
@@ -138,12 +139,14 @@ def order(
 
     bodies = Bodies.of(gm, q, v, softening)
     check_step(dt)
-    first, span = count(steps, "steps"), count(steps, "steps") * dt
+    first = count(steps, "steps")
+    span, octaves = first * dt, count(halvings, "halvings")
+    count(first * 2 ** min(octaves, 64), "steps * 2^halvings")
     fine = 4 * first
     truth = march(bodies, Gauss(stages=8), span / fine, [fine])[0][-1]
     size = float(np.max(np.linalg.norm(truth, axis=1)))
     lengths, errors = [], []
-    for n in sorted({round(first * 2 ** (k / 4)) for k in range(4 * count(halvings, "halvings") + 1)}):
+    for n in sorted({round(first * 2 ** (k / 4)) for k in range(4 * octaves + 1)}):
         try:
             moved = march(bodies, integrator, span / n, [n])[0][-1]
         except IntegrationError:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.diagnostics.doubledouble import Floats
 from orbits.diagnostics.momenta import centre_of_mass
+from orbits.diagnostics.states import finite, numbers, scaled
 from orbits.errors import InputError, shown
+
+CANCELLED = 1e-6
+"""An initial value this small against its terms is no scale to compare with."""
 
 
 @dataclass(frozen=True)
@@ -35,24 +42,66 @@ def drift(series: ArrayLike, scale: float | None = None) -> Drift:
     A series that never changes has no drift, whatever its scale; one that changes about a scale of zero has an
     infinite one. Raises InputError for an empty series, another shape or values that are not finite.
     """
-    values = np.asarray(series, dtype=np.float64)
+    values = numbers(series, "the series")
     if values.ndim not in (1, 2) or values.size == 0:
         raise InputError(f"the series has shape {values.shape}; expected (n,) or (n, 3) with at least one sample.")
     if not np.isfinite(values).all():
         row = int(np.argwhere(~np.isfinite(values))[0][0])
         raise InputError(f"the series holds {values[row]} at sample {row}; expected finite values.")
     vectors = values.reshape(len(values), -1)
-    size = float(np.linalg.norm(vectors[0])) if scale is None else abs(float(scale))
-    if not np.isfinite(size):
-        raise InputError(f"the scale is {shown(scale)}; expected a finite number.")
+    size = None if scale is None else _scale(scale)
+    # Exact, and with it no square overflows or vanishes.
+    both, power = scaled(np.append(vectors, 0.0 if size is None else size))
+    vectors = both[:-1].reshape(vectors.shape)
+    size = float(np.linalg.norm(vectors[0])) if size is None else float(both[-1])
     strays = np.linalg.norm(vectors - vectors[0], axis=1)
     largest, last = float(strays.max()), float(strays[-1])
     return Drift(
         max_fraction=_ratio(largest, size),
         max_ulps=_ratio(largest, float(np.spacing(size)) if size else 0.0),
         last_fraction=_ratio(last, size),
-        scale=size,
+        scale=math.ldexp(size, power),
     )
+
+
+def own_scale(first: ArrayLike, terms: float, later: Callable[[], float]) -> float:
+    """Return what changes of a conserved quantity are to be compared with.
+
+    first : its first value, a scalar or a vector; terms : the sum of the sizes of what that is the sum of
+    later : gives the largest such sum of all samples, and is asked only where all is at rest at first
+    This is the size of the first value, or that of its terms where they cancel to less than a millionth of it, as in
+    the angular momentum of the figure-eight.
+    """
+    vector, power = scaled(np.atleast_1d(np.asarray(first, dtype=np.float64)))
+    size = math.ldexp(float(np.linalg.norm(vector)), power)
+    return size if size > CANCELLED * terms else terms or later()
+
+
+def kinetic_energies(gm: Floats, v: Floats) -> Floats:
+    """The sum of gm v^2 / 2, what the energy is a part of, to a few digits: (..., n, 3) to (...)."""
+    return np.asarray(0.5 * np.sum(gm * np.sum(v * v, axis=-1), axis=-1))
+
+
+def moments(gm: Floats, q: Floats, v: Floats) -> Floats:
+    """The sum of gm |q| |v|, what the angular momentum is a part of, to a few digits: (..., n, 3) to (...)."""
+    return np.asarray(np.sum(gm * lengths(q) * lengths(v), axis=-1))
+
+
+def momenta(gm: Floats, v: Floats) -> Floats:
+    """The sum of gm |v|, what the linear momentum is a part of, to a few digits: (..., n, 3) to (...)."""
+    return np.asarray(np.sum(gm * lengths(v), axis=-1))
+
+
+def lengths(x: Floats) -> Floats:
+    """Of vectors, (..., 3) to (...), without squares that overflow or vanish."""
+    return np.asarray(np.hypot(np.hypot(x[..., 0], x[..., 1]), x[..., 2]))
+
+
+def _scale(scale: object) -> float:
+    value = numbers(scale, "the scale")  # type: ignore[arg-type]
+    if value.shape or not np.isfinite(value):
+        raise InputError(f"the scale is {shown(scale)}; expected a finite number.")
+    return abs(float(value))
 
 
 def centre_of_mass_drift(gm: ArrayLike, t: ArrayLike, q: ArrayLike, v: ArrayLike) -> Drift:
@@ -60,22 +109,27 @@ def centre_of_mass_drift(gm: ArrayLike, t: ArrayLike, q: ArrayLike, v: ArrayLike
 
     gm : (bodies,); t : (n,) times; q : (n, bodies, 3); v : (bodies, 3) at the first of the times, or (n, bodies, 3)
     Compared with the largest distance of a massive body from it at first, or its own way where that is longer.
-    Raises InputError for shapes that do not fit, or where no body has a mass.
+    Raises InputError for what is not finite or does not fit, or where no body has a mass.
     """
-    masses, velocities = np.asarray(gm, dtype=np.float64), np.asarray(v, dtype=np.float64)
-    positions, first = np.asarray(q, dtype=np.float64), velocities if velocities.ndim == 2 else velocities[0]
-    return uniform_motion_drift(masses, t, centre_of_mass(masses, positions), positions[0], first)
+    masses, times = finite(numbers(gm, "gm"), "gm"), finite(numbers(t, "t"), "t")
+    positions, velocities = finite(numbers(q, "q"), "q"), finite(numbers(v, "v"), "v")
+    if times.ndim != 1 or not len(times) or positions.shape != (len(times), masses.size, 3):
+        raise InputError(
+            f"t and q have shapes {times.shape} and {positions.shape}; expected (n,) and (n, {masses.size}, 3) with at "
+            "least one sample."
+        )
+    if velocities.shape not in (positions.shape, positions.shape[1:]):
+        raise InputError(f"v has shape {velocities.shape}; expected {positions.shape[1:]} or {positions.shape}.")
+    first = velocities if velocities.ndim == 2 else velocities[0]
+    return uniform_motion_drift(masses, times, centre_of_mass(masses, positions), positions[0], first)
 
 
-def uniform_motion_drift(gm: ArrayLike, t: ArrayLike, centre: ArrayLike, q: ArrayLike, v: ArrayLike) -> Drift:
+def uniform_motion_drift(gm: Floats, t: Floats, centre: Floats, q: Floats, v: Floats) -> Drift:
     """`centre_of_mass_drift` from the centre itself, (n, 3), and the first of the states, (bodies, 3) each."""
-    times, way, masses = (np.asarray(x, dtype=np.float64) for x in (t, centre, gm))
-    massive = masses > 0.0
-    uniform = way[0] + np.outer(times - times[0], centre_of_mass(masses, v))
-    away = np.asarray(q, dtype=np.float64)[massive] - centre_of_mass(masses, q)
-    reach = float(np.linalg.norm(away, axis=1).max())
-    reach = max(reach, float(np.linalg.norm(uniform - uniform[0], axis=1).max(initial=0.0)))
-    return drift(way - uniform, scale=reach)
+    uniform = centre[0] + np.outer(t - t[0], centre_of_mass(gm, v))
+    away = q[gm > 0.0] - centre_of_mass(gm, q)
+    reach = float(max(lengths(away).max(), lengths(uniform - uniform[0]).max()))
+    return drift(centre - uniform, scale=reach)
 
 
 def _ratio(value: float, scale: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.diagnostics.doubledouble import Floats, Pair, dot, scale, subtract, total, two_product
-from orbits.diagnostics.states import blocks, massive_rows
+from orbits.diagnostics.states import ORDINARY, balanced, blocks, massive_rows, scaled, unscaled
 from orbits.errors import InputError, shown
 
 
@@ -22,22 +22,62 @@ def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) ->
 
     Every sum and product is a double-double one, so the value is the float64 nearest to the energy of exactly these
     numbers: what drifts in it drifts in the states.
-    Raises InputError for shapes that do not fit.
+    Raises InputError for what is not finite or does not fit, for bodies at one place without a softening, and where
+    the energy is beyond the range of floats.
     """
     gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
-    if not (math.isfinite(softening) and softening >= 0):
-        raise InputError(f"softening is {shown(softening)}; expected a finite length >= 0.")
-    shape = q_massive.shape[:-2]
-    q_flat, v_flat = (x.reshape((-1, *x.shape[-2:])) for x in (q_massive, v_massive))
-    out = np.empty(len(q_flat))
-    for block in blocks(len(q_flat), len(gm_massive)):
-        kinetic = total(scale(dot(v_flat[block], v_flat[block]), 0.5 * gm_massive))
-        out[block] = subtract(kinetic, _attraction(gm_massive, q_flat[block], softening)).rounded()
+    length = _softening(softening)
+    shape, samples = q_massive.shape[:-2], math.prod(q_massive.shape[:-2])
+    weights, (w, _), kinetic_power = balanced(gm_massive, v_massive, v_massive)
+    x, k = scaled(np.append(q_massive, length))
+    length, x = float(x[-1]), x[:-1]
+    masses, m = _scaled_by_pairs(gm_massive)
+    q_flat, v_flat = (array.reshape((samples, len(weights), 3)) for array in (x, w))
+    out = np.empty(samples)
+    for block in blocks(samples, len(weights)):
+        kinetic = total(scale(dot(v_flat[block], v_flat[block]), 0.5 * weights))
+        attraction = _attraction(masses, q_flat[block], length)
+        if np.isnan(attraction.hi).any():
+            raise InputError(
+                "two massive bodies are at one place, or distances or masses differ by more than 145 powers of ten: "
+                "the energy is beyond floats. Expected bodies apart, or a softening."
+            )
+        # Each in units of its own: their exponents are added last, so that nothing overflows before.
+        out[block] = _difference(kinetic, kinetic_power, attraction, 2 * m - k)
     return out.reshape(shape)
 
 
+def _scaled_by_pairs(gm: Floats) -> tuple[Floats, int]:
+    """Return gm / 2^m and m, exact, and so that the largest product of two of them is about 1."""
+    largest = np.frexp(np.sort(gm)[-2:])[1]
+    if not len(gm) or np.all(np.abs(largest) < ORDINARY):
+        return gm, 0
+    m = int(largest.sum()) // len(largest)
+    with np.errstate(over="ignore"):
+        return np.ldexp(gm, -m), m
+
+
+def _difference(a: Pair, power_a: int, b: Pair, power_b: int) -> Floats:
+    """Return a 2^power_a - b 2^power_b."""
+    power = np.where(a.hi == 0.0, power_b, np.where(b.hi == 0.0, power_a, max(power_a, power_b)))
+    a, b = (Pair(*(np.ldexp(x, k - power) for x in pair)) for pair, k in ((a, power_a), (b, power_b)))
+    return unscaled(subtract(a, b).rounded(), power, "the energy")
+
+
+def _softening(softening: float) -> float:
+    try:
+        if math.isfinite(softening) and softening >= 0:
+            return float(softening)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InputError(f"softening is {shown(softening)}; expected a finite length >= 0.")
+
+
 def _attraction(gm: Floats, q: Floats, softening: float) -> Pair:
-    """Sum over i < j of gm_i gm_j / sqrt(r_ij^2 + softening^2) of q (samples, m, 3): shape (samples,)."""
+    """Sum over i < j of gm_i gm_j / sqrt(r_ij^2 + softening^2) of q (samples, m, 3): shape (samples,).
+
+    NaN where a distance is 0 or its square too small for its digits.
+    """
     from orbits.kernels.lanes import WIDTH
     from orbits.kernels.potential import doubled_attraction
 

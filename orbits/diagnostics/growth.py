@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.diagnostics.doubledouble import Floats
-from orbits.diagnostics.stepping import numbers
+from orbits.diagnostics.states import numbers
 from orbits.errors import InputError
 
 LEAST_STARTS, LEAST_TIMES = 8, 4

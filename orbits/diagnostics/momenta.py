@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.diagnostics.doubledouble import Floats, Pair, divide, scale, subtract, total, two_product
-from orbits.diagnostics.states import blocks, massive_rows
+from orbits.diagnostics.states import balanced, blocks, massive_rows, scaled, unscaled
 from orbits.errors import InputError
 
 
@@ -23,42 +24,49 @@ def linear_momentum(gm: ArrayLike, v: ArrayLike) -> Floats:
     """G times the linear momentum, sum gm v.
 
     gm : (n,) length^3/time^2; massless bodies do not count. v : (..., n, 3) length/time
-    Returns (..., 3), length^4/time^3. Raises InputError for shapes that do not fit.
+    Returns (..., 3), length^4/time^3. Raises InputError for what is not finite or does not fit, and
+    for a momentum beyond the range of floats.
     """
     gm_massive, (v_massive,) = massive_rows(gm, v=v)
-    return _weighted_sum(gm_massive, v_massive).rounded()
+    weights, (w,), power = balanced(gm_massive, v_massive)
+    return unscaled(_weighted_sum(weights, w).rounded(), power, "the linear momentum")
 
 
 def angular_momentum(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> Floats:
     """G times the angular momentum about the origin, sum gm q x v.
 
     gm : (n,) length^3/time^2; massless bodies do not count. q, v : (..., n, 3) length and length/time
-    Returns (..., 3), length^5/time^3. Raises InputError for shapes that do not fit.
+    Returns (..., 3), length^5/time^3. Raises InputError for what is not finite or does not fit, and
+    for a momentum beyond the range of floats.
     """
     gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
-    shape = q_massive.shape[:-2]
-    q_flat, v_flat = (x.reshape((-1, *x.shape[-2:])) for x in (q_massive, v_massive))
-    out = np.empty((len(q_flat), 3))
-    for block in blocks(len(q_flat), len(gm_massive)):
+    shape, samples = q_massive.shape[:-2], math.prod(q_massive.shape[:-2])
+    weights, (x, w), power = balanced(gm_massive, q_massive, v_massive)
+    q_flat, v_flat = (array.reshape((samples, len(weights), 3)) for array in (x, w))
+    out = np.empty((samples, 3))
+    for block in blocks(samples, len(weights)):
         q_axes, v_axes = (np.ascontiguousarray(np.moveaxis(x[block], -1, 0)) for x in (q_flat, v_flat))
-        for k in range(3):
-            i, j = (k + 1) % 3, (k + 2) % 3
+        for axis in range(3):
+            i, j = (axis + 1) % 3, (axis + 2) % 3
             moment = subtract(two_product(q_axes[i], v_axes[j]), two_product(q_axes[j], v_axes[i]))
-            out[block, k] = total(scale(moment, gm_massive)).rounded()
-    return out.reshape((*shape, 3))
+            out[block, axis] = total(scale(moment, weights)).rounded()
+    return unscaled(out.reshape((*shape, 3)), power, "the angular momentum")
 
 
 def centre_of_mass(gm: ArrayLike, q: ArrayLike) -> Floats:
     """Centre of mass, sum gm q / sum gm.
 
     gm : (n,) length^3/time^2; massless bodies do not count. q : (..., n, 3) length (or velocities, for the velocity)
-    Returns (..., 3), as q. Raises InputError for shapes that do not fit, or where no body has a mass.
+    Returns (..., 3), as q. Raises InputError for what is not finite or does not fit, or where no body has a
+    mass.
     """
     gm_massive, (q_massive,) = massive_rows(gm, q=q)
     if not len(gm_massive):
         raise InputError("no body has gm > 0, so there is no centre of mass; expected at least one massive body.")
-    whole = total(Pair(gm_massive, np.zeros_like(gm_massive)))
-    return divide(_weighted_sum(gm_massive, q_massive), whole).rounded()
+    weights, (x,), power = balanced(gm_massive, q_massive)
+    masses, m = scaled(gm_massive)
+    whole = total(Pair(masses, np.zeros_like(masses)))
+    return unscaled(divide(_weighted_sum(weights, x), whole).rounded(), power - m, "the centre of mass")
 
 
 def noether_charges(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> NoetherCharges:
@@ -73,7 +81,7 @@ def noether_charges(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> NoetherCharges
 
 def _weighted_sum(gm: Floats, x: Floats) -> Pair:
     """Sum of gm x over the bodies: (..., m, 3) to (..., 3)."""
-    flat = x.reshape((-1, *x.shape[-2:]))
+    flat = x.reshape((math.prod(x.shape[:-2]), *x.shape[-2:]))
     hi, lo = np.empty((len(flat), 3)), np.empty((len(flat), 3))
     for block in blocks(len(flat), 3 * len(gm)):
         columns = np.ascontiguousarray(np.moveaxis(flat[block], -1, -2))

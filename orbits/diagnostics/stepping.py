@@ -14,11 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.diagnostics.doubledouble import Floats, Pair, two_sum
+from orbits.diagnostics.states import numbers
 from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
     from orbits.integrators.marcher import Marcher
+
+
+MOST_STEPS = 10**9
+"""That a diagnostic marches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +70,6 @@ class Bodies:
         return Marcher(newtonian, integrator, values, self.massive, self.q, self.v, dt)
 
 
-def numbers(value: ArrayLike, what: str) -> Floats:
-    """Return an array as float64. Raises InputError, naming it, for one that does not hold real numbers."""
-    try:
-        if not np.iscomplexobj(value):
-            return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise InputError(f"{what} is {shown(value)}; expected an array of real numbers.")
-
-
 def check_step(dt: float) -> None:
     """Raise InputError for a step that is not finite or vanishes."""
     if not (_is_finite(dt) and dt != 0.0):
@@ -90,8 +85,10 @@ def _is_finite(value: float) -> bool:
 
 def count(value: int, what: str) -> int:
     """Return a positive whole number. Raises InputError for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < 1:
         raise InputError(f"{what} must be a positive whole number, got {shown(value)}")
+    if value > MOST_STEPS:
+        raise InputError(f"{what} = {shown(value)}: at most {MOST_STEPS:.0e} are possible; take fewer")
     return int(value)
 
 

@@ -41,7 +41,7 @@ def boundary_value(
     if Newton's method fails from it.
     """
     step, start = time_step(h), finite_number(t0, "t0")
-    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
+    if isinstance(steps, bool | np.timedelta64) or not isinstance(steps, int | np.integer) or steps < 1:
         raise InputError(f"steps must be a whole number >= 1; got {shown(steps)}")
     shape = np.shape(q_start)
     first, last = discrete.vector(q_start, "q_start"), discrete.vector(q_end, "q_end")

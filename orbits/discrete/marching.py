@@ -44,7 +44,7 @@ def march_pairs(
 
     q0, q1 : (d,) or (n, 3), as the points of the result; t : time at q0
     """
-    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 0:
+    if isinstance(steps, bool | np.timedelta64) or not isinstance(steps, int | np.integer) or steps < 0:
         raise InputError(f"steps must be a whole number >= 0; got {shown(steps)}")
     shape = np.shape(q1)
     path = [discrete.vector(q0, "q0"), discrete.vector(q1, "q1")]

@@ -24,6 +24,14 @@ EXTREME = (
 BEYOND = "{what} of this orbit would be {value}, beyond the range of floats. Choose units of its own size"
 
 
+def named(names: Sequence[str] | None) -> Sequence[str] | None:
+    """Return the names of bodies as they were given. Raises InputError for anything else than a list of texts."""
+    listed = isinstance(names, list | tuple) or (isinstance(names, np.ndarray) and names.ndim == 1)
+    if names is None or (listed and all(isinstance(name, str) for name in names)):
+        return names
+    raise InputError(f"names is {shown(names)}; expected a list of names such as ['Ceres', 'Pallas'], or None")
+
+
 def label(index: tuple[int, ...], names: Sequence[str] | None) -> str:
     """Return how a message calls the body at `index` of an array: its name, or its place, or nothing for a scalar."""
     if names is not None and len(index) > 0 and index[-1] < len(names):

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.elements.checks import BEYOND, finite, refuse, vectors
+from orbits.elements.checks import BEYOND, finite, named, refuse, vectors
 from orbits.elements.invariants import Motion, measured, scaled
 from orbits.elements.kepler import Floats, angle_minus_sine, positive_angle, sinh_minus_angle
 
@@ -126,6 +126,7 @@ def elements_from_state(
     body and the value, for non-finite input, gm <= 0, q = 0, a rectilinear orbit (angular momentum zero: it has no
     plane and ends in a collision), and where an element would be beyond the range of floats.
     """
+    names = named(names)
     q, v = vectors("position", q, names), vectors("velocity", v, names)
     motion, t = measured(q, v, finite("gm", gm, names), finite("t", t, names), names)
     r, h = motion.r, motion.h

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.elements.checks import BEYOND, NO_MASS, broadcast, finite, numbers, refuse
+from orbits.elements.checks import BEYOND, NO_MASS, broadcast, finite, named, numbers, refuse
 from orbits.elements.kepler import Floats, barker_anomaly, eccentric_anomaly, positive_angle, sinh_anomaly
 from orbits.elements.naming import PAL, naming
 
@@ -99,6 +99,7 @@ def state_from_elements(
         "a": a, "P": P, "n": n, "q": q, "e": e, "inc": inc, "Omega": Omega, "omega": omega, "pomega": pomega, "M": M,
         "f": f, "E": E, "u": u, "l": l, "theta": theta, "T": T, "h": h, "k": k, "ix": ix, "iy": iy,
     }  # fmt: skip
+    names = named(names)
     way = naming([key for key, value in given.items() if value is not None], names)
     floats = {"gm": finite("gm", gm, names), "t": finite("t", t, names)}
     floats |= {

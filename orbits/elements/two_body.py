@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.elements.checks import NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, refuse, vectors
+from orbits.elements.checks import NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, named, refuse, vectors
 from orbits.elements.invariants import INDISTINCT, Exponents, scaled
 from orbits.elements.kepler import Floats
 
@@ -46,7 +46,7 @@ def two_body(
 
     Raises InputError for non-finite input, gm <= 0, q = 0, and for rectilinear motion, which ends in a collision.
     """
-    step = _checked(q, v, gm, dt, names)
+    step = _checked(q, v, gm, dt, named(names))
     refuse(step.gm <= 0.0, NO_MASS, names, gm=scaled(step.gm, 3 * step.length - 2 * step.time))
     h = np.linalg.norm(np.cross(step.q, step.v), axis=-1)
     straight = h <= INDISTINCT * np.linalg.norm(step.q, axis=-1) * np.linalg.norm(step.v, axis=-1)

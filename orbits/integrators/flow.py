@@ -127,7 +127,13 @@ class Flow:
         if steps % every:
             raise InputError(f"steps must be a multiple of every, got {steps} and {every}")
         samples = steps // every
-        out_q, out_p = np.empty((samples + 1, len(x))), np.empty((samples + 1, len(x)))
+        try:
+            out_q, out_p = np.empty((samples + 1, len(x))), np.empty((samples + 1, len(x)))
+        except (MemoryError, ValueError, OverflowError):
+            raise InputError(
+                f"steps / every = {samples:.3g} states of {len(x)} coordinates do not fit into memory; record fewer, "
+                "with a larger every."
+            ) from None
         out_q[0], out_p[0] = x, y
         if self.canonical:
             known = self.lagrangian.velocity(x, y, self.t) if v is None else self.lagrangian.vector(v, "v")
@@ -308,7 +314,7 @@ def _finite(value: Any, what: str) -> float:
 
 
 def _count(value: Any, what: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < 1:
         raise InputError(f"{what} must be a whole number >= 1, got {shown(value)}")
     return int(value)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NoReturn
@@ -21,6 +20,7 @@ from orbits.errors import ConvergenceError, InputError, IntegrationError, Singul
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, aligned, padded
 from orbits.integrators.crowd import PARTS, PIECE, Crowd, Team, shares
 from orbits.integrators.passage_list import BlockList, PassageList
+from orbits.integrators.pool import Pool
 from orbits.integrators.watcher import Watcher, empty_record
 from orbits.kernels.encounters import follow_bodies
 from orbits.kernels.lanes import WIDTH
@@ -130,7 +130,7 @@ class Marcher:
         rows = 12 * (self.block + 1) if m else 0
         self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
         crowded = Crowd.serves(integrator, lagrangian.tag, n)
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
+        self._pool = Pool(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
         self._advance, self._follow = integrator.advance, follow_bodies
         if crowded:
             crowd = Crowd(integrator, n, Team(min(threads, PARTS, (n + PIECE - 1) // PIECE), self._pool))

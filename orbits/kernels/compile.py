@@ -2,7 +2,8 @@
 
 Numba's disk cache looks at the file of the function it compiles, not at the files of the functions called from it:
 after an edit in `gravity.py` a loop cached from `gauss.py` would go on computing the old digits. Every cache entry is
-therefore stamped with a hash of all kernel sources; any edit makes all entries stale at once.
+therefore stamped with a hash of all kernel sources; any edit makes all entries stale at once. What else is checked
+before an entry is used is in `keeping.py`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from typing import Any
 import llvmlite.binding
 import numba
 from numba.core import config as numba_config
+
+from orbits.kernels.keeping import KernelCache
 
 config: Any = numba_config  # its attributes are set at run time
 
@@ -60,11 +63,8 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
         options["fastmath"] = set() if exact else {"contract"}
         if not Path(inspect.getfile(function)).is_file() and not function.__code__.co_filename.startswith("<ipython"):
             return numba.njit(**options)(function)  # typed into a session: there is no file to keep a cache for
-        dispatcher: Any = numba.njit(cache=True, **options)(function)
-        # Private to Numba; pyproject.toml pins the range in which tests have seen it work.
-        cache_file = dispatcher._cache._cache_file
-        # The version is compared before anything else of the file is read, which may name what is no longer there.
-        cache_file._version = f"{cache_file._version} {source_stamp()}"
+        dispatcher: Any = numba.njit(**options)(function)
+        dispatcher._cache = KernelCache(function, source_stamp())
         return dispatcher
 
     return compile_function if function is None else compile_function(function)

@@ -6,9 +6,14 @@ Numbers are pairs hi + lo of about 32 digits. Source: Dekker (1971), Numer. Math
 
 from __future__ import annotations
 
+import math
+
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, exact_add, exact_mul, fma, full, lane, load, select, sqrt, unit
 from orbits.kernels.summation import quick_two_sum, two_product, two_sum
+
+TOO_NEAR = 1e-290
+"""Of a squared distance: 2^53 above the least float that keeps its digits when it is split."""
 
 
 @kernel(inline=True, exact=True)
@@ -32,6 +37,7 @@ def doubled_attraction(gm, q, softening2, softening2_lo):
     """Return sum over i < j of gm_i gm_j / sqrt(r_ij^2 + softening^2) as (hi, lo).
 
     gm : (n + 8,) and q : (3, n + 8), padded with what takes no part; softening^2 as a pair
+    NaN where some r_ij^2 + softening^2 is below 1e-290: its low part would not be a float.
     """
     n = gm.shape[0] - WIDTH
     x, y, z = q[0], q[1], q[2]
@@ -56,6 +62,7 @@ def doubled_attraction(gm, q, softening2, softening2_lo):
             w, w_lo = quick_two_sum(u, 0.5 * u * ((1.0 - s) - s_lo))
             p, e = two_product(load(gm, start), full(gm[i]))
             s, s_lo = _multiply(p, e, w, w_lo)
+            s = select(r2 < TOO_NEAR, full(math.nan), s)
             if start + WIDTH > n:
                 valid = full(0.0)
                 for j in range(start, n):

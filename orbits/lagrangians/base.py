@@ -348,8 +348,8 @@ class Lagrangian:
     def vector(self, x: ArrayLike, what: str) -> Array:
         """Return x as a vector of d finite floats; InputError says what is wrong with it."""
         try:
-            given = np.asarray(x)
-        except ValueError:
+            given = np.array(None) if hasattr(x, "unit") else np.asarray(x)
+        except (TypeError, ValueError):
             given = np.array(None)
         if given.dtype == object or given.dtype.kind not in "fiub":
             raise InputError(f"'{self.name}': {what} must be {self.dimension} real numbers; got {shown(x)}")

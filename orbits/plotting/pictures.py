@@ -63,7 +63,7 @@ def plot_trajectory(run: Trajectory, *, title: str | None = None, bodies: Sequen
     made = style.figure(16, 9)
     axes = made.subplot_mosaic([["map", "energy"], ["map", "momentum"]], width_ratios=[1.15, 1])
     paths(axes["map"], run, bodies=bodies)
-    axes["map"].set_title(title or f"{run.integrator.label}, dt = {run.dt:.6g}".rstrip())
+    axes["map"].set_title(title or run.made_by)
     conserved(axes["energy"], axes["momentum"], {run.integrator.label: run})
     return made
 
@@ -95,8 +95,9 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
     for k, (label, run) in enumerate(runs.items()):
         t = run.t.to_value(time) if time else run.times
         look: dict[str, Any] = {"color": style.PALETTE[k % len(style.PALETTE)], "lw": 1.4}
-        energy.plot(t, relative_change(run.energy().value), label=label, **look)
-        momentum.plot(t, relative_change(run.angular_momentum().value), **look)
+        kept = run.drift()
+        energy.plot(t, relative_change(run.energy().value, kept.energy.scale), label=label, **look)
+        momentum.plot(t, relative_change(run.angular_momentum().value, kept.angular_momentum.scale), **look)
     for axes, name in ((energy, "energy, |ΔE/E|"), (momentum, "angular momentum, |ΔL|/|L|")):
         axes.set_yscale("log")
         low, high = axes.get_ylim()
@@ -130,10 +131,13 @@ def flatness(axes: Axes, t: Array, series: Array, title: str) -> None:
     axes.grid(axis="y", color=style.FAINT, lw=0.6)
 
 
-def relative_change(series: Array, floor: float = 2.5e-17) -> Array:
-    """Return |x_k - x_0| / |x_0| of a scalar or vector series, at least `floor` so that zero shows on a log axis."""
+def relative_change(series: Array, scale: float | None = None, floor: float = 2.5e-17) -> Array:
+    """Return |x_k - x_0| / |x_0| of a scalar or vector series, at least `floor` so that zero shows on a log axis.
+
+    scale : compared with in place of |x_0|, which may vanish by cancellation; see `ConservedQuantities`
+    """
     values = series.reshape(len(series), -1)
-    size = float(np.linalg.norm(values[0])) or 1.0
+    size = (float(np.linalg.norm(values[0])) if scale is None else scale) or 1.0
     change: Array = np.linalg.norm(values - values[0], axis=1) / size
     return np.maximum(change, floor)
 

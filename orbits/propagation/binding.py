@@ -40,7 +40,8 @@ def bound(
     """
     if not isinstance(integrator, Integrator):
         raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
-    if threads is not None and (not isinstance(threads, int | np.integer) or isinstance(threads, bool) or threads < 1):
+    whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool | np.timedelta64)
+    if threads is not None and (not whole or threads < 1):
         raise InputError(f"threads must be a positive whole number or None for all processors, got {shown(threads)}")
     integrator.check(newtonian, registry())
     values = system.values

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, shown
+from orbits.system.checks import checked_flag
 from orbits.units import UnitSystem, quantity_from_text
 
 Array = NDArray[np.float64]
@@ -69,7 +70,7 @@ def sample_times(units: UnitSystem, samples: Any, duration: float) -> Array:
     """
     if isinstance(samples, bool) or (isinstance(samples, float) and not samples.is_integer()):
         raise InputError(f"samples must be a whole number or an array of times, got {shown(samples)}")
-    if isinstance(samples, int | np.integer | float):
+    if isinstance(samples, int | np.integer | float) and not isinstance(samples, np.timedelta64):
         count = int(samples)
         if count < 2:
             raise InputError(
@@ -125,13 +126,6 @@ def _time(units: UnitSystem, value: Any, what: str) -> float:
         expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
         value = quantity_from_text(value, what, expected)
     return single_number(units.time_value(value, what), what)
-
-
-def checked_flag(value: Any, what: str) -> bool:
-    """Return True or False as it was given. Raises InputError, naming it, for anything else."""
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    raise InputError(f"{what} is {shown(value)}; expected True or False")
 
 
 def checked_progress(value: Any) -> bool | None:

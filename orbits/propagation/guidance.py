@@ -25,7 +25,7 @@ from orbits.integrators.watcher import RULE
 from orbits.kernels.passages import fastest_passage
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.propagation.approach import said, unit_of_errors
-from orbits.propagation.passage_effect import FINE, Pair, effect
+from orbits.propagation.passage_effect import FINE, MOST_ANGLE, MOST_ECCENTRICITY, Pair, effect
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> 
 
     eccentricity : of the two-body orbit, >= 0; angle : step x speed / distance at the pericentre, in radians
     """
+    if not eccentricity < MOST_ECCENTRICITY:  # what is no number either: a square that overflowed
+        eccentricity = MOST_ECCENTRICITY
     rounded = 2.0 ** (math.ceil(GRID * math.log2(max(angle, FINE))) / GRID)
     if eccentricity < 0.97:
         e = 1.0 - 2.0 ** (math.floor(GRID / 2 * math.log2(1.0 - eccentricity)) / (GRID / 2))
@@ -111,13 +113,14 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
     if row < 0:
         return
     softening = system.values.softening
-    angle = abs(h) * speed / math.sqrt(distance**2 + softening**2) if distance + softening > 0.0 else math.inf
+    reach = math.hypot(distance, softening)  # of which no square underflows
+    angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
     if angle < QUIET:
         return
     units, name, other = system.units, system.names[row], system.names[partner]
     if system.values.gm[row] > system.values.gm[partner]:
         name, other = other, name
-    if not math.isfinite(angle) or angle > 1e6:
+    if not math.isfinite(angle):
         warnings.warn(
             f"{name} falls straight into {other}: no step resolves that. Give a softening, or other starting values.",
             StepWarning,
@@ -161,7 +164,10 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
         shorter = math.copysign(longest * SHORTER**k, h)
         if abs(shorter) >= abs(h):
             continue
-        moved = [pair.after(ahead - phase * shorter) for phase in PHASES]
+        try:
+            moved = [pair.after(ahead - phase * shorter) for phase in PHASES]
+        except InputError:  # beyond the range of floats
+            return 0.0
         effects = (effect(integrator, shorter, p, left - ahead, span) for p in moved)
         if all(found.error <= MARGIN * found.limit for found in effects):
             return abs(shorter)
@@ -201,7 +207,10 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
     if not abs(ahead) <= abs(span):
         return None, 0.0
     start = math.floor(ahead / h) * h
-    return pair.after(start), start
+    try:
+        return pair.after(start), start
+    except InputError:  # beyond the range of floats
+        return None, 0.0
 
 
 def parsed_step(system: System, dt: Any, span: float) -> Any:

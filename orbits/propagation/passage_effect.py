@@ -53,8 +53,8 @@ GRID = 8
 
 TWO_PI = 2.0 * math.pi
 
-MOST_E, MOST_ANGLE = 1e8, 1e6
-"""Bounds of what is told apart."""
+MOST_ECCENTRICITY, MOST_ANGLE = 1e8, 1e6
+"""Beyond this eccentricity paths are straight lines, beyond this angle of a step a passage falls into the centre."""
 
 LINEAR = 1e-6
 """Errors below this share of a state are carried along an orbit as if they were as large, and scaled down again: the
@@ -102,17 +102,19 @@ class Pair:
     @cached_property
     def orbit(self) -> Orbit:
         """The relative orbit."""
-        x, y, z = (float(c) for c in self.q)
-        a, b, c = (float(c) for c in self.v)
-        r, speed2 = math.hypot(x, y, z), a * a + b * b + c * c
-        swept = math.hypot(y * c - z * b, z * a - x * c, x * b - y * a)
-        parameter, inverse_a = swept * swept / self.mu, 2.0 / r - speed2 / self.mu
-        e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
-        least = parameter / (1.0 + e)
-        speed = swept / least if least > 0.0 else math.inf
-        if not inverse_a > 0.0:
-            return Orbit(e, least, speed, math.inf, math.inf)
-        return Orbit(e, least, speed, (1.0 + e) / inverse_a, TWO_PI / (math.sqrt(self.mu * inverse_a) * inverse_a))
+        (x, y, z), (a, b, c) = self.q.tolist(), self.v.tolist()
+        try:
+            r, speed2 = math.hypot(x, y, z), a * a + b * b + c * c
+            swept = math.hypot(y * c - z * b, z * a - x * c, x * b - y * a)
+            parameter, inverse_a = swept * swept / self.mu, 2.0 / r - speed2 / self.mu
+            e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
+            least = parameter / (1.0 + e)
+            speed = swept / least
+            if not inverse_a > 0.0:
+                return Orbit(e, least, speed, math.inf, math.inf)
+            return Orbit(e, least, speed, (1.0 + e) / inverse_a, TWO_PI / (math.sqrt(self.mu * inverse_a) * inverse_a))
+        except (ZeroDivisionError, OverflowError, ValueError):  # into the centre, or beyond the range of floats
+            return Orbit(1.0, 0.0, math.inf, math.inf, math.inf)
 
     @cached_property
     def ahead(self) -> float:
@@ -136,7 +138,7 @@ class Pair:
         e = self.orbit.e
         if self.softening > 0.0:
             e = max(math.hypot(self.orbit.least, self.softening) * self.orbit.speed**2 / self.mu - 1.0, 0.0)
-        return min(e, MOST_E), min(abs(h) * self.rate, MOST_ANGLE)
+        return e if e < MOST_ECCENTRICITY else MOST_ECCENTRICITY, min(abs(h) * self.rate, MOST_ANGLE)
 
     def is_bound(self) -> bool:
         """Whether the two stay together: on an ellipse, and within the Hill radius of the other, where it has one."""
@@ -184,8 +186,9 @@ def effect(integrator: Integrator, h: float, pair: Pair, left: float, span: floa
     The error is infinite where the orbits leave the range of floats.
     """
     try:
-        return _effect(integrator, h, pair, left, span)
-    except InputError:  # raised by the exact flow
+        with np.errstate(all="ignore"):
+            return _effect(integrator, h, pair, left, span)
+    except (InputError, ArithmeticError, ValueError):
         return Effect(math.inf, 0.0, 0.0)
 
 

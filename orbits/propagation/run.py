@@ -23,7 +23,6 @@ from orbits.propagation.binding import bound, differences, provenance, restore
 from orbits.propagation.grid import (
     MOST_SAMPLES,
     checked_duration,
-    checked_flag,
     checked_progress,
     checked_until,
     sample_times,
@@ -37,6 +36,7 @@ from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stopping import Condition, Conditions, Stop, asks_to_stop, check_callback
 from orbits.system import System
+from orbits.system.checks import checked_flag
 from orbits.trajectory import Statistics, Trajectory
 
 if TYPE_CHECKING:

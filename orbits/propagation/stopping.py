@@ -217,6 +217,7 @@ def _bound(value: Any, what: str) -> float:
 
 
 def _seconds(value: Any) -> float:
+    value = quantity_from_text(value, "WallTimeOver.duration", "a time, such as 60 * u.s")
     try:
         return _bound(u.Quantity(value, u.s).value, "WallTimeOver.duration")
     except InputError:

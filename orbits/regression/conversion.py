@@ -28,6 +28,9 @@ T = TypeVar("T")
 GRAVITIES = ("basic", "compensated", "tree", "mercurius", "jacobi")
 """REBOUND's ways to sum the same Newtonian gravity."""
 
+ADAPTIVE = ("ias15", "bs")
+"""REBOUND's methods that choose their steps as they go."""
+
 SOLAR_UNITS = ("au", "d", "massist")
 """REBOUND's names of the units of `SOLAR`, in which GM is the mass; "massist" is its unit of mass that makes G = 1."""
 
@@ -115,7 +118,7 @@ def run_from_rebound(
     source, units, zero : as of `from_rebound`; times of the run count from the first snapshot
 
     Its integrator is only a label, such as "REBOUND ias15": what needs the method itself, `run.at` and `run.to_spk`,
-    is refused. `run.dt` is REBOUND's step at the first snapshot.
+    is refused. `run.dt` is REBOUND's step; IAS15 and BS, which choose theirs as they go, have none.
 
     Raises as `from_rebound` does, and ArchiveError where particles come, go or change their masses, or time turns.
     """
@@ -134,7 +137,8 @@ def run_from_rebound(
     found, times, q, v = _readable(read, source)
     system = _system(found, units, None, zero)
     made_by = MadeByRebound(f"REBOUND {found.integrator}")
-    return Trajectory(system, times - times[0], q, v, step=found.dt, integrator=cast(Any, made_by))
+    step = np.nan if found.integrator in ADAPTIVE else found.dt
+    return Trajectory(system, times - times[0], q, v, step=step, integrator=cast(Any, made_by))
 
 
 @dataclass(frozen=True)

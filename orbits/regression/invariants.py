@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits import diagnostics
+from orbits.diagnostics.drift import CANCELLED, kinetic_energies, moments
 
 Array = NDArray[np.float64]
-
-_CANCELLED = 1e-6  # an initial value this small against its terms is no scale to compare with
 
 
 class Invariants:
@@ -70,8 +69,8 @@ class Invariants:
             kinetic = 0.5 * np.sum(dv * dv, axis=-1)
             areal = np.linalg.norm(dq, axis=-1) * np.linalg.norm(dv, axis=-1)
         else:
-            kinetic = np.asarray(0.5 * np.sum(self._gm * np.sum(v * v, axis=-1)))
-            areal = np.asarray(np.sum(self._gm * np.linalg.norm(np.cross(q, v), axis=-1)))
+            kinetic = np.asarray(kinetic_energies(self._gm, v))
+            areal = np.asarray(moments(self._gm, q, v))
         energy, energy_cancelled = _scale(np.abs(self._energy), kinetic)
         momentum, momentum_cancelled = _scale(np.linalg.norm(self._momentum, axis=-1), areal)
         for what, cancelled in (("energy", energy_cancelled), ("angular momentum", momentum_cancelled)):
@@ -81,5 +80,5 @@ class Invariants:
 
 
 def _scale(value: Array, terms: Array) -> tuple[Array, bool]:
-    cancelled = value <= _CANCELLED * terms
+    cancelled = value <= CANCELLED * terms
     return np.where(cancelled, terms, value), bool(np.any(cancelled))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from orbits.errors import InputError, shown
-
 
 def quantity(text: str, option: str) -> Any:
     """Return "6 d" as a Quantity and "6" as a number, which stands for the system's own unit of time.
@@ -16,15 +14,7 @@ def quantity(text: str, option: str) -> Any:
         return float(text)
     except ValueError:
         pass
-    from astropy import units as u
+    from orbits.units import quantity_from_text
 
-    from orbits.units import unit_meant
-
-    try:
-        value = u.Quantity(text)
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"{option} is {shown(text)}; expected a number in the system's unit of time, or a time with its unit: "
-            f"'6 d', '1000 yr'.{unit_meant(error)}"
-        ) from None
-    return value
+    expected = "a number in the system's unit of time, or a time with its unit: '6 d', '1000 yr'"
+    return quantity_from_text(text, option, expected)

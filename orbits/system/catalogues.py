@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits import elements as kepler
 from orbits import ephemeris
 from orbits.errors import EpochError, InputError, UnknownNameError
-from orbits.system.checks import few
+from orbits.system.checks import checked_flag, few
 from orbits.units import as_epoch
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ class FromCatalogues:
         InputError for an empty catalogue.
         """
         _check(catalogue)
+        propagate_to_epoch = checked_flag(propagate_to_epoch, "propagate_to_epoch")
         if not len(catalogue):
             raise InputError("the catalogue has no bodies; expected at least one. Choose others, or none at all")
         when = _common_epoch(catalogue, propagate_to_epoch) if epoch is None else as_epoch(epoch)
@@ -133,6 +134,8 @@ class FromCatalogues:
         """
         system: Any = self
         _check(catalogue)
+        propagate_to_epoch = checked_flag(propagate_to_epoch, "propagate_to_epoch")
+        massive = checked_flag(massive, "massive")
         q, v = particle_states(system, catalogue, propagate_to_epoch)
         gm = np.zeros(len(catalogue))
         if massive:

@@ -55,6 +55,20 @@ def checked_radii(names: Sequence[str], radii: Any, units: UnitSystem) -> Floats
     return values
 
 
+def checked_units(units: Any) -> UnitSystem:
+    """Return a unit system as it was given. Raises InputError for anything else."""
+    if isinstance(units, UnitSystem):
+        return units
+    raise InputError(f"units is {shown(units)}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
+
+
+def checked_flag(value: Any, what: str) -> bool:
+    """Return True or False as it was given. Raises InputError, naming it, for anything else."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise InputError(f"{what} is {shown(value)}; expected True or False")
+
+
 def scalar(value: Floats, what: str, unit: Any) -> float:
     """Return a single finite float; raise InputError for an array or a number that is not finite."""
     if value.shape != () or not np.isfinite(value):

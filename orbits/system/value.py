@@ -63,8 +63,7 @@ class System(FromCatalogues, Tabular):
         radii: Any = None,
         softening: Any = 0.0,
     ) -> None:
-        if not isinstance(units, UnitSystem):
-            raise InputError(f"units is {shown(units)}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
+        checks.checked_units(units)
         if epoch is not None and not units.is_physical:
             raise EpochError(
                 f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
@@ -128,7 +127,7 @@ class System(FromCatalogues, Tabular):
         Raises InputError and UnknownNameError as `add` does.
         """
         first, rest = making.split_mapping(bodies)
-        gm, radius = making.primary(first, bodies[first], units)
+        gm, radius = making.primary(first, bodies[first], checks.checked_units(units))
         radii = None if radius is None else [radius]
         zero = np.zeros((1, 3))
         system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)

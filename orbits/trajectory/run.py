@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
@@ -13,7 +14,8 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
-from orbits.diagnostics.drift import uniform_motion_drift
+from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
+from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.checks import few, index_of
@@ -46,7 +48,7 @@ class Trajectory(Tabular):
     system : the initial state, which also gives names, GM, units and epoch
     times : (n,) float64, since the epoch, in the system's unit of time
     q, v : (n, bodies, 3) float64, in the system's units; arrays, or what an archive reads from
-    step : the signed step actually used, in the unit of time
+    step : the signed step actually used, in the unit of time; NaN of a method that chooses its steps as it goes
     integrator, statistics : how it was made and what it cost
     complete : whether every sample that was asked for is there
     path, archive : the archive it reads from, if it does
@@ -54,7 +56,7 @@ class Trajectory(Tabular):
     stopped : why and where a condition or a callback ended the run, or None
 
     run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample.
-    Raises InputError for q and v of another shape.
+    Raises InputError for q and v of another shape, for times that are not finite, and for what is no system or method.
     """
 
     def __init__(
@@ -74,11 +76,20 @@ class Trajectory(Tabular):
         record: Record | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
-        expected = (len(times), len(system), 3)
-        if tuple(q.shape) != expected or tuple(v.shape) != expected:
-            raise InputError(f"q and v have shapes {q.shape} and {v.shape}; {expected} fits these times and bodies.")
+        if not isinstance(system, System):
+            raise InputError(f"system is {shown(system)}; expected the System at the start of the run.")
+        if not hasattr(integrator, "label"):
+            raise InputError(f"integrator is {shown(integrator)}; expected a method such as orbits.Gauss(stages=8).")
+        self.times = finite(numbers(times, "times"), "times")
+        if self.times.ndim != 1:
+            raise InputError(f"times has shape {self.times.shape}; expected one time for each sample, shape (n,).")
+        expected = (len(self.times), len(system), 3)
+        shapes = tuple(getattr(x, "shape", None) for x in (q, v))
+        if shapes != (expected, expected):
+            raise InputError(
+                f"q and v have shapes {shapes[0]} and {shapes[1]}; {expected} fits these times and bodies."
+            )
         self.system = system
-        self.times = np.asarray(times, dtype=np.float64)
         self.integrator = integrator
         self.statistics = statistics
         self.step = step
@@ -156,7 +167,12 @@ class Trajectory(Tabular):
 
     @property
     def dt(self) -> u.Quantity:
-        """The step actually used, > 0: the one asked for, rounded to 24 bits."""
+        """The step actually used, > 0: the one asked for, rounded to 24 bits.
+
+        Raises InputError for a run of a method that chooses its steps as it goes.
+        """
+        if math.isnan(self.step):
+            raise InputError(f"{self.integrator.label} chooses its steps as it goes, so there is no dt of this run.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
     @property
@@ -168,6 +184,13 @@ class Trajectory(Tabular):
     def v(self) -> u.Quantity:
         """Velocities, shape (n, bodies, 3), read-only. From an archive they are read where they are used: run.v[-1]."""
         return u.Quantity(_as_array(self._v), self.system.units.speed, copy=False)
+
+    @property
+    def made_by(self) -> str:
+        """The method, and its step where it has one, in words: Gauss(stages=8), dt = 6 d."""
+        if math.isnan(self.step):
+            return self.integrator.label
+        return f"{self.integrator.label}, dt = {abs(self.step):g} {self.system.units.time}".rstrip()
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -183,10 +206,10 @@ class Trajectory(Tabular):
             i = index_of(key, self.names, "body")
             q, v = self._q[:, i], self._v[:, i]
             return BodyTrajectory(key, self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
-        if isinstance(key, bool) or not isinstance(key, int | np.integer):
+        if isinstance(key, bool | np.timedelta64) or not isinstance(key, int | np.integer):
             raise InputError(f'run[{shown(key)}]: give a name, run["Sun"], or the number of a sample, run[-1].')
         if not -len(self) <= key < len(self):
-            raise IndexError(f"sample {key} of a run with {len(self)} samples")
+            raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
         k = int(key) % len(self)
         return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
 
@@ -197,6 +220,7 @@ class Trajectory(Tabular):
         """
         from orbits.propagation import state_at
 
+        self._require_method("run.at")
         return state_at(self, t)
 
     def energy(self) -> u.Quantity:
@@ -223,19 +247,21 @@ class Trajectory(Tabular):
     def drift(self) -> ConservedQuantities:
         """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
 
-        Raises InputError for a run without samples.
+        They are those of the massive bodies: a massless particle moves in their field and carries no charge of the
+        whole, so nothing here judges its orbit. Raises InputError for a run without samples.
         """
         if not len(self):
             raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
-        gm, start = self._gm(), self.system.values
-        massive = self.system.massive
-        centre = self.centre_of_mass().value
-        momentum = float(gm @ np.linalg.norm(start.v[massive], axis=1)) / self.system.units.G
+        gm, start, massive = self._gm(), self.system.values, self.system.massive
+        q, v = start.q[massive], start.v[massive]
+        energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
         return ConservedQuantities(
-            energy=diagnostics.drift(self.energy().value),
-            angular_momentum=diagnostics.drift(self.angular_momentum().value),
-            linear_momentum=diagnostics.drift(self.linear_momentum().value, scale=momentum),
-            centre_of_mass=uniform_motion_drift(gm, self.times, centre, start.q[massive], start.v[massive]),
+            energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
+            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)),
+            linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
+            centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
+            massive=tuple(name for name, has_mass in zip(self.names, massive, strict=True) if has_mass),
+            particles=int(np.count_nonzero(~massive)),
         )
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
@@ -296,10 +322,12 @@ class Trajectory(Tabular):
         """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""
         from orbits.spk import write
 
+        self._require_method("run.to_spk")
         return write(self, path, **options)
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
-        known: dict[str, str | float] = {"integrator": self.integrator.label, "dt": abs(self.step)}
+        known: dict[str, str | float] = {"integrator": self.integrator.label}
+        known |= {} if math.isnan(self.step) else {"dt": abs(self.step)}
         return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
 
     def __reduce__(self) -> Any:
@@ -326,12 +354,8 @@ class Trajectory(Tabular):
     def __repr__(self) -> str:
         where = f", in {self.path}" if self.path else ""
         state = "" if self.complete else ", incomplete"
-        unit = self.system.units.time
-        dt = f"{abs(self.step):g} {unit}".rstrip()
-        return (
-            f"Trajectory({len(self.names)} bodies, {len(self)} samples, {span(self.t)}; {self.integrator.label}, "
-            f"dt = {dt}{state}{where})"
-        )
+        what = f"{len(self.names)} bodies, {len(self)} samples, {span(self.t)}"
+        return f"Trajectory({what}; {self.made_by}{state}{where})"
 
     def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
         """Yield (samples, q, v) of the massive bodies block by block, so that memory stays bounded."""
@@ -362,6 +386,22 @@ class Trajectory(Tabular):
     def _of_massive(self, function: Callable[[Array, Array], Array]) -> Array:
         nothing = np.empty((0, int(self.system.massive.sum()), 3))
         return np.concatenate([function(nothing, nothing), *(function(q, v) for _, q, v in self.blocks())])
+
+    def _drift(self, values: Array, terms: Callable[[Array, Array], Array], first: Any = None) -> diagnostics.Drift:
+        """The drift of a quantity; `terms` (of q and v) are the sizes of what it is the sum of, times G."""
+        start, massive, G = self.system.values, self.system.massive, self.system.units.G
+        begin = float(terms(start.q[massive], start.v[massive])) / G
+        scale = own_scale(
+            values[0] if first is None else first, begin, lambda: float(self._of_massive(terms).max()) / G
+        )
+        return diagnostics.drift(values, scale)
+
+    def _require_method(self, what: str) -> None:
+        if not hasattr(self.integrator, "declares"):
+            raise InputError(
+                f"{what} marches from sample to sample with the run's own method, and {self.integrator.label} is none "
+                "of this package. Take a sample, run[k], or march from one: orbits.propagate(run[k], ...)."
+            )
 
     def _epoch(self) -> None:
         if self.system.epoch is None:

@@ -300,3 +300,16 @@ def test_epochs_that_differ_are_refused_or_carried_over_when_asked() -> None:
 def test_an_empty_path_is_told_so() -> None:
     with pytest.raises(InputError, match="the path is empty; expected"):
         read_mpcorb("")
+
+
+@pytest.mark.parametrize("columns", [25, 26, 60, 102])
+def test_a_line_that_was_cut_short_is_no_name_of_a_file(columns: int) -> None:
+    with pytest.raises(InputError, match=f"the line ends after {columns} columns"):
+        orbits.read_mpcorb(CERES[:columns])
+
+
+@pytest.mark.parametrize("name", ["propagate_to_epoch", "massive"])
+def test_flags_are_true_or_false_and_no_arrays(name: str) -> None:
+    system = orbits.System.solar_system("2025-11-21", bodies=["Sun", "Jupiter"])
+    with pytest.raises(InputError, match=f"{name} is .*expected True or False"):
+        system.add_particles(orbits.read_mpcorb(CERES), **{name: np.array([True, False])})

@@ -244,7 +244,7 @@ def bad(tmp_path):
         (["run", "kepler", "--dt", "0"], "dt must be positive"),
         (["run", "kepler", "--dt", "nan"], "dt must be positive"),
         (["run", "kepler", "--dt", "3 km"], "dt"),
-        (["run", "kepler", "--dt", "soon"], "--dt is 'soon'"),
+        (["run", "kepler", "--dt", "soon"], "--dt = 'soon'"),
         (["run", "kepler", "--dt", "3 days"], "'days' is no unit; did you mean day?"),
         (["run", "kepler", "--dt", "3 d"], "as everywhere in DIMENSIONLESS: the number alone"),
         (["run", "kepler", "--duration", "inf"], "duration must be finite"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from astropy import units as u
 
 from orbits import diagnostics
 from orbits.errors import InputError
@@ -147,3 +148,51 @@ def test_one_massive_body_has_kinetic_energy_only():
 def test_what_does_not_fit_is_refused_in_words(call, words):
     with pytest.raises(InputError, match=words):
         call()
+
+
+TWO_GM, TWO_Q, TWO_V = np.array([1.0, 1e-3]), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0.0, 0, 0], [0, 1, 0]])
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: diagnostics.energy([np.nan, 1.0], TWO_Q, TWO_V), r"gm\[0\] is nan"),
+        (lambda: diagnostics.energy([np.nan, np.nan], TWO_Q, TWO_V), r"gm\[0\] is nan"),
+        (lambda: diagnostics.energy([-1.0, 1.0], TWO_Q, TWO_V), "gm is -1"),
+        (lambda: diagnostics.energy(TWO_GM, np.full((2, 3), np.inf), TWO_V), r"q\[0, 0\] is inf"),
+        (lambda: diagnostics.energy(TWO_GM, TWO_Q, TWO_V * 1e200), "beyond the range of floats"),
+        (lambda: diagnostics.energy(TWO_GM, TWO_Q * 0.0, TWO_V), "at one place"),
+        (lambda: diagnostics.energy(np.ones(3), np.outer([0, 1e-155, 1], [1, 0, 0]), np.zeros((3, 3))), "one place"),
+        (lambda: diagnostics.linear_momentum(TWO_GM * 1e200, TWO_V * 1e200), "beyond the range of floats"),
+        (lambda: diagnostics.angular_momentum(TWO_GM, TWO_Q * 1e200, TWO_V * 1e200), "beyond the range of floats"),
+        (lambda: diagnostics.energy(["a", "b"], TWO_Q, TWO_V), "gm is .*expected an array of real numbers"),
+        (lambda: diagnostics.energy(TWO_GM, "q", TWO_V), "q is 'q'"),
+        (lambda: diagnostics.energy(TWO_GM, TWO_Q, TWO_V, "soft"), "softening is 'soft'"),
+        (lambda: diagnostics.energy(TWO_GM, TWO_Q * u.au, TWO_V), "Take the floats, such as system.values.q"),
+        (lambda: diagnostics.energy(None, TWO_Q, TWO_V), "gm is None"),
+        (lambda: diagnostics.drift("abc"), "the series is 'abc'"),
+        (lambda: diagnostics.drift([1.0, 2.0], "abc"), "the scale is 'abc'"),
+        (lambda: diagnostics.centre_of_mass_drift("gm", [0.0], TWO_Q[None], TWO_V), "gm is 'gm'"),
+        (lambda: diagnostics.centre_of_mass_drift(TWO_GM, [0.0, 1.0], TWO_Q[None], TWO_V), r"expected \(n,\) and"),
+        (lambda: diagnostics.centre_of_mass_drift(TWO_GM, [0.0], TWO_Q[None], [0.0]), r"v has shape \(1,\)"),
+    ],
+)
+def test_no_diagnostic_hands_back_nan_or_ends_in_an_error_of_another_package(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
+
+
+@pytest.mark.parametrize("power", [-500, -110, 98, 110, 500])
+def test_what_overflows_on_the_way_only_is_found_to_the_last_bit(states, power):
+    """A power of two rounds nothing: squares of such lengths are beyond floats, the quantities are not."""
+    gm, q, v = states
+    far, fast = 2.0**power, 2.0 ** -(power // 2)
+    assert np.array_equal(diagnostics.energy(gm, q * far, v * fast) * far, diagnostics.energy(gm, q, v))
+    turned = diagnostics.angular_momentum(gm, q * far, v / far)
+    assert np.array_equal(turned, diagnostics.angular_momentum(gm, q, v))
+    assert np.array_equal(diagnostics.centre_of_mass(gm, q * far) / far, diagnostics.centre_of_mass(gm, q))
+    assert np.array_equal(diagnostics.linear_momentum(gm * far, v / far), diagnostics.linear_momentum(gm, v))
+
+
+def test_the_centre_of_mass_of_bodies_at_the_end_of_floats_is_between_them():
+    assert np.array_equal(diagnostics.centre_of_mass([1.0, 3.0], [[0.0, 0, 0], [1e308, 0, 0]]), [7.5e307, 0, 0])

@@ -106,7 +106,7 @@ WRONG = [
     ({"softening": "soft"}, "softening is 'soft'"),
     ({"gm": "a"}, "gm is 'a'; expected an array of real numbers"),
     ({"gm": [[1.0], 2.0]}, "expected an array of real numbers"),
-    ({"q": None}, "q has shape"),
+    ({"q": None}, "q is None"),
     ({"q": np.ones((3, 3), dtype=complex)}, "expected an array of real numbers"),
     ({"v": {}}, "v is {}; expected an array of real numbers"),
     ({"gm": [1.0, 2.0]}, "q has shape"),
@@ -138,3 +138,13 @@ def test_what_holds_no_numbers_cannot_be_fitted(measure, given):
 def test_no_steps_are_refused():
     with pytest.raises(InputError, match="steps must be a positive whole number"):
         diagnostics.reversibility(*three_bodies(), orbits.StormerVerlet(), 0.1, 0)
+
+
+@pytest.mark.parametrize("steps", [2**64, 10**9 + 1])
+def test_more_steps_than_anybody_waits_for_are_refused(steps):
+    with pytest.raises(InputError, match="at most 1e\\+09 are possible"):
+        diagnostics.reversibility(*three_bodies(), orbits.StormerVerlet(), 0.05, steps)
+    with pytest.raises(InputError, match="at most 1e\\+09 are possible"):
+        diagnostics.order(*three_bodies(), orbits.StormerVerlet(), 0.05, steps)
+    with pytest.raises(InputError, match=r"steps \* 2\^halvings"):
+        diagnostics.order(*three_bodies(), orbits.StormerVerlet(), 0.05, 10, halvings=40)

@@ -129,3 +129,16 @@ def test_a_system_takes_a_body_or_says_why_not(
 def test_a_system_names_the_element_its_unit_and_the_remedy(elements: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         SUN.add("rock", **elements)
+
+
+@pytest.mark.parametrize("names", [3.0, "Ceres", [1], {"a": 1}, np.array(3.0)])
+def test_names_that_are_no_list_of_texts_are_refused(names: Any) -> None:
+    q, v = np.array([1.0, 0, 0]), np.array([0.0, 1, 0])
+    calls = (
+        lambda: state_from_elements(1.0, a=-1.0, e=0.5, names=names),
+        lambda: elements_from_state(q, v, -1.0, names=names),
+        lambda: two_body(q, v, -1.0, 1.0, names=names),
+    )
+    for call in calls:
+        with pytest.raises(InputError, match="expected a list of names"):
+            call()

@@ -1,11 +1,13 @@
 """Thousands of bodies: force evaluations shared among threads give the bits of the compiled loop."""
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from threading import Event
 
 import numpy as np
 import pytest
 
+import orbits
 from orbits.integrators import crowd
 from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
@@ -140,3 +142,21 @@ def test_no_close_approach_in_a_cluster_is_passed_over():
     # Between two steps bodies come closer than at either: never farther, and a little only, but for a few.
     assert np.all(recorded <= least * (1 + 1e-12))
     assert np.median(least / recorded) < 1.01
+
+
+def test_more_threads_than_the_system_grants_are_an_error_in_words(monkeypatch):
+    start, granted = threading.Thread.start, []
+
+    def limited(thread):
+        if len(granted) == 3:
+            raise RuntimeError("can't start new thread")
+        granted.append(thread)
+        start(thread)
+
+    rng = np.random.default_rng(1)
+    n = 400  # massless, 50 shares
+    q, v = rng.normal(size=(2, n + 1, 3))
+    system = orbits.System([str(k) for k in range(n + 1)], [1.0] + [0.0] * n, q, v, units=orbits.DIMENSIONLESS)
+    monkeypatch.setattr(threading.Thread, "start", limited)
+    with pytest.raises(orbits.InputError, match="threads = 20: the system grants this process no more than 3"):
+        orbits.propagate(system, orbits.StormerVerlet(), dt=1e-3, duration=0.1, threads=20, check_step=False)

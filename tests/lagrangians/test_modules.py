@@ -10,6 +10,7 @@ import pytest
 import sympy
 
 import orbits
+from orbits.kernels import trust
 from orbits.lagrangians.symbolic import modules
 
 q, v, k = sympy.symbols("q v k")
@@ -44,9 +45,9 @@ def test_processes_that_make_one_module_at_the_same_time_share_one_file(tmp_path
 
 def test_the_first_file_stays(tmp_path):
     path = tmp_path / "m.py"
-    modules._publish(path, "A = 1")
-    modules._publish(path, "A = 2")
-    assert path.read_text() == "A = 1"
+    trust.write(path, b"A = 1", replace=False)
+    trust.write(path, b"A = 2", replace=False)
+    assert path.read_bytes() == b"A = 1"
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -55,7 +56,7 @@ def test_without_hard_links_a_file_is_whole_too(tmp_path, monkeypatch):
         raise OSError("no hard links here")
 
     monkeypatch.setattr(os, "link", refuse)
-    modules._publish(tmp_path / "m.py", "A = 1")
+    trust.write(tmp_path / "m.py", b"A = 1", replace=False)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["A = 1"]
 
 
@@ -83,6 +84,7 @@ def test_a_cache_that_cannot_be_written_is_replaced_by_a_private_folder(tmp_path
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
+    monkeypatch.setattr(trust, "temporary_folder", trust.temporary_folder.__wrapped__)
     (tmp_path / "tmp").mkdir()
     assert modules.folder().parent == tmp_path / "tmp"
     assert modules.folder().stat().st_mode & 0o777 == 0o700

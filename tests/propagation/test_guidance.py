@@ -1,5 +1,6 @@
 """The step is judged before a run by the fastest passage ahead, and after it by the closest ones that were seen."""
 
+import contextlib
 import warnings
 
 import numpy as np
@@ -156,3 +157,14 @@ def test_a_fraction_of_a_period_needs_a_bound_body():
     system = orbits.System.from_states(["a"], [1.0], [[0, 0, 0]], [[0, 0, 0]], units=orbits.DIMENSIONLESS)
     with pytest.raises(orbits.InputError, match="no body is bound"):
         orbits.propagate(system, GAUSS, dt="P/20", duration=1.0)
+
+
+@pytest.mark.parametrize(("apart", "gm"), [(1e-155, 1.0), (1.0, 1e300), (1.0, 1e308), (1.0, 1e-300)])
+def test_bodies_beyond_any_unit_are_marched_or_refused_in_words(apart, gm):
+    """Squares of such distances and speeds are no floats."""
+    q, v = [[0.0, 0, 0], [apart, 0, 0]], [[0.0, 0, 0], [0, 1, 0]]
+    system = orbits.System(["a", "b"], [gm, gm * 1e-3], q, v, units=orbits.DIMENSIONLESS)
+    with warnings.catch_warnings(), contextlib.suppress(orbits.OrbitsError):
+        warnings.simplefilter("ignore", orbits.StepWarning)
+        run = orbits.propagate(system, orbits.StormerVerlet(), dt=0.01, duration=0.1)
+        assert np.isfinite(run.q.value).all()

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -20,3 +22,17 @@ def test_handlers_of_other_programs_are_left_alone_and_those_of_python_are_put_b
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
     assert [known(number) for number in CAUGHT] == before
+
+
+def test_the_suite_does_not_depend_on_signals_that_its_process_inherited_as_ignored():
+    """As under `nohup make test &`, and on many runners: a test that sends signals, where they are ignored."""
+    tests = [__file__ + "::test_handlers_of_other_programs_are_left_alone_and_those_of_python_are_put_back"]
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests]
+    done = subprocess.run(command, preexec_fn=ignore_all, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-800:]
+
+
+def ignore_all():
+    for number in CAUGHT:
+        signal.signal(number, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_BLOCK, CAUGHT)

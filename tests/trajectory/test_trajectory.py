@@ -260,3 +260,63 @@ def test_a_closed_run_says_so(tmp_path):
     with pytest.raises(ArchiveError, match="was closed"):
         run.energy()
     assert run.names == tuple(NAMES)
+
+
+def propagated(q, v, gm) -> Trajectory:
+    names = [f"body {k}" for k in range(len(gm))]
+    start = orbits.System(names, gm, q, v, units=orbits.DIMENSIONLESS)
+    return orbits.propagate(start, METHOD, dt=0.01, duration=1.0, samples=11)
+
+
+FIGURE_EIGHT = (
+    [[0.97000436, -0.24308753, 0], [-0.97000436, 0.24308753, 0], [0, 0, 0]],
+    [[0.466203685, 0.43236573, 0], [0.466203685, 0.43236573, 0], [-0.93240737, -0.86473146, 0]],
+    [1.0, 1.0, 1.0],
+)
+FALL = ([[1.0, 2, 3], [-1, -2, -3]], np.zeros((2, 3)), [1.0, 1.0])
+
+
+@pytest.mark.parametrize("start", [FIGURE_EIGHT, FALL], ids=["figure-eight", "fall from rest"])
+def test_what_vanishes_by_cancellation_is_compared_with_the_size_of_its_terms(start):
+    run = propagated(*start)
+    drift = run.drift()
+    gm, q, v = run.system.values.gm, run.q.value, run.v.value
+    terms = np.sum(gm * np.linalg.norm(q, axis=2) * np.linalg.norm(v, axis=2), axis=1)
+    expected = terms[0] or terms.max()
+    assert drift.angular_momentum.scale == pytest.approx(expected, rel=1e-14)
+    # Each of 100 steps rounds a few products of size 1: 1e-16 is reached.
+    assert drift.angular_momentum.max_fraction < 5e-16
+    assert drift.linear_momentum.max_fraction < 5e-16
+    assert "inf" not in str(drift)
+
+
+def test_a_picture_and_a_table_of_one_run_show_the_same_change():
+    run = propagated(*FIGURE_EIGHT)
+    (line,) = run.plot().axes[2].lines[:1]
+    assert np.max(line.get_ydata()) == pytest.approx(max(run.drift().angular_momentum.max_fraction, 2.5e-17), rel=1e-12)
+
+
+def test_the_drift_says_which_bodies_it_covers():
+    one = propagated([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0.0, 0, 0], [0, 1, 0], [0, 0.7, 0]], [1.0, 0.0, 0.0])
+    assert str(one.drift()).endswith("of body 0 alone, which nothing disturbs; nothing here judges the orbits of the 2 "
+                                     "massless particles")  # fmt: skip
+    assert "of Sun, Jupiter, Saturn only; nothing here judges the orbits of the 2 massless" in str(in_memory().drift())
+    assert propagated(*FALL).drift().covers == "of body 0, body 1"
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"system": 3}, "system is 3"),
+        ({"times": None}, "times is None"),
+        ({"times": np.full(SAMPLES, np.nan)}, r"times\[0\] is nan"),
+        ({"times": np.zeros((SAMPLES, 1))}, r"times has shape \(9, 1\)"),
+        ({"q": 3.0}, "q and v have shapes None and"),
+        ({"integrator": None}, "integrator is None"),
+    ],
+)
+def test_what_is_no_run_is_refused_in_words(changed, words):
+    t, q, v = floats()
+    given = {"system": system(), "times": t, "q": q, "v": v, "step": 0.125, "integrator": METHOD} | changed
+    with pytest.raises(InputError, match=words):
+        Trajectory(given.pop("system"), given.pop("times"), given.pop("q"), given.pop("v"), **given)

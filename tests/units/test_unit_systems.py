@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from orbits import DIMENSIONLESS, SOLAR, InputError, UnitSystem
 from orbits.resources import data_path
+from orbits.units import quantity_from_text
 
 SI = UnitSystem("SI", u.m, u.s, u.kg)
 
@@ -135,3 +136,28 @@ BAD_SYSTEMS: list[tuple[tuple[Any, ...], str]] = [
 def test_units_that_do_not_belong_together_are_refused(arguments: tuple[Any, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         UnitSystem(*arguments)
+
+
+def test_a_G_that_is_no_number_is_not_one_left_out() -> None:
+    for units in ((u.au, u.day, u.M_sun), (u.dimensionless_unscaled,) * 3):
+        with pytest.raises(InputError, match="G = nan; expected a finite number > 0"):
+            UnitSystem("own", *units, G=math.nan)
+    assert UnitSystem("SI", u.m, u.s, u.kg, G=None) == SI  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-60, 1e60, 1e200])
+def test_units_of_which_no_power_is_a_float_are_refused(size: float) -> None:
+    for k, unit in enumerate((u.m, u.s, u.kg)):
+        units = [u.m, u.s, u.kg]
+        units[k] = u.Unit(size * unit)
+        with pytest.raises(InputError, match="either way"):
+            UnitSystem("own", *units)
+
+
+def test_a_long_text_is_no_quantity_and_is_refused_before_it_is_searched_for_units(monkeypatch) -> None:
+    """Astropy looks for the unit that was meant in quadratic time: 70 s for this one."""
+    text = "1 " + "x" * 100_000
+    monkeypatch.setattr(u, "Quantity", None)
+    for refused in (lambda: quantity_from_text(text, "dt", "a time"), lambda: UnitSystem("own", text, u.s, u.kg)):
+        with pytest.raises(InputError, match="a text of 100,002 characters"):
+            refused()

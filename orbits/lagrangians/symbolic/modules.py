@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import getpass
 import hashlib
-import importlib.util
 import os
 import sys
-import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
+from orbits.kernels import trust
 from orbits.kernels.compile import source_stamp
+from orbits.kernels.keeping import checksum
 
 _LOADING = threading.RLock()
 
@@ -27,20 +26,15 @@ def digest(*parts: str) -> str:
 
 def folder() -> Path:
     """Return the folder of generated modules: in NUMBA_CACHE_DIR, else XDG_CACHE_HOME or ~/.cache, else a private
-    temporary folder.
+    temporary folder. A folder in which other users may write is passed over, with a warning.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
-    places = [Path(chosen) / "orbits" if chosen else home / "orbits" / "lagrangians"]
-    with contextlib.suppress(KeyError, OSError):
-        places.append(Path(tempfile.gettempdir()) / f"orbits-{getpass.getuser()}")
-    for place in places:
-        with contextlib.suppress(OSError):
-            place.mkdir(parents=True, exist_ok=True, mode=0o700)
-            owned = not hasattr(os, "getuid") or place.stat().st_uid == os.getuid()
-            if owned and os.access(place, os.W_OK):
-                return place
-    return Path(tempfile.mkdtemp(prefix="orbits-"))
+    place = Path(chosen) / "orbits" if chosen else home / "orbits" / "lagrangians"
+    with contextlib.suppress(OSError):
+        trust.make_private(place)
+        return place
+    return trust.temporary_folder()
 
 
 def module(key: str, write: Callable[[], str]) -> ModuleType:
@@ -49,36 +43,40 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
     with _LOADING:  # another thread must not see a module half executed
         if name in sys.modules:
             return sys.modules[name]
-        place = folder()
-        path = place / f"{name}.py"
-        if not path.exists():
-            _publish(path, write())
-        spec = importlib.util.spec_from_file_location(name, path)
-        if spec is None or spec.loader is None:
-            raise ImportError(f"cannot load {path}")
-        made = importlib.util.module_from_spec(spec)
+        path = folder() / f"{name}.py"
+        text = _kept(path)
+        if text is None:
+            # The first to come is the one that stays: another one would have another time stamp, with which the code
+            # that Numba keeps goes stale.
+            trust.write(path, _signed(write()), replace=False)
+            text = path.read_bytes()
+        made = ModuleType(name)
+        made.__file__ = str(path)
         sys.modules[name] = made
         try:
-            spec.loader.exec_module(made)
+            # What was checked is what is executed: no second look at the file, nor at a .pyc beside it.
+            exec(compile(text, str(path), "exec"), made.__dict__)
         except BaseException:
             del sys.modules[name]
             raise
         return made
 
 
-def _publish(path: Path, text: str) -> None:
-    """Write a file that other processes see whole or not at all; the first to come is the one that stays.
-
-    A second one would have another time stamp, with which the code that Numba keeps goes stale.
-    """
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f"{path.stem}.", suffix=".partial")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
+def _kept(path: Path) -> bytes | None:
+    """Return the text that was kept at `path`; None where there is none, or none that can be used."""
     try:
-        os.link(name, path)
-    except FileExistsError:
-        pass
-    except OSError:  # a file system without hard links
-        os.replace(name, path)
-        return
-    Path(name).unlink()
+        text = trust.read(path)
+    except FileNotFoundError:
+        return None
+    if text is not None and text != _signed(text.partition(b"\n")[2].decode(errors="replace")):
+        trust.warn(f"the module {path} is damaged (its checksum does not match): it is made anew.")
+        text = None
+    if text is None:
+        path.unlink()
+    return text
+
+
+def _signed(text: str) -> bytes:
+    """Return the text of a module behind a line with its checksum."""
+    body = text.encode()
+    return f"# {checksum(body).hex()}\n".encode() + body

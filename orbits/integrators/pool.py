@@ -1,0 +1,25 @@
+"""The threads of a march."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+from orbits.errors import InputError
+
+
+class Pool(ThreadPoolExecutor):
+    """Threads that say in words when the system does not grant as many as were asked for."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Have a thread do this. Raises InputError where no further thread can be started."""
+        try:
+            return super().submit(fn, *args, **kwargs)
+        except RuntimeError as error:
+            if self._shutdown:
+                raise
+            raise InputError(
+                f"threads = {self._max_workers}: the system grants this process no more than {len(self._threads)} "
+                f"({error}); expected that many or fewer, or None for one on each processor."
+            ) from error

@@ -1,0 +1,191 @@
+"""Compiled kernels on disk: Numba's cache, checked before anything of it is used.
+
+Numba unpickles and links whatever its files hold. A file cut short, zeroed or with one bit flipped (what a power cut or
+a bad disk leaves) then ends every later process, in a raw error or in a segmentation fault; one written by somebody
+else is executed. Here an index begins with a checksum of itself and names each data file by a checksum of what is in
+it, both are compared before anything is unpickled, and owner and mode of files and folders are looked at.
+
+Entries belong to a file *and* to the name that its module has: compiled code remembers the module by name, and the same
+file is `__main__` when it is run as a script.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import hashlib
+import inspect
+import os
+import pickle
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba.core import caching
+
+from orbits.kernels import trust
+
+CHECKSUM_BYTES = 16
+
+
+def checksum(data: bytes) -> bytes:
+    """Return 16 bytes that differ for data that differ in anything: 1 GB/s, so nothing beside the linking."""
+    return hashlib.blake2b(data, digest_size=CHECKSUM_BYTES).digest()
+
+
+class CheckedFiles(caching.IndexDataCacheFile):
+    """The index of one kernel and its data files, one for each signature.
+
+    owners : users whose files are used beside our own and root's: whoever owns the source could change that
+    """
+
+    def __init__(self, folder: str, base: str, source_stamp: Any, owners: frozenset[int]) -> None:
+        super().__init__(folder, base, source_stamp)
+        self._folder, self._base, self._owners = Path(folder), base, owners
+
+    def load(self, key: Any) -> Any:
+        """Return the entry of a signature, or None where there is none that can be used."""
+        name = self._load_index().get(key)
+        if name is None:
+            return None
+        path = self._folder / name
+        data = self._read(path)
+        if data is None:
+            return None
+        if name != self._name_of(data):
+            self._discard(path, "its checksum does not match")
+            return None
+        try:
+            return pickle.loads(data)
+        except (ImportError, AttributeError):  # it names a module that this process does not have
+            return None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep the entry of a signature; where that cannot be, warn and go on without."""
+        try:
+            payload = self._dump(data)
+            overloads = {**self._load_index(), key: self._name_of(payload)}
+            trust.write(self._folder / overloads[key], payload)
+            self._save_index(overloads)
+            self._remove_all_but(set(overloads.values()))
+        except OSError as error:
+            trust.warn(
+                f"compiled kernels cannot be kept in {self._folder} ({error.strerror}): each process will compile "
+                "them anew. Free some space there, or choose another folder with NUMBA_CACHE_DIR."
+            )
+
+    def _load_index(self) -> dict[Any, str]:
+        path = Path(self._index_path)
+        data = self._read(path)
+        if data is None:
+            return {}
+        body = data[CHECKSUM_BYTES:]
+        if data[:CHECKSUM_BYTES] != checksum(body):
+            self._discard(path, "its checksum does not match")
+            return {}
+        version, rest = pickle.loads(body)
+        # Compared before the rest is read, which may name what is no longer there.
+        if version != self._version:
+            return {}
+        try:
+            stamp, overloads = pickle.loads(rest)
+        except (ImportError, AttributeError):
+            return {}
+        return overloads if stamp == self._source_stamp else {}
+
+    def _save_index(self, overloads: dict[Any, str]) -> None:
+        body = pickle.dumps((self._version, self._dump((self._source_stamp, overloads))))
+        trust.write(Path(self._index_path), checksum(body) + body)
+
+    def _read(self, path: Path) -> bytes | None:
+        try:
+            return trust.read(path, self._owners)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            trust.warn(f"the file {path} of kernels cannot be read ({error.strerror}); they are compiled anew.")
+            return None
+
+    def _discard(self, path: Path, reason: str) -> None:
+        trust.warn(f"the file {path} of compiled kernels is damaged ({reason}): they are compiled anew.")
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+    def _name_of(self, payload: bytes) -> str:
+        return f"{self._base}.{checksum(payload).hex()}.nbc"
+
+    def _remove_all_but(self, names: set[str]) -> None:
+        """Remove data files that the index does not name: those of earlier sources."""
+        for path in self._folder.glob(f"{glob.escape(self._base)}.*.nbc"):
+            if path.name not in names:
+                path.unlink(missing_ok=True)
+
+
+class _Private:
+    """A place of our own, or none at all: `ensure_cache_path` raises OSError, and the next place is tried."""
+
+    def ensure_cache_path(self: Any) -> None:
+        trust.make_private(Path(self.get_cache_path()))
+
+
+class _Chosen(_Private, caching.UserProvidedCacheLocator):
+    """In NUMBA_CACHE_DIR."""
+
+
+class _BesideSource(caching.InTreeCacheLocator):
+    """In the `__pycache__` beside the source, where no more users may write than in the folder of the source."""
+
+    def ensure_cache_path(self) -> None:
+        super().ensure_cache_path()
+        place = Path(self.get_cache_path())
+        source = place.parent.stat()
+        # Where the sticky bit is set, as in /tmp, others may write beside the source, but not change it.
+        shared = 0 if source.st_mode & stat.S_ISVTX else source.st_mode & trust.OTHERS
+        reason = trust.distrusted(place.stat(), owners=_owners(self._py_file), shared=shared)
+        if reason is not None:
+            raise PermissionError(f"{place} {reason}")
+
+
+class _UserWide(_Private, caching.UserWideCacheLocator):
+    """In the user's own folder of Numba's caches."""
+
+
+class _Session(_Private, caching.IPythonCacheLocator):
+    """In IPython's folder, for what was typed into a session."""
+
+
+class _Temporary(_Private, caching.UserWideCacheLocator):
+    """In a private temporary folder, where nothing else can be had."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        super().__init__(py_func, py_file)
+        self._cache_path = str(trust.temporary_folder() / self.get_suitable_cache_subpath(py_file))
+
+
+class _Implementation(caching.CompileResultCacheImpl):
+    _locator_classes: list[Any] = [_Chosen, _BesideSource, _UserWide, _Session, _Temporary]  # noqa: RUF012, Numba's
+
+
+class KernelCache(caching.FunctionCache):
+    """The cache of one kernel. Private to Numba; pyproject.toml pins the range in which tests have seen it work.
+
+    stamp : text that must agree for an entry to be used, beside the source of the kernel's own file
+    """
+
+    _impl_class = _Implementation
+
+    def __init__(self, function: Callable[..., Any], stamp: str) -> None:
+        super().__init__(function)
+        module = checksum(function.__module__.encode()).hex()[:8]
+        base, locator = f"{self._impl.filename_base}.{module}", self._impl.locator
+        owners = _owners(inspect.getfile(function))
+        self._cache_file = CheckedFiles(self.cache_path, base, locator.get_source_stamp(), owners)
+        self._cache_file._version = f"{self._cache_file._version} {stamp}"
+
+
+def _owners(source: str) -> frozenset[int]:
+    try:
+        return frozenset({os.stat(source).st_uid})
+    except OSError:  # typed into a session
+        return frozenset()
