@@ -28,8 +28,11 @@ def bound(
     h: float,
     threads: int | None = None,
     conditions: Conditions | None = None,
+    state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> Marcher:
     """Return `system` bound to `integrator` with step h, massive bodies and massless particles told apart.
+
+    state : q and v, (n, 3) floats, where the march begins elsewhere than where the system is
 
     Raises InputError if the integrator cannot serve the Lagrangian.
     """
@@ -39,14 +42,15 @@ def bound(
         raise InputError(f"threads must be a positive whole number or None for all processors, got {shown(threads)}")
     integrator.check(newtonian, registry())
     values = system.values
+    q, v = (values.q, values.v) if state is None else state
     massive: NDArray[np.bool_] = values.gm > 0.0
     return Marcher(
         newtonian,
         integrator,
         parameters(values.gm[massive], values.softening),
         massive,
-        values.q,
-        values.v,
+        q,
+        v,
         h,
         names=system.names,
         threads=threads or available_threads(),

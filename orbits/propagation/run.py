@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import integrators
-from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted
+from orbits.elsewhere import keyword_hint
+from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted, UnknownNameError
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
 from orbits.propagation import approaches, guidance
 from orbits.propagation.binding import bound, differences, provenance
 from orbits.propagation.grid import (
     MOST_SAMPLES,
-    checked_duration,
     checked_flag,
     checked_progress,
     checked_until,
+    length_of_run,
     sample_times,
     signed_step,
     split,
@@ -56,12 +58,17 @@ COMMIT_SECONDS = 10.0
 """An archive is committed at least this often: a lost machine costs no more than this."""
 
 
+class NoOthers(TypedDict):
+    """No further arguments: what is given all the same is answered with what there is instead."""
+
+
 def propagate(
     system: System,
-    integrator: Integrator,
+    integrator: Integrator | str,
     *,
     dt: Any,
-    duration: Any,
+    duration: Any = None,
+    until: Any = None,
     samples: Any = 101,
     archive: Path | None = None,
     overwrite: bool = False,
@@ -71,16 +78,20 @@ def propagate(
     check_step: bool = True,
     progress: bool | None = None,
     threads: int | None = None,
+    **others: Unpack[NoOthers],
 ) -> Trajectory:
     """Propagate `system` with constant steps and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
 
     system : a `System`; bodies with GM = 0 are massless particles in the field of the others
-    integrator : e.g. `Gauss(stages=8)`
-    dt : step > 0, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a fraction of the
-        shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used)
+    integrator : e.g. `Gauss(stages=8)`, or its name as on the command line: "gauss", "gauss(stages=4)"
+    dt : the length of a step, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a
+        fraction of the shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used). Its sign
+        does not matter
     duration : how far to go, a quantity, a number or a text ("10 yr"); negative for backwards in time
-    samples : a count that includes both ends, or an array of times since the epoch; off the grid of steps a sample is
-        a partial step on a copy, so that sampling never changes the run
+    until : instead, the end: a date (a Time, "2030-01-01", a datetime; TDB where no scale is said), or a time since the
+        epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
+    samples : a count that includes both ends, or times in a row, each as `until` takes it; off the grid of steps a
+        sample is a partial step on a copy, so that sampling never changes the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
     overwrite : whether an existing archive may be replaced
     certificate : True measures what the integrator declares on this system with this step before the run, as
@@ -96,13 +107,17 @@ def propagate(
         it, to the last bit.
 
     Raises InputError for what cannot be run, ConvergenceError or SingularityError for a step that fails,
-    StorageError when writing fails, Interrupted (with `.trajectory`) after Ctrl-C or SIGTERM.
+    StorageError when writing fails, Interrupted (a KeyboardInterrupt with `.trajectory`) after Ctrl-C or SIGTERM.
     """
+    for name in others:
+        known = (key for key in inspect.signature(propagate).parameters if key != "others")
+        raise UnknownNameError(f"propagate() has no argument {name!r}: {keyword_hint(name, known)}")
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
-    length = checked_duration(system.units, duration)
+    integrator = integrators.named(integrator)
+    length = length_of_run(system, duration, until)
     h = signed_step(system.units, parsed_step(system, dt, length), length)
-    times = sample_times(system.units, samples, length)
+    times = sample_times(system, samples, length)
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_progress(progress)
@@ -146,8 +161,8 @@ def resume(
     """Go on with the run in an archive, bit for bit as if it had never stopped.
 
     path : an archive written by `propagate`
-    until : for a finished run, the time since the epoch to extend it to, sampled as densely as before; None completes
-        an interrupted run
+    until : for a finished run, the date or the time since the epoch to extend it to, as `propagate` takes it, sampled
+        as densely as before; None completes an interrupted run
     same_bits : refuse when processor, Numba or the kernels have changed since, because the last bits then may; False
         goes on all the same
 
@@ -165,7 +180,7 @@ def resume(
             f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out differently "
             "here. Resume with same_bits=False (--any-bits) to accept that."
         )
-    target = None if until is None else checked_until(system.units, until, h)
+    target = None if until is None else checked_until(system, until, h)
     times = old.times if target is None else _extended_times(old, target)
     marcher = bound(system, integrator, h, threads)
     committed, checkpoint = old.committed, old.checkpoint()
