@@ -95,6 +95,9 @@ class Approaches:
         row = index_of(name, self.names, "body")
         return [self.one(row, column) for column in (0, 1) if math.isfinite(self._distance[row, column])]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
+
     def __len__(self) -> int:
         """Return how many passages iterating gives."""
         return len(self._closest)
