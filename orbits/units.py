@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -246,8 +245,8 @@ A_MOMENT = "expected a moment: an astropy Time, a string such as '2022-08-09' or
 def as_epoch(epoch: Any, what: str = "epoch") -> Time:
     """Return an epoch as a scalar astropy Time in the scale TDB.
 
-    epoch : a Time in any scale; a string such as "2022-08-09", "2022-08-09 12:00" or "J2000", a datetime or a
-        datetime64, taken as TDB (a datetime with a time zone as UTC); a plain number, taken as a Julian date, TDB.
+    epoch : a Time in any scale; a string such as "2022-08-09", "2022-08-09 12:00" or "J2000", or a datetime64, taken as
+        TDB; a plain number, taken as a Julian date, TDB.
     Raises EpochError, naming `what`, for anything else.
     """
     time = as_epochs(epoch, what)
@@ -267,8 +266,6 @@ def as_epochs(epochs: Any, what: str = "epoch") -> Time:
             texts = [text.strip() for text in ([epochs] if isinstance(epochs, str) else epochs)]
             time = Time([text + ".0" if text == "J2000" else text for text in texts], scale="tdb")
             time = time[0] if isinstance(epochs, str) else time
-        elif isinstance(epochs, datetime):
-            time = Time(epochs, scale="tdb") if epochs.tzinfo is None else Time(epochs).tdb
         elif isinstance(epochs, np.datetime64 | np.ndarray) and epochs.dtype.kind == "M":
             time = Time(epochs, scale="tdb")
         elif isinstance(epochs, int | float | np.integer | np.floating) and not isinstance(epochs, bool):

@@ -15,6 +15,7 @@ from orbits.elsewhere import method_hint
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
 
+
 @lru_cache(maxsize=1)
 def registry() -> dict[str, type[Integrator]]:
     """Return every integrator of the package by its name."""

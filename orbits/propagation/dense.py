@@ -40,7 +40,7 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
 
 
 def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array]:
-    """Return q and v, (n, bodies, 3), at n times, and the times themselves, those at an end but for a rounding there."""
+    """Return q and v, (n, bodies, 3), at n times, and the times, where they miss an end by a rounding only that end."""
     if not len(trajectory):
         raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
     direction = -1.0 if trajectory.step < 0 else 1.0

@@ -7,7 +7,6 @@ the system's unit of time, here and nowhere else.
 from __future__ import annotations
 
 import math
-from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,14 +37,14 @@ def times_since(system: System, value: Any, what: str) -> Array:
     """
     if isinstance(value, str):
         return _from_text(system, value, what)
-    if isinstance(value, Time | datetime | np.datetime64):
+    if isinstance(value, Time | np.datetime64):
         return _since_epoch(system, value, what)
-    if isinstance(value, np.ndarray) and not isinstance(value, u.Quantity):
-        if value.dtype.kind == "M":
-            return _since_epoch(system, value, what)
-        if value.dtype.kind in "UO":
-            return times_since(system, value.tolist(), what) if value.ndim else times_since(system, value.item(), what)
-    if isinstance(value, list | tuple) and any(isinstance(x, str | Time | datetime | np.datetime64) for x in value):
+    kind = getattr(getattr(value, "dtype", None), "kind", "")
+    if kind == "M":  # of NumPy, or of pandas and xarray, which have such columns of every run
+        return _since_epoch(system, np.asarray(value), what)
+    if kind in ("U", "O") and isinstance(value, np.ndarray):
+        return times_since(system, value.tolist(), what)
+    if isinstance(value, list | tuple) and any(isinstance(x, str | Time | np.datetime64) for x in value):
         if all(isinstance(x, str) for x in value) and not _is_quantity(value[0]):
             return _since_epoch(system, list(value), what)
         return np.array([single_number(times_since(system, x, f"{what}[{k}]"), what) for k, x in enumerate(value)])
@@ -77,7 +76,7 @@ def _since_epoch(system: System, dates: Any, what: str) -> Array:
     moments = as_epochs(dates, what)
     if system.epoch is None:
         raise EpochError(
-            f"{what} is a date, {shown(dates)}, but the system has no epoch. Give it one, or give times since its start."
+            f"{what} is a date, {shown(dates)}, but the system has no epoch. Give it one, or times since its start."
         )
     return np.array(system.units.time_value((moments - system.epoch).to(u.day), what), dtype=np.float64)
 
@@ -100,7 +99,7 @@ def _is_date(value: Any) -> bool:
         except EpochError:
             return False
         return True
-    return isinstance(value, Time | datetime | np.datetime64)
+    return isinstance(value, Time | np.datetime64)
 
 
 def snapped(times: Array, first: float, last: float) -> Array:

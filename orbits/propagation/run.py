@@ -88,8 +88,8 @@ def propagate(
         fraction of the shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used). Its sign
         does not matter
     duration : how far to go, a quantity, a number or a text ("10 yr"); negative for backwards in time
-    until : instead, the end: a date (a Time, "2030-01-01", a datetime; TDB where no scale is said), or a time since the
-        epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
+    until : instead, the end: a date (a Time, "2030-01-01", a datetime64; TDB where no scale is said), or a time since
+        the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
     samples : a count that includes both ends, or times in a row, each as `until` takes it; off the grid of steps a
         sample is a partial step on a copy, so that sampling never changes the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed

@@ -12,10 +12,9 @@ def quantity(text: str, option: str) -> Any:
 
     Raises InputError, naming the option, for anything else.
     """
-    try:
-        return float(text)
-    except ValueError:
-        pass
+    value: Any = number_or_text(text)
+    if isinstance(value, float):
+        return value
     from astropy import units as u
 
     from orbits.units import unit_meant
@@ -28,3 +27,11 @@ def quantity(text: str, option: str) -> Any:
             f"'6 d', '1000 yr'.{unit_meant(error)}"
         ) from None
     return value
+
+
+def number_or_text(text: str) -> float | str:
+    """Return "6" as a number, which stands for the system's own unit of time, and any other text as it is."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -55,8 +55,8 @@ class FromCatalogues:
         propagate_to_epoch : carry elements of another epoch over, as `add_particles` does; without an epoch= to the one
             that most of the catalogue has
         massive : as of `add_particles`
-        origin : "barycentre", that of all bodies with mass, which rests there; or "ssb", that of the Solar System, as of
-            `solar_system`
+        origin : "barycentre", that of all bodies with mass, which rests there; or "ssb", that of the Solar System, as
+            of `solar_system`
 
         Raises EpochError where epochs differ and `propagate_to_epoch` does not allow it, or DE440 does not cover them;
         InputError for an empty catalogue.

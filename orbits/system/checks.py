@@ -166,7 +166,7 @@ def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
     meant = [n for n in names if n.lower() in close or (part and part.search(n.lower()))]
     hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
     if given in EARTH_AND_MOON and BOTH in meant:
-        hint = f" {BOTH!r} stands for the two as one; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them apart."
+        hint = f" {BOTH!r} stands for both as one; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them apart."
     raise UnknownNameError(f"there is no {what} {shown(name)}; expected one of {few(names)}.{hint}")
 
 

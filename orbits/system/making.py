@@ -237,12 +237,13 @@ def united(one: System, other: System) -> dict[str, Any]:
         )
     if one.units != other.units:
         raise InputError(f"the systems are in {one.units.name} and {other.units.name}; expected the same units.")
-    if (one.epoch is None) != (other.epoch is None):
+    here, there = one.epoch, other.epoch
+    if (here is None) != (there is None):
         raise EpochError("one of the systems has an epoch and the other none; give both, or none: replaced(epoch=...).")
-    if one.epoch is not None and abs((one.epoch - other.epoch).to_value(u.ns)) > SAME_EPOCH_NS:
+    if here is not None and there is not None and abs((here - there).to_value(u.ns)) > SAME_EPOCH_NS:
         raise EpochError(
-            f"the systems are of {one.epoch.isot} and {other.epoch.isot} TDB; expected the same epoch. Propagate one to "
-            "that of the other: orbits.propagate(..., until=other.epoch)[-1]."
+            f"the systems are of {here.isot} and {there.isot} TDB; expected the same epoch. Propagate one to that of "
+            "the other: orbits.propagate(..., until=other.epoch)[-1]."
         )
     mine, theirs = one.values, other.values
     if mine.softening != theirs.softening:

@@ -296,7 +296,7 @@ class System(FromCatalogues, Tabular):
         return checks.place_of(name, self._names) is not None
 
     def __getitem__(self, key: str | int) -> Body:
-        """Return one body, by name or by number (negative ones from the end). Raises UnknownNameError, or IndexError."""
+        """Return a body, by name or by number (negative ones from the end). Raises UnknownNameError, or IndexError."""
         if isinstance(key, str):
             i = self.index(key)
         elif isinstance(key, int | np.integer) and not isinstance(key, bool):

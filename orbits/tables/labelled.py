@@ -103,8 +103,8 @@ class Labelled:
         return frame
 
     def xarray(self) -> xarray.Dataset:
-        """Return a Dataset of the axes time, body and component, of a run with an epoch with the coordinate `date` along
-        time; units are in each variable's `.attrs["units"]`.
+        """Return a Dataset of the axes time, body and component; units are in each variable's `.attrs["units"]`. With
+        an epoch there is the coordinate `date` along time.
         """
         package: Any = _package("xarray", "to_xarray")
         coordinates: dict[str, Any] = {}

@@ -363,8 +363,8 @@ class Trajectory(Tabular):
             return in_units(self._approaches(), self.system, self.step)
         if self.path is None:
             raise InputError(
-                f"{self!r} holds samples alone, and closest approaches are found while a run goes on; expected the whole "
-                "run as orbits.propagate or orbits.resume returned it."
+                f"{self!r} holds samples alone, and closest approaches are found while a run goes on; expected the "
+                "whole run as orbits.propagate or orbits.resume returned it."
             )
         return in_units(recorded(self), self.system, self.step)
 
