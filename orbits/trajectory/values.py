@@ -67,6 +67,9 @@ class ConservedQuantities:
             rows.append(f"{name.replace('_', ' '):18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
         return "\n".join(rows)
 
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        printer.text(str(self))
+
     def _repr_html_(self) -> str:
         head = ["", "max change", "in ulps", "at the end"]
         drifts = {field.name.replace("_", " "): getattr(self, field.name) for field in fields(self)}
