@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from orbits._version import __version__
 from orbits.errors import InputError, shown
-from orbits.integrators import registry
+from orbits.integrators import named, registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
 from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
@@ -36,8 +36,7 @@ def bound(
 
     Raises InputError if the integrator cannot serve the Lagrangian.
     """
-    if not isinstance(integrator, Integrator):
-        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
+    integrator = named(integrator)
     if threads is not None and (not isinstance(threads, int | np.integer) or isinstance(threads, bool) or threads < 1):
         raise InputError(f"threads must be a positive whole number or None for all processors, got {shown(threads)}")
     integrator.check(newtonian, registry())

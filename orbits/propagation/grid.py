@@ -119,11 +119,11 @@ def rounded_step(dt: float) -> float:
 
 def signed_step(units: UnitSystem, dt: Any, duration: float) -> float:
     """Return the step h in units.time, its sign that of `duration`, whatever that of dt is. Raises InputError unless dt
-    is finite and not 0.
+    is finite and not zero.
     """
     value = abs(single_number(units.time_value(dt, "dt"), "dt"))
     if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"dt must be finite and not 0, got {value:g}; it is the length of a step")
+        raise InputError(f"dt must be finite and not zero, got {value:g}; it is the length of a step")
     h = rounded_step(value)
     if not (h > 0.0 and math.isfinite(h)):
         raise InputError(f"dt = {value:g} is out of the range of floats; choose units in which it is of ordinary size")
@@ -138,7 +138,7 @@ def signed_step(units: UnitSystem, dt: Any, duration: float) -> float:
 def length_of_run(system: System, duration: Any, until: Any) -> float:
     """Return how far a run goes, in the system's unit of time; negative for backwards. One of the two is None.
 
-    Raises InputError where both or none are given, and unless the length is finite and not 0.
+    Raises InputError where both or none are given, and unless the length is finite and not zero.
     """
     if (duration is None) == (until is None):
         what = "neither duration nor until is" if until is None else "duration and until are both"

@@ -218,7 +218,7 @@ def test_the_centre_of_mass_of_a_single_moving_body_does_not_drift_infinitely():
 
 
 TABLE = [
-    ({"dt": 0}, "dt must be finite and not 0"),
+    ({"dt": 0}, "dt must be finite and not zero"),
     ({"dt": np.nan}, "dt must be finite"),
     ({"dt": -np.inf}, "dt must be finite"),
     ({"dt": 3 * u.day}, "dt"),

@@ -164,3 +164,43 @@ def test_a_run_shows_whether_its_certificate_holds():
 def test_a_run_cannot_be_drawn_for_what_names_no_body(bodies):
     with pytest.raises(orbits.InputError, match=r"expected a s|Vulcan"):
         run().plot(bodies=bodies)
+
+
+def test_drift_is_a_table_with_the_figures_that_print_has():
+    drift = run().drift()
+    seen = Texts(drift._repr_html_())
+    assert seen.tags.count("tr") == 5
+    assert {"energy", "centre of mass", "max change"} <= set(seen.texts)
+    assert f"{drift.energy.max_fraction:.2e}" in seen.texts
+
+    class Printer:
+        said = ""
+
+        def text(self, text):
+            self.said += text
+
+    printer = Printer()
+    drift._repr_pretty_(printer, False)
+    assert printer.said == str(drift)
+
+
+def test_a_body_is_a_table():
+    seen = Texts(system()[NASTY]._repr_html_())
+    assert {NASTY, "gm", "q", "v"} <= set(seen.texts)
+
+
+@pytest.mark.parametrize("make", [system, run, met, lambda: system().elements("body 1")])
+def test_keys_are_completed_with_the_names_that_can_be_asked_for(make):
+    value = make()
+    names = value._ipython_key_completions_()
+    assert NASTY in names
+    for name in names:
+        assert value[name] is not None
+
+
+@pytest.mark.parametrize("make", [system, run])
+def test_a_figure_shows_itself_where_no_pyplot_has_been_imported(make):
+    png, size = make().plot()._repr_png_()
+    assert png.startswith(b"\x89PNG")
+    assert set(size) == {"width", "height"}
+    assert 300 < size["height"] < size["width"] < 1000
