@@ -230,11 +230,6 @@ def united(one: System, other: System) -> dict[str, Any]:
     """Return what changes when the bodies of `other` come to those of `one`; EpochError and InputError where they do
     not go together.
     """
-    if not hasattr(other, "values") or not hasattr(other, "names"):
-        raise InputError(
-            f"system + {shown(other)}: expected another System. One body comes with system.add(name, ...), a "
-            "catalogue's with system.add_particles(catalogue)."
-        )
     if one.units != other.units:
         raise InputError(f"the systems are in {one.units.name} and {other.units.name}; expected the same units.")
     here, there = one.epoch, other.epoch

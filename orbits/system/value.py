@@ -319,6 +319,11 @@ class System(FromCatalogues, Tabular):
         Raises EpochError for another epoch, and InputError for other units or softening, for bodies of the same name
         with different values, and whatever `System` refuses.
         """
+        if not isinstance(other, System):
+            raise InputError(
+                f"system + {shown(other)}: expected another System. One body comes with system.add(name, ...), a "
+                "catalogue's with system.add_particles(catalogue)."
+            )
         return self.replaced(**making.united(self, other))
 
     def _ipython_key_completions_(self) -> list[str]:

@@ -300,7 +300,7 @@ class Trajectory(Tabular):
     def _some(self, samples: slice) -> Trajectory:
         try:
             times = self.times[samples]
-        except TypeError as error:
+        except (TypeError, ValueError) as error:
             raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
         return Trajectory(
             self.system,
