@@ -106,7 +106,8 @@ def propagate(
     threads : for massless particles and thousands of bodies; None takes all processors. The result does not depend on
         it, to the last bit.
 
-    Raises InputError for what cannot be run, ConvergenceError or SingularityError for a step that fails,
+    Raises InputError for what cannot be run, UnknownNameError for an argument that there is not, with what is there in
+    the place of those of other packages; ConvergenceError or SingularityError for a step that fails,
     StorageError when writing fails, Interrupted (a KeyboardInterrupt with `.trajectory`) after Ctrl-C or SIGTERM.
     """
     for name in others:

@@ -190,6 +190,16 @@ def test_many_states_at_once_bind_the_method_once_for_each_sample(monkeypatch):
     assert len(calls) == 3
 
 
+def test_more_states_than_memory_holds_are_refused_before_they_are_computed(monkeypatch):
+    from orbits.propagation import dense
+
+    run = orbits.propagate(system(), VERLET, dt=7, duration=400, samples=3)
+    monkeypatch.setattr(dense, "_memory", lambda: 1e5)
+    with pytest.raises(InputError, match=r"1000 states of 3 bodies need 0.0 GiB of memory, more than this machine"):
+        run.at(np.linspace(0, 400, 1000))
+    assert len(run.at(np.linspace(0, 400, 10))) == 10
+
+
 def test_a_finished_run_is_extended_to_a_date(tmp_path):
     orbits.propagate(system(), VERLET, dt=10, duration=100, samples=3, archive=tmp_path / "run.h5")
     run = orbits.resume(tmp_path / "run.h5", until="2023-02-25")
