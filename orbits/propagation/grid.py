@@ -7,6 +7,7 @@ the system's unit of time, here and nowhere else.
 from __future__ import annotations
 
 import math
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +32,7 @@ def times_since(system: System, value: Any, what: str) -> Array:
     """Return times since the epoch of `system` as float64 in its unit of time, in the shape they are given in.
 
     value : quantities or numbers since the epoch; dates: a Time, "2030-01-01" or any text that `System` takes as an
-        epoch, a datetime or datetime64, TDB where no scale is said; a text with a unit ("10 yr"); or a list of such
+        epoch, a datetime64, TDB where no scale is said; a text with a unit ("10 yr"); or a list of such
 
     Raises InputError, naming `what`, for anything else, and EpochError for dates where the system has no epoch.
     """
@@ -39,6 +40,11 @@ def times_since(system: System, value: Any, what: str) -> Array:
         return _from_text(system, value, what)
     if isinstance(value, Time | np.datetime64):
         return _since_epoch(system, value, what)
+    if isinstance(value, datetime):
+        raise InputError(
+            f"{what} is {shown(value)}, which does not say its scale of time; expected a Time: Time(x, scale='utc') as "
+            "clocks have it, or Time(x, scale='tdb') as ephemerides have it, 69 s ahead."
+        )
     kind = getattr(getattr(value, "dtype", None), "kind", "")
     if kind == "M":  # of NumPy, or of pandas and xarray, which have such columns of every run
         return _since_epoch(system, np.asarray(value), what)

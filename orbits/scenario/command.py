@@ -14,7 +14,7 @@ import typer
 
 from orbits.errors import InputError, Interrupted, OrbitsError
 from orbits.scenario.definition import MIND, Outcome, Scenario
-from orbits.scenario.study import Study, StudyOutcome, Table
+from orbits.scenario.study import Study, StudyOutcome, Table, cell
 from orbits.scenario.values import quantity
 
 if TYPE_CHECKING:
@@ -196,16 +196,8 @@ def _table(table: Table) -> Any:
         numbers = not all(isinstance(row[k], str | None) for row in table.rows)
         made.add_column(_escaped(head), justify="right" if numbers else "left")
     for row in table.rows:
-        made.add_row(*(_escaped(_cell(value)) for value in row))
+        made.add_row(*(_escaped(cell(value)) for value in row))
     return made
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
 
 
 def main(scenario: Scenario | Study) -> None:

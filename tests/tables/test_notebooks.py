@@ -77,6 +77,11 @@ def catalogue() -> orbits.ephemeris.Catalogue:
     return replace(orbits.asteroids(1), names=(NASTY,))
 
 
+def study() -> orbits.StudyResult:
+    table = orbits.Table(NASTY, ["method", "error", "steps"], [["gauss", 1.23456e-9, 12345], ["verlet", None, 7]])
+    return orbits.StudyResult(tables=(table, table))
+
+
 VALUES = [
     system,
     lambda: system().elements("body 1"),
@@ -86,8 +91,13 @@ VALUES = [
     certificate,
     report,
     catalogue,
+    lambda: system()[0],
+    study,
 ]
-KINDS = ["system", "elements", "run", "elements of a run", "approaches", "certificate", "report", "catalogue"]
+KINDS = [
+    "system", "elements", "run", "elements of a run", "approaches", "certificate", "report", "catalogue", "body",
+    "study",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("make", VALUES, ids=KINDS)
@@ -97,6 +107,12 @@ def test_names_are_escaped_and_every_tag_is_closed(make):
     assert set(seen.tags) <= {"table", "caption", "tbody", "tr", "th", "td", "p"}
     assert any(NASTY in text for text in seen.texts)
     assert "<script" not in html
+
+
+def test_tables_of_a_study_show_the_figures_that_print_shows():
+    seen = Texts(study()._repr_html_())
+    assert seen.tags.count("table") == 2
+    assert {"gauss", "1.23e-09", "12,345"} <= set(seen.texts)
 
 
 def test_a_thousand_bodies_make_no_larger_table_than_twenty():
