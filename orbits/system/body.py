@@ -1,12 +1,19 @@
-"""One body of a system, for a look at its numbers."""
+"""The bodies of a system one by one, for a look at their numbers."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from astropy import units as u
 
+from orbits.errors import InputError, shown
 from orbits.tables import html_pairs
+
+if TYPE_CHECKING:
+    from orbits.system.value import System
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,6 +42,36 @@ class Body:
 
     def __repr__(self) -> str:
         return f"Body({self.name}; {'; '.join(f'{key} = {value}' for key, value in self._pairs().items())})"
+
+
+class Bodies:
+    """What `System` has for single bodies."""
+
+    __slots__ = ()
+
+    def __getitem__(self, key: str | int) -> Body:
+        """Return a body, by name or by number (negative ones from the end). Raises UnknownNameError, or IndexError."""
+        system: System = self  # type: ignore[assignment]
+        if isinstance(key, str):
+            i = system.index(key)
+        elif isinstance(key, int | np.integer) and not isinstance(key, bool):
+            if not -len(system) <= key < len(system):
+                raise IndexError(f"body {key} of a system with {len(system)} bodies")
+            i = int(key) % len(system)
+        else:
+            raise InputError(f'system[{shown(key)}]: give a name, system["Sun"], or the number of a body, system[0].')
+        mass = u.Quantity(system.values.gm[i] / system.units.G, system.units.mass)
+        radius = None if system.radii is None else system.radii[i]
+        return Body(system.names[i], system.gm[i], mass, system.q[i], system.v[i], radius)
+
+    def __iter__(self) -> Iterator[Body]:
+        """Yield the bodies in their order."""
+        system: Any = self
+        return (system[i] for i in range(len(system)))
+
+    def _ipython_key_completions_(self) -> list[str]:
+        system: Any = self
+        return list(system.names)
 
 
 def _vector(x: u.Quantity) -> str:

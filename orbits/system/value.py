@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits import diagnostics
 from orbits.errors import EpochError, InputError, shown
 from orbits.system import checks, making
-from orbits.system.body import Body
+from orbits.system.body import Bodies
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.checks import StateValues
 from orbits.system.osculating import OrbitalElements, osculating
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class System(FromCatalogues, Tabular):
+class System(FromCatalogues, Bodies, Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -295,24 +295,6 @@ class System(FromCatalogues, Tabular):
     def __contains__(self, name: object) -> bool:
         return checks.place_of(name, self._names) is not None
 
-    def __getitem__(self, key: str | int) -> Body:
-        """Return a body, by name or by number (negative ones from the end). Raises UnknownNameError, or IndexError."""
-        if isinstance(key, str):
-            i = self.index(key)
-        elif isinstance(key, int | np.integer) and not isinstance(key, bool):
-            if not -len(self) <= key < len(self):
-                raise IndexError(f"body {key} of a system with {len(self)} bodies")
-            i = int(key) % len(self)
-        else:
-            raise InputError(f'system[{shown(key)}]: give a name, system["Sun"], or the number of a body, system[0].')
-        mass = u.Quantity(self._values.gm[i] / self._units.G, self._units.mass)
-        radius = None if self.radii is None else self.radii[i]
-        return Body(self._names[i], self.gm[i], mass, self.q[i], self.v[i], radius)
-
-    def __iter__(self) -> Iterator[Body]:
-        """Yield the bodies in their order."""
-        return (self[i] for i in range(len(self)))
-
     def __add__(self, other: System) -> Self:
         """Return this system with the bodies of another at the end; a body that both have with the same values is one.
 
@@ -325,9 +307,6 @@ class System(FromCatalogues, Tabular):
                 "catalogue's with system.add_particles(catalogue)."
             )
         return self.replaced(**making.united(self, other))
-
-    def _ipython_key_completions_(self) -> list[str]:
-        return list(self._names)
 
     # ----------------------------------------------------------------------------------------------------- questions
 
