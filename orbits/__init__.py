@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import pkgutil
 from typing import TYPE_CHECKING, Any
 
 from orbits._version import __version__
@@ -172,8 +173,13 @@ def __getattr__(name: str) -> Any:
         return value
     if not name.startswith("_") and importlib.util.find_spec(f"orbits.{name}") is not None:
         return importlib.import_module(f"orbits.{name}")  # the import system sets it as an attribute
-    raise AttributeError(f"module 'orbits' has no attribute {name!r}; its public names are {', '.join(__all__)}")
+    from orbits.elsewhere import public_name_hint
+
+    hint = "." if name.startswith("_") else public_name_hint(name, __all__)
+    raise AttributeError(f"module 'orbits' has no attribute {name!r}{hint} Its public names are {', '.join(__all__)}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    """Return the public names, the submodules, and what every module has; not what this file imports for itself."""
+    submodules = {found.name for found in pkgutil.iter_modules(__path__) if not found.name.startswith("_")}
+    return sorted({*__all__, *submodules, *(name for name in globals() if name.startswith("__"))})

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperOption
 
 from orbits._version import __version__
 from orbits.scenario import command
@@ -70,7 +71,10 @@ def run(
 def resume(
     file: File,
     until: Annotated[
-        str | None, typer.Option(help="Extend a finished run to this time since the epoch: '2000 yr'.", metavar="TIME")
+        str | None,
+        typer.Option(
+            help="Extend a finished run to this date, '2050-01-01', or time since the epoch, '2000 yr'.", metavar="TIME"
+        ),
     ] = None,
     any_bits: Annotated[
         bool,
@@ -84,9 +88,9 @@ def resume(
     """
     with guarded():
         from orbits.propagation import resume as go_on
-        from orbits.scenario.values import quantity
+        from orbits.scenario.values import number_or_text
 
-        done = go_on(file, until=None if until is None else quantity(until, "--until"), same_bits=not any_bits)
+        done = go_on(file, until=None if until is None else number_or_text(until), same_bits=not any_bits)
         if until is None and done.statistics is None:
             further = f"{2 * done.times[-1]:g} {done.system.units.time}".rstrip()
             text = f"complete already, nothing was done; extend it with  orbits resume {file} --until '{further}'"
@@ -94,12 +98,23 @@ def resume(
         _show(file, done, as_json)
 
 
-@app.command()
+class _ListsPeers(TyperCommand):
+    """`compare`, whose help gets the list of peers when it is used: what knows them takes long to load."""
+
+    def get_params(self, ctx: Any) -> Any:
+        from orbits.regression.peers import PEERS
+
+        params = super().get_params(ctx)
+        for option in params:
+            if isinstance(option, TyperOption) and option.name == "against":
+                option.help = f"Peers, with commas: {', '.join(PEERS)}."
+        return params
+
+
+@app.command(cls=_ListsPeers)
 def compare(
     scenario: ScenarioName,
-    against: Annotated[
-        str | None, typer.Option(help="Peers, with commas: whfast,whfast-corrector17,ias15,leapfrog.", metavar="PEERS")
-    ] = None,
+    against: Annotated[str | None, typer.Option(help="Peers, with commas.", metavar="PEERS")] = None,
     dt: Dt = None,
     duration: Duration = None,
     integrator: Method = None,

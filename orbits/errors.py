@@ -11,7 +11,7 @@ from typing import Any
 
 
 class OrbitsError(Exception):
-    """Base of all errors raised by this package."""
+    """Base of all errors raised by this package; `Interrupted` alone is none of them."""
 
     exit_code = 1
 
@@ -85,8 +85,11 @@ class SingularityError(IntegrationError):
     """The state became infinite or undefined: two bodies met, or the step was far too long."""
 
 
-class Interrupted(OrbitsError):
+class Interrupted(KeyboardInterrupt):
     """A run was stopped by a signal after a whole chunk.
+
+    It is a KeyboardInterrupt and no `OrbitsError`, so that a loop over many runs that goes on after a failed one
+    (`except Exception: continue`) ends with Ctrl-C.
 
     trajectory : what was computed, a `Trajectory`
     """

@@ -257,36 +257,49 @@ DIMENSIONLESS = UnitSystem(
 JULIAN_DATES = (0.0, 5373484.5)
 # A plain number below this (2026 BC) is rather a modified Julian date, or a year.
 SMALLEST_PLAIN_JULIAN_DATE = 1e6
+YEARS_AS_TEXT = ("jyear_str", "byear_str")
+A_MOMENT = "expected a moment: an astropy Time, a string such as '2022-08-09' or 'J2000', or a Julian date"
 
 
 def as_epoch(epoch: Any, what: str = "epoch") -> Time:
     """Return an epoch as a scalar astropy Time in the scale TDB.
 
-    epoch : a Time in any scale; a string such as "2022-08-09", "2022-08-09 12:00" or "J2000", taken as TDB; a plain
-        number, taken as a Julian date, TDB.
+    epoch : a Time in any scale; a string such as "2022-08-09", "2022-08-09 12:00" or "J2000", or a datetime64, taken as
+        TDB; a plain number, taken as a Julian date, TDB.
     Raises EpochError, naming `what`, for anything else.
     """
+    time = as_epochs(epoch, what)
+    if not time.isscalar:
+        raise EpochError(f"{what} is {shown(epoch)}; {A_MOMENT} ({time.size} moments).")
+    return time
+
+
+def as_epochs(epochs: Any, what: str = "epoch") -> Time:
+    """Return one epoch as `as_epoch` does, or those in a Time, a list of strings or an array of datetime64."""
     from astropy.time import Time
 
-    expected = "expected a moment: an astropy Time, a string such as '2022-08-09' or 'J2000', or a Julian date"
     try:
-        if isinstance(epoch, Time):
-            time = epoch.tdb
-        elif isinstance(epoch, str):
-            text = epoch.strip()
-            time = Time(text + ".0" if text == "J2000" else text, scale="tdb")
-        elif isinstance(epoch, int | float | np.integer | np.floating) and not isinstance(epoch, bool):
-            if epoch < SMALLEST_PLAIN_JULIAN_DATE:
+        if isinstance(epochs, Time):
+            time = epochs.tdb
+        elif isinstance(epochs, str) or (isinstance(epochs, list) and all(isinstance(x, str) for x in epochs)):
+            texts = [text.strip() for text in ([epochs] if isinstance(epochs, str) else epochs)]
+            time = Time([text + ".0" if text == "J2000" else text for text in texts], scale="tdb")
+            time = time[0] if isinstance(epochs, str) else time
+        elif isinstance(epochs, np.datetime64 | np.ndarray) and epochs.dtype.kind == "M":
+            time = Time(epochs, scale="tdb")
+        elif isinstance(epochs, int | float | np.integer | np.floating) and not isinstance(epochs, bool):
+            if epochs < SMALLEST_PLAIN_JULIAN_DATE:
                 raise ValueError("too small: a modified Julian date is written Time(mjd, format='mjd', scale='tdb')")
-            time = Time(float(epoch), format="jd", scale="tdb")
+            time = Time(float(epochs), format="jd", scale="tdb")
         else:
-            raise TypeError(f"a {type(epoch).__name__}")
-        if not time.isscalar:
-            raise ValueError(f"{time.size} moments")
-        if not JULIAN_DATES[0] <= time.jd <= JULIAN_DATES[1]:
+            raise TypeError(f"a {type(epochs).__name__}")
+        if time.masked:
+            raise ValueError("masked: a masked moment is none")
+        if not np.all((time.jd >= JULIAN_DATES[0]) & (time.jd <= JULIAN_DATES[1])):
             raise ValueError("before 4713 BC or after AD 9999, or no number")
+        # "J2000.000" would be all that is printed of any moment within nine hours.
+        return time.copy(format="isot") if time.format in YEARS_AS_TEXT else time
     # What astropy raises for a date it cannot read has no base class of its own: ValueError, ErfaError, UnitsError, ...
     except Exception as error:
         reason = str(error).strip().partition("\n")[0].rstrip(".:")
-        raise EpochError(f"{what} is {shown(epoch)}; {expected} ({reason}).") from error
-    return time
+        raise EpochError(f"{what} is {shown(epochs)}; {A_MOMENT} ({reason}).") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import orbits
-from orbits import errors
+from orbits import elsewhere, errors, integrators
 from orbits.integrators import registry
 
 SOURCE = Path(orbits.__file__)
@@ -71,8 +72,9 @@ def test_a_march_describes_each_of_its_parameters() -> None:
 
 
 def test_every_error_of_the_package_is_a_public_name() -> None:
-    found = {name for name, value in vars(errors).items() if isinstance(value, type) and issubclass(value, Exception)}
-    assert found
+    classes = {name: value for name, value in vars(errors).items() if isinstance(value, type)}
+    found = {name for name, value in classes.items() if issubclass(value, BaseException)}
+    assert "Interrupted" in found
     assert found <= set(orbits.__all__)
 
 
@@ -81,6 +83,57 @@ def test_an_unknown_name_is_an_attribute_error_that_lists_what_there_is() -> Non
         orbits.Gaus  # noqa: B018
     assert not hasattr(orbits, "_private")
     assert not hasattr(orbits, "__path_of_nothing__")
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("WHFast", "which is REBOUND's: compare with it by against=['whfast'] or --against whfast."),
+        ("WisdomHolman", "which is REBOUND's: compare with it by against=['whfast']"),
+        ("IAS15", "which is REBOUND's: compare with it by against=['ias15']"),
+        ("MERCURIUS", "which is REBOUND's, and not one that can be compared with."),
+        ("Simulation", ": here that is orbits.System(...), which orbits.propagate moves."),
+        ("gauss", "; did you mean Gauss?"),
+        ("RK4", "; did you mean RungeKutta4?"),
+        ("Leapfrog", "; did you mean StormerVerlet?"),
+        ("euler", "; did you mean ExplicitEuler or SymplecticEuler?"),
+        ("quux", "'quux'. Its public names are"),
+    ],
+)
+def test_a_name_of_another_package_is_answered_with_what_there_is(name: str, answer: str) -> None:
+    with pytest.raises(AttributeError, match=f"module 'orbits' has no attribute '{name}'") as caught:
+        getattr(orbits, name)
+    assert answer in str(caught.value)
+
+
+def test_a_method_that_is_rebounds_is_answered_alike_wherever_it_is_asked_for() -> None:
+    answer = r"which is REBOUND's: compare with it by against=\['whfast'\]"
+    for ask in (integrators.parse, integrators.named):
+        with pytest.raises(orbits.UnknownNameError, match=answer):
+            ask("WHFast")
+    assert set(elsewhere.PEERS.values()) <= set(orbits.regression.PEERS)
+
+
+def test_what_is_said_to_be_here_is_here() -> None:
+    known = set(inspect.signature(orbits.propagate).parameters)
+    for hint in elsewhere.KEYWORDS.values():
+        assert set(re.findall(r"(?<!\w)(\w+)=", hint)) <= {*known, "softening", "epoch", "units", "stages"}
+    for hint in (*elsewhere.KEYWORDS.values(), *elsewhere.PUBLIC_NAMES.values()):
+        for name in re.findall(r"orbits\.(\w+)", hint):
+            assert hasattr(orbits, name)
+    for name in elsewhere.OTHER_NAMES.values():
+        assert set(name.split(" or ")) <= set(registry())
+
+
+def test_dir_shows_public_names_and_submodules_and_not_what_the_module_imports_for_itself() -> None:
+    shown = in_a_fresh_process("import orbits; print(*dir(orbits))").split()
+    assert {"propagate", "Gauss", "diagnostics", "__version__", "__doc__"} <= set(shown)
+    assert not {"Any", "annotations", "importlib", "pkgutil", "TYPE_CHECKING", "_HOME", "_MODULE_OF"} & set(shown)
+
+
+def test_an_unknown_name_loads_no_heavy_package() -> None:
+    code = f"import sys, orbits; hasattr(orbits, 'WHFast'); print(sorted(set({HEAVY}) & set(sys.modules)))"
+    assert in_a_fresh_process(code) == "[]"
 
 
 def test_submodules_load_on_first_use() -> None:

@@ -14,6 +14,7 @@ from orbits.certificate.values import Certificate, Finding
 from orbits.diagnostics.convergence import Slope
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
+from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.flow import starting_state
 from orbits.lagrangians.base import Lagrangian
@@ -32,7 +33,7 @@ asked for, and between a third and a half nothing can be said.
 
 def certify(
     problem: System | Lagrangian,
-    integrator: Integrator,
+    integrator: Integrator | str,
     dt: Any,
     *,
     q: ArrayLike | None = None,
@@ -42,6 +43,7 @@ def certify(
     """Measure what `integrator` declares, and what a variational integrator must have, on an actual problem.
 
     problem : a `System`, or a `Lagrangian` with its start q, v of shape (d,) (its own example by default)
+    integrator : a method, or its name as on the command line: "gauss(stages=4)"
     dt : the step; a Quantity, or a number in the problem's unit of time
     t : time of the start, for a Lagrangian that depends on it
 
@@ -55,8 +57,7 @@ def certify(
 
         print(orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), dt=0.1))
     """
-    if not isinstance(integrator, Integrator):
-        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
+    integrator = named(integrator)
     if isinstance(problem, Lagrangian):
         start, p = starting_state(problem, q, v, None, t)
         step = float(_plain(dt))

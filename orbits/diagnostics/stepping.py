@@ -57,13 +57,11 @@ class Bodies:
 
     def marcher(self, integrator: Integrator, dt: float) -> Marcher:
         """Bind the bodies to a method. Raises InputError for a step or a method that cannot be used."""
-        from orbits.integrators import registry
-        from orbits.integrators.base import Integrator
+        from orbits.integrators import named, registry
         from orbits.integrators.marcher import Marcher
         from orbits.lagrangians.newtonian import newtonian, parameters
 
-        if not isinstance(integrator, Integrator):
-            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
+        integrator = named(integrator)
         check_step(dt)
         integrator.check(newtonian, registry())
         values = parameters(self.gm[self.massive], self.softening)

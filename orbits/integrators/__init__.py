@@ -8,25 +8,12 @@ import importlib
 import pkgutil
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any
 
+from orbits.elsewhere import method_hint
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
-
-OTHER_NAMES = {
-    "rk4": "runge-kutta-4",
-    "leapfrog": "stormer-verlet",
-    "verlet": "stormer-verlet",
-    "velocity-verlet": "stormer-verlet",
-    "midpoint": "implicit-midpoint",
-    "euler": "explicit-euler or symplectic-euler",
-}
-"""What methods of the package are called elsewhere."""
-
-PEERS = {"whfast": "whfast", "wisdom-holman": "whfast", "ias15": "ias15"}
-"""Methods that are REBOUND's, by the name of the peer."""
 
 
 @lru_cache(maxsize=1)
@@ -81,6 +68,20 @@ def parse(text: str) -> Integrator:
     raise InputError(f'cannot read the integrator {text!r}; write e.g. gauss, "gauss(stages=4)" or stormer-verlet')
 
 
+def named(method: Integrator | str) -> Integrator:
+    """Return a method, which may be given by its name as `parse` reads it: "gauss", "Gauss(stages=4)".
+
+    Raises InputError for what is neither, and as `parse` does.
+    """
+    if isinstance(method, str):
+        return parse(method)
+    if isinstance(method, Integrator):
+        return method
+    raise InputError(
+        f'integrator must be a method such as orbits.Gauss(stages=8), or its name such as "gauss"; got {shown(method)}'
+    )
+
+
 def _read(node: ast.expr) -> Any:
     """Return a method that is named or called, or a plain value."""
     if isinstance(node, ast.Name):
@@ -103,14 +104,5 @@ def _find(name: str) -> type[Integrator]:
     for cls in known.values():
         if key(name) in (key(cls.name), key(cls.__name__)):
             return cls
-    raise UnknownNameError(f"no integrator is called {shown(name)}{_hint(name)} Known: {', '.join(sorted(known))}.")
-
-
-def _hint(name: str) -> str:
-    """Return what a person may have meant by a name that is not registered, as the end of a sentence."""
-    typed = name.replace("_", "-").lower()
-    if typed in PEERS:
-        return f", which is REBOUND's: compare with it by against=['{PEERS[typed]}'] or --against {PEERS[typed]}."
-    meant = {known: known for known in registry()} | OTHER_NAMES
-    close = get_close_matches(typed, meant, n=1, cutoff=0.4)
-    return f"; did you mean {meant[close[0]]}?" if close else "."
+    hint = method_hint(name, known)
+    raise UnknownNameError(f"no integrator is called {shown(name)}{hint} Known: {', '.join(sorted(known))}.")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.errors import ConvergenceError, InputError, SingularityError, shown
-from orbits.integrators import registry
+from orbits.integrators import named, registry
 from orbits.integrators.base import NOT_CONVERGED, NOT_REGULAR, OK, Integrator, aligned, padded
 from orbits.integrators.methods import method_tag
 from orbits.integrators.recording import record, record_canonical
@@ -73,6 +73,7 @@ class DiscretePath:
 class Flow:
     """The one-step map of `integrator` on `lagrangian` with step dt.
 
+    integrator : a method, or its name as on the command line: "gauss(stages=4)"
     dt : not 0; negative goes back in time. t : time of the first step, for Lagrangians that depend on it
     canonical : march in canonical form even where the faster second-order form would serve
 
@@ -80,12 +81,17 @@ class Flow:
     """
 
     def __init__(
-        self, lagrangian: Lagrangian, integrator: Integrator, dt: float, *, t: float = 0.0, canonical: bool = False
+        self,
+        lagrangian: Lagrangian,
+        integrator: Integrator | str,
+        dt: float,
+        *,
+        t: float = 0.0,
+        canonical: bool = False,
     ) -> None:
         if not isinstance(lagrangian, Lagrangian):
             raise InputError(f"expected a Lagrangian such as orbits.lagrangians.pendulum, got {shown(lagrangian)}")
-        if not isinstance(integrator, Integrator):
-            raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
+        integrator = named(integrator)
         integrator.check(lagrangian, registry())
         self.lagrangian, self.integrator = lagrangian, integrator
         self.dt, self.t = _finite(dt, "dt"), _finite(t, "t")
@@ -231,7 +237,7 @@ class Flow:
 
 def march(
     lagrangian: Lagrangian,
-    integrator: Integrator,
+    integrator: Integrator | str,
     *,
     dt: float,
     steps: int,
@@ -243,6 +249,7 @@ def march(
 ) -> DiscretePath:
     """March a Lagrangian on R^d from (q, v) or (q, p) by `steps` steps of dt and record every `every`-th state.
 
+    integrator : a method, or its name as on the command line: "gauss(stages=4)"
     q, v, p : (d,); give either v or p, which is dL/dv(q, v); without q, the Lagrangian's own example
     dt : the step, not 0; negative goes back in time
     steps, every : whole numbers >= 1; steps must be a multiple of every, and steps/every + 1 states are recorded

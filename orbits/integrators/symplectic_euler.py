@@ -40,8 +40,9 @@ class SymplecticEuler(VariationalRungeKutta):
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. VI.3; Marsden & West (2001), sec. 2.6"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.variant, str) or self.variant not in _VARIANTS:
+        if not isinstance(self.variant, str) or self.variant.lower() not in _VARIANTS:
             raise InputError(f"SymplecticEuler knows the variants {' and '.join(_VARIANTS)}; got {shown(self.variant)}")
+        object.__setattr__(self, "variant", self.variant.lower())
 
     @property
     def tableau(self) -> SymplecticTableau:

@@ -68,12 +68,9 @@ def look() -> Iterator[None]:
 
 def figure(width: float = 16.0, height: float = 10.0) -> Figure:
     """Return an empty figure of width x height inches at 120 dots per inch."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from orbits.plotting.notebook import Picture
 
-    made = Figure(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
-    FigureCanvasAgg(made)
-    return made
+    return Picture(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
 
 
 def save(made: Figure, path: Path) -> None:

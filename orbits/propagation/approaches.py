@@ -99,6 +99,9 @@ class Approaches:
         others = [k for k in self._flybys if row in (passages[k].body, passages[k].other)]
         return [self.one(k) for k in dominant + others]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
+
     def __len__(self) -> int:
         """Return how many passages iterating gives."""
         return len(self._flybys)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits._version import __version__
 from orbits.errors import ArchiveError, InputError, shown
-from orbits.integrators import registry
+from orbits.integrators import named, registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
 from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
@@ -33,26 +33,29 @@ def bound(
     h: float,
     threads: int | None = None,
     conditions: Conditions | None = None,
+    state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> Marcher:
     """Return `system` bound to `integrator` with step h, massive bodies and massless particles told apart.
 
+    state : q and v, (n, 3) floats, where the march begins elsewhere than where the system is
+
     Raises InputError if the integrator cannot serve the Lagrangian.
     """
-    if not isinstance(integrator, Integrator):
-        raise InputError(f"integrator must be a method such as orbits.Gauss(stages=8), got {shown(integrator)}")
+    integrator = named(integrator)
     whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool | np.timedelta64)
     if threads is not None and (not whole or threads < 1):
         raise InputError(f"threads must be a positive whole number or None for all processors, got {shown(threads)}")
     integrator.check(newtonian, registry())
     values = system.values
+    q, v = (values.q, values.v) if state is None else state
     massive: NDArray[np.bool_] = values.gm > 0.0
     return Marcher(
         newtonian,
         integrator,
         parameters(values.gm[massive], values.softening),
         massive,
-        values.q,
-        values.v,
+        q,
+        v,
         h,
         names=system.names,
         threads=threads or available_threads(),

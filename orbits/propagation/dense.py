@@ -1,37 +1,76 @@
-"""The state at any time of a run, by the method itself from the sample before."""
+"""The states at any times of a run, by the method itself from the sample before each."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.propagation.binding import bound
-from orbits.propagation.grid import single_number, split
+from orbits.propagation.grid import snapped, split, times_since
+from orbits.propagation.run import MEMORY_SHARE, _memory
 
 if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
+Array = NDArray[np.float64]
 
-def state_at(trajectory: Trajectory, t: Any) -> System:
-    """Return the state at time t, a quantity or a number in the run's time unit, within the span of the samples.
 
-    The nearest sample before t is propagated with the run's own integrator and step, so the error is that of the run.
-    Raises InputError if t lies outside the run.
+def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
+    """Return the state at time t, or the states at several, within the span of the samples.
+
+    t : a time as `propagate` takes `until`, or an array or list of times in any order
+
+    The nearest sample before a time is propagated with the run's own integrator and step, so the error is that of the
+    run; a march goes on from one time to the next, which changes no bit. Of a single time the `System` there comes
+    back, of several a `Trajectory` with these times as its samples, in the order they are given.
+    Raises InputError for a time outside the run.
     """
-    units = trajectory.system.units
-    time = single_number(units.time_value(t, "t"), "t")
-    times = trajectory.times
+    times = times_since(trajectory.system, t, "t")
+    if times.ndim > 1:
+        raise InputError(f"t has shape {times.shape}; expected one time, or several in a row.")
+    one = times.ndim == 0
+    q, v, times = _states(trajectory, np.atleast_1d(times), "t" if one else "t[{}]")
+    if one:
+        moved: System = trajectory.system.replaced(q=q[0], v=v[0], epoch=trajectory.epoch_at(float(times[0])))
+        return moved
+    return type(trajectory)(trajectory.system, times, q, v, step=trajectory.step, integrator=trajectory.integrator)
+
+
+def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array]:
+    """Return q and v, (n, bodies, 3), at n times, and the times, where they miss an end by a rounding only that end."""
+    if not len(trajectory):
+        raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
     direction = -1.0 if trajectory.step < 0 else 1.0
-    if not (times[0] - time) * direction <= 0.0 <= (times[-1] - time) * direction:
-        raise InputError(f"t = {time:g} lies outside the samples, {times[0]:g} ... {times[-1]:g} {units.time}")
-    k = int(np.searchsorted(times * direction, time * direction, side="right")) - 1
-    start = trajectory[k]
-    marcher = bound(start, trajectory.integrator, trajectory.step, threads=1)
-    (steps,), (rest,) = split(np.array([time - times[k]]), trajectory.step)
-    marcher.advance(int(steps))
-    q, v = marcher.state_after(float(rest))
-    moved: System = start.replaced(q=q, v=v, epoch=trajectory.epoch_at(time))
-    return moved
+    order = np.argsort(trajectory.times * direction, kind="stable")  # samples may stand in any order
+    known = trajectory.times[order]
+    times = snapped(times, float(known[0]), float(known[-1]))
+    inside = ((known[0] - times) * direction <= 0.0) & ((known[-1] - times) * direction >= 0.0)
+    if not inside.all():
+        k = int(np.argmin(inside))
+        unit = trajectory.system.units.time
+        raise InputError(
+            f"{what.format(k)} = {times[k]:.10g} lies outside the samples, "
+            f"{known[0]:.10g} ... {known[-1]:.10g} {unit}".rstrip()
+        )
+    needed = 48 * len(times) * len(trajectory.names)
+    if needed > MEMORY_SHARE * _memory():
+        raise InputError(
+            f"{len(times)} states of {len(trajectory.names)} bodies need {needed / 2**30:.1f} GiB of memory, more than "
+            "this machine has to give; ask for fewer at a time"
+        )
+    before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
+    steps, rests = split(times - trajectory.times[before], trajectory.step)
+    q, v = np.empty((2, len(times), len(trajectory.names), 3))
+    marcher, begun = None, -1
+    for k in np.argsort(times * direction, kind="stable").tolist():
+        if marcher is None or before[k] != begun:
+            begun = int(before[k])
+            state = (trajectory._q[begun], trajectory._v[begun])
+            marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1, state=state)
+        marcher.advance(int(steps[k]) - marcher.step)
+        q[k], v[k] = marcher.state_after(float(rests[k]))
+    return q, v, times

@@ -1,49 +1,61 @@
-"""A progress bar with rate and time left: on a terminal only, silent elsewhere."""
+"""A progress bar with rate and time left: on a terminal and in a notebook, silent elsewhere."""
 
 from __future__ import annotations
 
+import importlib
 import sys
 import time
-from typing import Any
+from html import escape
+from typing import Any, Protocol
 
 PATIENCE = 0.5
 """Seconds before a bar appears: short runs stay silent."""
 
+PAUSE = 0.2
+"""Seconds between two messages to a notebook, which keeps each of them."""
+
 
 class Progress:
-    """Shows how far a run is. `wanted`: True or None on a terminal shows the bar; False never does."""
+    """Shows how far a run is. `wanted`: True or None shows the bar on a terminal or in a notebook; False never does."""
 
     def __init__(self, wanted: bool | None, *, label: str, total: float, unit: Any, steps: int) -> None:
-        self._wanted = wanted is not False and sys.stderr.isatty()
+        self._make: type[_Terminal] | type[_Notebook] | None = None
+        if wanted is not False:
+            self._make = _Notebook if in_notebook() else _Terminal if sys.stderr.isatty() else None
         self._label, self._total, self._unit, self._steps = label, total, unit, steps
         self._begun = time.perf_counter()
-        self._bar: Any = None
-        self._task: Any = None
+        self._bar: _Bar | None = None
 
     def update(self, done: float) -> None:
         """Report `done` of the total, in units of time."""
-        if not self._wanted:
+        if self._make is None:
             return
+        elapsed = time.perf_counter() - self._begun
         if self._bar is None:
-            if time.perf_counter() - self._begun < PATIENCE:
+            if elapsed < PATIENCE:
                 return
-            self._open()
+            self._bar = self._make(self._label)
         fraction = abs(done / self._total)
-        rate = fraction * self._steps / (time.perf_counter() - self._begun)
-        self._bar.update(
-            self._task,
-            completed=fraction,
-            at=f"{done:,.6g} / {self._total:,.6g} {self._unit}",
-            rate=f"{rate:,.0f} steps/s",
-        )
+        at = f"{done:,.6g} / {self._total:,.6g} {self._unit}".rstrip()
+        self._bar.show(fraction, at, f"{fraction * self._steps / elapsed:,.0f} steps/s")
 
     def close(self) -> None:
         """Take the bar away."""
         if self._bar is not None:
-            self._bar.stop()
+            self._bar.close()
             self._bar = None
 
-    def _open(self) -> None:
+
+class _Bar(Protocol):
+    def show(self, fraction: float, at: str, rate: str) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class _Terminal:
+    """A bar of rich on standard error."""
+
+    def __init__(self, label: str) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -54,12 +66,52 @@ class Progress:
             "{task.fields[at]}",
             "{task.fields[rate]}",
         )
-        console = Console(file=sys.stderr)
         self._bar = Progress(
             *(c if not isinstance(c, str) else TextColumn(c) for c in columns),
             TimeRemainingColumn(),
-            console=console,
+            console=Console(file=sys.stderr),
             transient=True,
         )
-        self._task = self._bar.add_task(self._label, total=1.0, at="", rate="")
+        self._task = self._bar.add_task(label, total=1.0, at="", rate="")
         self._bar.start()
+
+    def show(self, fraction: float, at: str, rate: str) -> None:
+        self._bar.update(self._task, completed=fraction, at=at, rate=rate)
+
+    def close(self) -> None:
+        self._bar.stop()
+
+
+class _Notebook:
+    """A bar of HTML in the output of a cell, through IPython alone: rich would need ipywidgets there."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._begun = time.perf_counter()
+        self._shown = -PAUSE
+        display = importlib.import_module("IPython.display").display
+        self._handle: Any = display(_mime("", label), raw=True, display_id=True)
+
+    def show(self, fraction: float, at: str, rate: str) -> None:
+        now = time.perf_counter() - self._begun
+        if now - self._shown < PAUSE:
+            return
+        self._shown = now
+        left = f", {now * (1.0 - fraction) / fraction:,.0f} s left" if fraction > 0.0 and now > 1.0 else ""
+        text = f"{self._label}  {fraction:.0%}  {at}  {rate}{left}"
+        bar = f'<progress value="{fraction:.4f}" max="1" style="width:16em;vertical-align:middle"></progress>'
+        html = f"<b>{escape(self._label)}</b> {bar} {escape(text.removeprefix(self._label))}"
+        self._handle.update(_mime(html, text), raw=True)
+
+    def close(self) -> None:
+        self._handle.update(_mime("", ""), raw=True)
+
+
+def in_notebook() -> bool:
+    """Whether this runs in the kernel of a notebook. IPython is not imported to find out: there, it is."""
+    module = sys.modules.get("IPython")
+    return module is not None and hasattr(module.get_ipython(), "kernel")
+
+
+def _mime(html: str, text: str) -> dict[str, str]:
+    return {"text/html": html, "text/plain": text}

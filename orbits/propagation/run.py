@@ -2,29 +2,39 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import integrators
-from orbits.errors import ArchiveError, InputError, IntegrationError, Interrupted, OrbitsError, StorageError
+from orbits.elsewhere import keyword_hint
+from orbits.errors import (
+    ArchiveError,
+    InputError,
+    IntegrationError,
+    Interrupted,
+    OrbitsError,
+    StorageError,
+    UnknownNameError,
+)
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher
 from orbits.propagation import guidance, judgement
 from orbits.propagation.binding import bound, differences, provenance, restore
 from orbits.propagation.grid import (
     MOST_SAMPLES,
-    checked_duration,
     checked_progress,
     checked_until,
+    length_of_run,
     sample_times,
     signed_step,
     split,
@@ -63,12 +73,17 @@ COMMIT_SHARE = 0.25
 """Commits grow rarer with a run, up to `COMMIT_SECONDS`: a lost machine costs this share of what was computed."""
 
 
+class NoOthers(TypedDict):
+    """No further arguments: what is given all the same is answered with what there is instead."""
+
+
 def propagate(
     system: System,
-    integrator: Integrator,
+    integrator: Integrator | str,
     *,
     dt: Any,
-    duration: Any,
+    duration: Any = None,
+    until: Any = None,
     samples: Any = 101,
     archive: Path | None = None,
     overwrite: bool = False,
@@ -78,16 +93,20 @@ def propagate(
     check_step: bool = True,
     progress: bool | None = None,
     threads: int | None = None,
+    **others: Unpack[NoOthers],
 ) -> Trajectory:
     """Propagate `system` with constant steps and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
 
     system : a `System`; bodies with GM = 0 are massless particles in the field of the others
-    integrator : e.g. `Gauss(stages=8)`
-    dt : step > 0, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a fraction of the
-        shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used)
+    integrator : e.g. `Gauss(stages=8)`, or its name as on the command line: "gauss", "gauss(stages=4)"
+    dt : the length of a step, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a
+        fraction of the shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used). Its sign
+        does not matter
     duration : how far to go, a quantity, a number or a text ("10 yr"); negative for backwards in time
-    samples : a count that includes both ends, or an array of times since the epoch; off the grid of steps a sample is
-        a partial step on a copy, so that sampling never changes the run
+    until : instead, the end: a date (a Time, "2030-01-01", a datetime64; TDB where no scale is said), or a time since
+        the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
+    samples : a count that includes both ends, or times in a row, each as `until` takes it; off the grid of steps a
+        sample is a partial step on a copy, so that sampling never changes the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
     overwrite : whether an existing archive may be replaced
     certificate : True measures what the integrator declares on this system with this step before the run, as
@@ -102,15 +121,20 @@ def propagate(
     threads : for massless particles and thousands of bodies; None takes all processors. The result does not depend on
         it, to the last bit.
 
-    Raises InputError for what cannot be run, ConvergenceError or SingularityError for a step that fails, StorageError
-    when writing fails or the archive is deleted or replaced meanwhile, Interrupted after Ctrl-C, SIGTERM or SIGHUP; all
-    of them with the samples so far as `.trajectory`.
+    Raises InputError for what cannot be run, UnknownNameError for an argument that there is not, with what is there in
+    the place of those of other packages; ConvergenceError or SingularityError for a step that fails, StorageError when
+    writing fails or the archive is deleted or replaced meanwhile, Interrupted (a KeyboardInterrupt) after Ctrl-C,
+    SIGTERM or SIGHUP; all but the first two with the samples so far as `.trajectory`.
     """
+    for name in others:
+        known = (key for key in inspect.signature(propagate).parameters if key != "others")
+        raise UnknownNameError(f"propagate() has no argument {name!r}: {keyword_hint(name, known)}")
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
-    length = checked_duration(system.units, duration)
+    integrator = integrators.named(integrator)
+    length = length_of_run(system, duration, until)
     h = signed_step(system.units, parsed_step(system, dt, length), length)
-    times = sample_times(system.units, samples, length)
+    times = sample_times(system, samples, length)
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_progress(progress)
@@ -158,8 +182,8 @@ def resume(
     """Go on with the run in an archive, bit for bit as if it had never stopped.
 
     path : an archive written by `propagate`
-    until : for a finished run, the time since the epoch to extend it to, sampled as densely as before; None completes
-        an interrupted run
+    until : for a finished run, the date or the time since the epoch to extend it to, as `propagate` takes it, sampled
+        as densely as before; None completes an interrupted run
     same_bits : refuse when processor, Numba or the kernels have changed since, because the last bits then may; False
         goes on all the same
 
@@ -180,7 +204,7 @@ def resume(
                 f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out "
                 "differently here. Resume with same_bits=False (--any-bits) to accept that."
             )
-        target = None if until is None else checked_until(system.units, until, h)
+        target = None if until is None else checked_until(system, until, h)
         times = old.times if target is None else _extended_times(old, target)
         if old.committed == len(times):
             old.release()

@@ -114,6 +114,8 @@ def compare(
         ]
         reference, note, remarks = _reference(system, problem, grid, kind, threads, say)
         others = [_peer(problem, peer, grid, say) for peer in theirs]
+    except Interrupted:  # it says more than the next lines could
+        raise
     except KeyboardInterrupt:
         raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
     invariants = Invariants(problem.gm, problem.q, problem.v, problem.softening)
@@ -150,7 +152,7 @@ class _Grid:
         """The very times and step that `propagate` will use; InputError for what it refuses."""
         length = checked_duration(system.units, duration)
         step = signed_step(system.units, dt, length)
-        return cls(sample_times(system.units, samples, length), length, abs(step))
+        return cls(sample_times(system, samples, length), length, abs(step))
 
 
 _Say = Callable[[str], None]
@@ -160,13 +162,7 @@ def _ours(integrators: Any) -> list[Integrator]:
     several = list(integrators) if isinstance(integrators, list | tuple) else [integrators]
     if not several:
         raise InputError("no integrator to compare; give one, such as orbits.Gauss(stages=8), or a list of them.")
-    out = [methods.parse(method) if isinstance(method, str) else method for method in several]
-    for method in out:
-        if not isinstance(method, Integrator):
-            names = ", ".join(kind.__name__ for kind in methods.registry().values())
-            raise InputError(
-                f"{shown(method)} is no integrator; expected one of {names}, such as orbits.Gauss(stages=8)."
-            )
+    out = [methods.named(method) for method in several]
     labels = [method.label for method in out]
     for label in labels:
         if labels.count(label) > 1:

@@ -31,6 +31,9 @@ GRAVITIES = ("basic", "compensated", "tree", "mercurius", "jacobi")
 ADAPTIVE = ("ias15", "bs")
 """REBOUND's methods that choose their steps as they go."""
 
+NAMED = "REBOUND "
+"""What the names of unit systems begin with that are those of a simulation."""
+
 SOLAR_UNITS = ("au", "d", "massist")
 """REBOUND's names of the units of `SOLAR`, in which GM is the mass; "massist" is its unit of mass that makes G = 1."""
 
@@ -40,35 +43,99 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
 
     system : a state, or a run, of which `sample` is taken, by default the last
 
-    G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch, and in a run the time
-    since then. Names and the softening length are kept, radii where the system has them. The units of `SOLAR` are
-    named, ("au", "d", "massist"). Massless bodies are test particles (`N_active`, `testparticle_type = 0`); REBOUND
-    wants them last, so massive bodies come first, otherwise in the system's order. Integrator and step are REBOUND's
-    defaults.
+    What `from_rebound` returned goes back as it came: G, units, masses and t are the simulation's, and in a run from
+    there t is that plus the time since. States in the units of a simulation keep its units and G, too.
+
+    Of other systems G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch, and
+    in a run the time since then. The units of `SOLAR` are named, ("au", "d", "massist"). Names and the softening length
+    are kept, radii where the system has them. Massless bodies are test particles (`N_active`, `testparticle_type = 0`);
+    REBOUND wants them last, so massive bodies come first, otherwise in the system's order. Integrator and step are
+    REBOUND's defaults.
     """
     time = 0.0
     if isinstance(system, Trajectory):
-        if isinstance(sample, str):
+        if isinstance(sample, str | slice):
             raise InputError(f"sample is {shown(sample)}; expected the number of a sample, -1 for the last.")
         state: System = system[sample]
-        time = float(system.times[sample])
+        time = float(system.times[sample]) + (system.system.t if isinstance(system.system, FromRebound) else 0.0)
     elif isinstance(system, System):
         state = system
+        time = system.t if isinstance(system, FromRebound) else 0.0
     else:
         raise InputError(f"to_rebound got a {type(system).__name__}; expected a System or a Trajectory.")
     gm, q, v, softening = state.values
     order = np.argsort(gm == 0, kind="stable")
     names = [state.names[i] for i in order]
-    sim = simulation(Start(gm[order], q[order], v[order], float(softening)), names)
-    if state.units == SOLAR:
-        sim.update_units(SOLAR_UNITS)
-        sim.G = 1.0  # to the last bit; from the units' own values it would be 26 units in the last place less
+    units, G, m = _masses(state)
+    sim = simulation(Start(m[order], q[order], v[order], float(softening)), names)
+    if units is not None:
+        sim.update_units(units)
+    sim.G = G  # to the last bit; of SOLAR from the units' own values it would be 26 units in the last place less
     sim.t = time
     if state.radii is not None:
         radii = state.radii.value
         for particle, radius in zip(sim.particles, radii[order].tolist(), strict=True):
             particle.r = radius
     return sim
+
+
+class FromRebound(System):
+    """A `System` as a simulation had it, with what a System does not know: t and the masses of the particles.
+
+    Whatever is made of it by `replaced`, `add` and the like is a plain `System`.
+    """
+
+    __slots__ = ("_m", "_t")
+
+    _m: Array
+    _t: float
+
+    @classmethod
+    def of(cls, m: Array, t: float, *arguments: Any) -> FromRebound:
+        """Return the system with these arguments of `System` in their order."""
+        made = cls(*arguments)
+        for attribute, value in (("_m", m), ("_t", t)):
+            object.__setattr__(made, attribute, value)
+        return made
+
+    @property
+    def t(self) -> float:
+        """The time of the state as the simulation counts it."""
+        return self._t
+
+    @property
+    def m(self) -> Array:
+        """The masses that G times them are gm, (n,)."""
+        return self._m
+
+    def replaced(self, **changes: Any) -> Any:
+        """Return a plain `System` with some values changed, as `System.replaced` does."""
+        return System(**self._arguments()).replaced(**changes)
+
+    def __reduce__(self) -> Any:
+        return FromRebound.of, (self._m, self._t, *self._arguments().values())
+
+
+def _masses(state: System) -> tuple[tuple[str, str, str] | None, float, Array]:
+    """Return the names of REBOUND's units, G, and the masses for which G m is gm to the last bit."""
+    gm, units = state.values.gm, state.units
+    if units == SOLAR:
+        return SOLAR_UNITS, 1.0, gm
+    _, _, given = units.name.partition(NAMED)
+    names = cast("tuple[str, str, str]", tuple(given.split(", "))) if given else None
+    try:
+        made_here = _unit_system(names, units.G) == units
+    except (KeyError, ValueError):
+        made_here = False
+    if made_here:
+        near = gm / units.G
+        tried = [near, np.nextafter(near, 0.0), np.nextafter(near, np.inf)]
+        if isinstance(state, FromRebound):
+            tried = [state.m]
+        fits = np.array([units.G * m == gm for m in tried])
+        if fits.any(axis=0).all():
+            return names, units.G, np.choose(fits.argmax(axis=0), tried)
+    return None, 1.0, gm
 
 
 def from_rebound(
@@ -155,16 +222,9 @@ def _system(found: Particles, units: UnitSystem | None, epoch: Any, zero: Any) -
     attracting[_massless(found, names) :] = 0.0
     if units is None:
         units = _units_of(found)
-    return System(
-        names=tuple(names),
-        gm=found.G * attracting,
-        q=found.q,
-        v=found.v,
-        epoch=_epoch(found, units, epoch, zero),
-        units=units,
-        radii=found.r if np.any(found.r) else None,
-        softening=found.softening,
-    )
+    when, radii = _epoch(found, units, epoch, zero), found.r if np.any(found.r) else None
+    gm = found.G * attracting
+    return FromRebound.of(attracting, found.t, tuple(names), gm, found.q, found.v, when, units, radii, found.softening)
 
 
 def _particles(source: Any, index: int, time: float | None) -> Particles:
@@ -264,25 +324,28 @@ def _epoch(found: Particles, units: UnitSystem, epoch: Any, zero: Any) -> Time |
 
 
 def _units_of(found: Particles) -> UnitSystem:
-    if found.units is None:
-        plain = DIMENSIONLESS
-        if found.G == 1.0:
-            return plain
-        return UnitSystem(
-            name=f"G = {shown(found.G)}", length=plain.length, time=plain.time, mass=plain.mass, G=found.G
-        )
     if found.units == SOLAR_UNITS and found.G == 1.0:
         return SOLAR
+    return _unit_system(found.units, found.G)
+
+
+def _unit_system(names: tuple[str, str, str] | None, G: float) -> UnitSystem:
+    """Return the unit system of a simulation with units of these names, or none, and this G."""
+    if names is None:
+        plain = DIMENSIONLESS
+        if G == 1.0:
+            return plain
+        return UnitSystem(name=f"G = {shown(G)}", length=plain.length, time=plain.time, mass=plain.mass, G=G)
     from astropy import units as u
     from rebound import units as table
 
-    length, time, mass = found.units
+    length, time, mass = names
     return UnitSystem(
-        name="REBOUND " + ", ".join(found.units),
+        name=NAMED + ", ".join(names),
         length=_unit(table.lengths_SI[length], u.m, (u.m, u.cm, u.km, u.au)),
         time=_unit(table.times_SI[time], u.s, (u.s, u.hr, u.day, u.yr)),
         mass=_unit(table.masses_SI[mass], u.kg, (u.kg, u.g)),
-        G=found.G,
+        G=G,
     )
 
 

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from orbits.errors import InputError, UnknownNameError, shown
+from orbits.system.checks import place_of
 from orbits.units import UnitSystem
 
 _SCALARS = {"energy": "max |dE/E|", "angular_momentum": "max |dL/L|"}
@@ -78,19 +79,19 @@ def parse(
         raise InputError(f"tolerances must be a mapping such as {{'energy': 1e-12}}; got {type(tolerances).__name__}.")
     general: dict[str, Any] = {}
     special: dict[str, Mapping[str, Any]] = {}
-    callable_by = {key for pair in methods for key in pair}
+    callable_by = {key.lower(): key for pair in methods for key in pair}
     for key, value in tolerances.items():
         if key in KEYS:
             general[key] = value
-        elif key in callable_by:
+        elif isinstance(key, str) and key.lower() in callable_by:
             if not isinstance(value, Mapping):
                 raise InputError(f"tolerances[{key!r}] must be a mapping from {', '.join(KEYS)}; got {shown(value)}.")
             for inner in value:
                 if inner not in KEYS:
                     raise _unknown(f"tolerances[{key!r}]", inner, KEYS)
-            special[key] = value
+            special[callable_by[key.lower()]] = value
         else:
-            raise _unknown("tolerances", key, (*KEYS, *sorted(callable_by)))
+            raise _unknown("tolerances", key, (*KEYS, *sorted(callable_by.values())))
     out = []
     for name, label in methods:
         wanted = {**general, **special.get(name, {}), **special.get(label, {})}
@@ -128,14 +129,16 @@ def _positions(key: str, value: Any, convert: Any, names: Sequence[str], massive
     attracting = set(massive)
     groups = {"massive": list(massive), "particles": [name for name in names if name not in attracting]}
     out: dict[str, float] = {}
-    for body in value:
-        if body not in names and body not in _GROUPS:
+    places = {body: place_of(body, names) for body in value}
+    for body, place in places.items():
+        if place is None and body not in _GROUPS:
             raise _unknown(f"tolerances[{key!r}]", body, (*_GROUPS, *names))
-    for body, bound in sorted(value.items(), key=lambda item: item[0] in names):  # groups first, bodies override
-        if body in names:
-            out[body] = convert(bound)
-        else:
+    for body, bound in sorted(value.items(), key=lambda item: places[item[0]] is not None):  # bodies override groups
+        place = places[body]
+        if place is None:
             out.update(dict.fromkeys(groups[body], convert(bound)))
+        else:
+            out[names[place]] = convert(bound)
     return out
 
 

@@ -12,17 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orbits.errors import InputError, OrbitsError
+from orbits.errors import InputError, Interrupted, OrbitsError
 from orbits.scenario.definition import MIND, Outcome, Scenario
-from orbits.scenario.study import Study, StudyOutcome, Table
+from orbits.scenario.study import Study, StudyOutcome, Table, cell
 from orbits.scenario.values import quantity
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from orbits.scenario.certifying import CertifyOutcome
-
-INTERRUPTED = 130
 
 Dt = Annotated[str | None, typer.Option(help="Step: '6 d', or a number in the system's unit of time.", metavar="TIME")]
 Duration = Annotated[str | None, typer.Option(help="How far: '100 yr'; negative for backwards.", metavar="TIME")]
@@ -56,12 +54,12 @@ def guarded() -> Iterator[None]:
     try:
         yield
         sys.stdout.flush()
-    except OrbitsError as error:
+    except (OrbitsError, Interrupted) as error:
         stderr().print(f"[bold red]error:[/] {_escaped(' '.join(str(error).split()))}", soft_wrap=True)
         raise SystemExit(error.exit_code) from None
     except KeyboardInterrupt:
         stderr().print("[bold red]error:[/] stopped by Ctrl-C.")
-        raise SystemExit(INTERRUPTED) from None
+        raise SystemExit(Interrupted.exit_code) from None
     except BrokenPipeError:
         # The reader, such as `head`, has seen enough; Python would complain once more while it closes the pipe.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -198,16 +196,8 @@ def _table(table: Table) -> Any:
         numbers = not all(isinstance(row[k], str | None) for row in table.rows)
         made.add_column(_escaped(head), justify="right" if numbers else "left")
     for row in table.rows:
-        made.add_row(*(_escaped(_cell(value)) for value in row))
+        made.add_row(*(_escaped(cell(value)) for value in row))
     return made
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
 
 
 def main(scenario: Scenario | Study) -> None:

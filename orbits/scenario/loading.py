@@ -115,9 +115,9 @@ def _one_line(error: BaseException) -> str:
 
 def _bundled_path(name: str) -> Path:
     known = {each.name: each.path for each in bundled()}
-    if name in known:
-        return known[name]
-    near = get_close_matches(name, known, n=2, cutoff=0.5)
+    if name.lower() in known:
+        return known[name.lower()]
+    near = get_close_matches(name.lower(), known, n=2, cutoff=0.5)
     hint = f" Did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
     file = Path(f"{name}.py")
     if file.is_file():

@@ -235,7 +235,7 @@ def _interrupted(scenario: Scenario, system: System, path: Path) -> bool:
             return (
                 not old.complete
                 and old.dt == signed_step(system.units, scenario.dt, duration)
-                and np.array_equal(old.times, sample_times(system.units, scenario.samples, duration))
+                and np.array_equal(old.times, sample_times(system, scenario.samples, duration))
                 and integrators.build(dict(old.integrator)) == scenario.integrators[0]
                 and old.system == system
                 and not differences(old.provenance)

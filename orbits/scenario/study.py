@@ -35,6 +35,23 @@ class Table:
                 )
 
 
+    def _repr_html_(self) -> str:
+        from orbits.tables import html_table  # with it comes astropy, which the start of the command line does without
+
+        text = [all(isinstance(row[k], str | None) for row in self.rows) for k in range(len(self.columns))]
+        words = text.index(False) if False in text else len(text)
+        return html_table(self.title, self.columns, [[cell(value) for value in row] for row in self.rows], words=words)
+
+
+def cell(value: Any) -> str:
+    """Return a value as a table shows it."""
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+
+
 @dataclass(frozen=True, kw_only=True)
 class StudyResult:
     """What the experiment of a study gave.
@@ -49,6 +66,9 @@ class StudyResult:
     checks: Sequence[Check] = ()
     figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
     record: Mapping[str, Any] = field(default_factory=dict)
+
+    def _repr_html_(self) -> str:
+        return "".join(table._repr_html_() for table in self.tables)
 
 
 @dataclass(frozen=True, kw_only=True)

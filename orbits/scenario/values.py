@@ -10,11 +10,18 @@ def quantity(text: str, option: str) -> Any:
 
     Raises InputError, naming the option, for anything else.
     """
-    try:
-        return float(text)
-    except ValueError:
-        pass
+    value = number_or_text(text)
+    if isinstance(value, float):
+        return value
     from orbits.units import quantity_from_text
 
     expected = "a number in the system's unit of time, or a time with its unit: '6 d', '1000 yr'"
-    return quantity_from_text(text, option, expected)
+    return quantity_from_text(value, option, expected)
+
+
+def number_or_text(text: str) -> float | str:
+    """Return "6" as a number, which stands for the system's own unit of time, and any other text as it is."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -26,7 +26,7 @@ from orbits.errors import ArchiveError, EpochError, InputError, shown
 from orbits.propagation.binding import bound
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
-from orbits.system import checks
+from orbits.system import checks, presenting
 
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
@@ -90,7 +90,7 @@ def write(
     bodies : those to write, by default all
     centre : a body of the run that all positions are relative to. By default it is the origin of the system, labelled
         0, the barycentre of the Solar System: `System.solar_system` puts the barycentre of the bodies chosen there,
-        which is not exactly that of DE440
+        which is not that of DE440, unless it is asked for with origin="ssb"
 
     Axes are those of the system, labelled J2000 (ICRF).
     Raises InputError, and its kin, for bodies without a number, a run in pure numbers, without an epoch or of a single
@@ -99,14 +99,17 @@ def write(
     Source: NAIF, "SPK Required Reading".
     """
     target = _target(path, overwrite)
-    names = run.names if bodies is None else checks.checked_names([bodies] if isinstance(bodies, str) else bodies)
-    places = [checks.index_of(name, run.names) for name in names if name != centre]
     about = None if centre is None else checks.index_of(centre, run.names)
+    centre = None if about is None else run.names[about]
+    names = tuple(np.array(run.names, dtype=object)[presenting.chosen(run.names, bodies)])
+    places = [run.names.index(name) for name in names if name != centre]
     if not places:
         raise InputError(f"bodies = {list(names)!r} leaves nothing to write; expected at least one besides the centre.")
     _check(run, tolerance_km)
     wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
     if isinstance(ids, Mapping):  # numbers of bodies that are not written do no harm
+        places_of_ids = {name: checks.place_of(name, run.names) for name in ids}
+        ids = {name if at is None else run.names[at]: ids[name] for name, at in places_of_ids.items()}
         ids = {name: number for name, number in ids.items() if name in wanted or name not in run.names}
     numbers = naif.numbers(wanted, ids)
     centre_number = naif.SOLAR_SYSTEM_BARYCENTRE if centre is None else numbers.pop(centre)
@@ -300,7 +303,8 @@ def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, t
         lines += [
             "The centre, labelled 0, is the origin of the system that was propagated, for",
             "System.solar_system() the barycentre of the bodies chosen, which is not to the",
-            "last kilometre that of DE440: asteroids, for instance, are left out.",
+            "last kilometre that of DE440: asteroids, for instance, are left out;",
+            "with origin='ssb' it is that of DE440 at the epoch.",
         ]
     return [*lines, "", *(f"{number:>12} {name}" for name, number in numbers.items())]
 

@@ -13,6 +13,7 @@ from orbits import elements as kepler
 from orbits import ephemeris
 from orbits.errors import EpochError, InputError, UnknownNameError
 from orbits.system.checks import checked_flag, few
+from orbits.system.making import is_about_ssb
 from orbits.units import as_epoch
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class FromCatalogues:
         epoch: Any = None,
         propagate_to_epoch: bool = False,
         massive: bool = False,
+        origin: str = "barycentre",
     ) -> Self:
         """Return Sun and planets of JPL's DE440 with the bodies of a catalogue, at the catalogue's epoch.
 
@@ -52,7 +54,9 @@ class FromCatalogues:
         epoch : of the system, if not that of the elements
         propagate_to_epoch : carry elements of another epoch over, as `add_particles` does; without an epoch= to the one
             that most of the catalogue has
-        massive : as of `add_particles`; the barycentre of all with mass rests at the origin
+        massive : as of `add_particles`
+        origin : "barycentre", that of all bodies with mass, which rests there; or "ssb", that of the Solar System, as
+            of `solar_system`
 
         Raises EpochError where epochs differ and `propagate_to_epoch` does not allow it, or DE440 does not cover them;
         InputError for an empty catalogue.
@@ -62,9 +66,10 @@ class FromCatalogues:
         if not len(catalogue):
             raise InputError("the catalogue has no bodies; expected at least one. Choose others, or none at all")
         when = _common_epoch(catalogue, propagate_to_epoch) if epoch is None else as_epoch(epoch)
-        planets: Any = cls.solar_system(epoch=when, bodies=bodies)  # type: ignore[attr-defined]
+        planets: Any = cls.solar_system(epoch=when, bodies=bodies, origin=origin)  # type: ignore[attr-defined]
         system = planets.add_particles(catalogue, propagate_to_epoch=propagate_to_epoch, massive=massive)
-        return system.barycentric() if massive else system  # type: ignore[no-any-return]
+        moves = massive and not is_about_ssb(origin)
+        return system.barycentric() if moves else system  # type: ignore[no-any-return]
 
     @classmethod
     def from_mpcorb(
@@ -74,6 +79,7 @@ class FromCatalogues:
         bodies: Sequence[str] | None = None,
         epoch: Any = None,
         propagate_to_epoch: bool = False,
+        origin: str = "barycentre",
         **choice: Any,
     ) -> Self:
         """Return Sun and planets of DE440 with minor planets of MPCORB.DAT, or of lines of it, as massless particles.
@@ -81,12 +87,16 @@ class FromCatalogues:
             System.from_mpcorb("MPCORB.DAT.gz", brighter_than=12)
 
         source, choice : what `read_mpcorb` takes: count, names, numbers, classes, brighter_than, errors
-        bodies, epoch, propagate_to_epoch : as of `from_catalogue`
+        bodies, epoch, propagate_to_epoch, origin : as of `from_catalogue`
 
         Raises as `read_mpcorb` and `from_catalogue` do.
         """
         return cls.from_catalogue(
-            ephemeris.read_mpcorb(source, **choice), bodies=bodies, epoch=epoch, propagate_to_epoch=propagate_to_epoch
+            ephemeris.read_mpcorb(source, **choice),
+            bodies=bodies,
+            epoch=epoch,
+            propagate_to_epoch=propagate_to_epoch,
+            origin=origin,
         )
 
     @classmethod
@@ -98,6 +108,7 @@ class FromCatalogues:
         epoch: Any = None,
         propagate_to_epoch: bool = False,
         massive: bool = False,
+        origin: str = "barycentre",
         **choice: Any,
     ) -> Self:
         """Return Sun and planets of DE440 with asteroids and comets of JPL's Small-Body Database.
@@ -105,7 +116,7 @@ class FromCatalogues:
             System.from_sbdb("sbdb_query_results.csv")
 
         source, choice : what `read_sbdb` takes: count, names, numbers, classes, brighter_than, errors
-        bodies, epoch, propagate_to_epoch, massive : as of `from_catalogue`
+        bodies, epoch, propagate_to_epoch, massive, origin : as of `from_catalogue`
 
         Raises as `read_sbdb` and `from_catalogue` do.
         """
@@ -115,6 +126,7 @@ class FromCatalogues:
             epoch=epoch,
             propagate_to_epoch=propagate_to_epoch,
             massive=massive,
+            origin=origin,
         )
 
     def add_particles(self, catalogue: Catalogue, *, propagate_to_epoch: bool = False, massive: bool = False) -> Self:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,6 +16,9 @@ from orbits.units import UnitSystem
 Floats = NDArray[np.float64]
 
 LONGEST_NAME = 128
+
+EARTH_AND_MOON = ("earth", "moon")
+BOTH = "Earth-Moon barycenter"
 
 
 class StateValues(NamedTuple):
@@ -158,14 +162,36 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
 
 
 def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
-    """Return the place of `name` in `names`; raise UnknownNameError with the names that come close."""
-    if isinstance(name, str) and name in names:
-        return names.index(name)
+    """Return the place of `name` in `names`, whatever its case where that is not ambiguous.
+
+    Raises UnknownNameError with the names that come close, or that differ in their case only.
+    """
+    place = place_of(name, names)
+    if place is not None:
+        return place
     given = shown(name).strip("'\"").lower()
+    alike = [n for n in names if n.lower() == given]
+    if alike:
+        raise UnknownNameError(
+            f"{what} {shown(name)} could be {' or '.join(map(repr, alike))}; expected the case of one of them."
+        )
     close = difflib.get_close_matches(given, {n.lower(): None for n in names}, n=3, cutoff=0.6)
-    meant = [n for n in names if n.lower() in close]
+    part = re.compile(rf"\b{re.escape(given)}\b") if given else None
+    meant = [n for n in names if n.lower() in close or (part and part.search(n.lower()))]
     hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
+    if given in EARTH_AND_MOON and BOTH in meant:
+        hint = f" {BOTH!r} stands for both as one; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them apart."
     raise UnknownNameError(f"there is no {what} {shown(name)}; expected one of {few(names)}.{hint}")
+
+
+def place_of(name: object, names: Sequence[str]) -> int | None:
+    """Return the place of `name` in `names`, or that of the only one that differs in its case alone; else None."""
+    if not isinstance(name, str):
+        return None
+    if name in names:
+        return names.index(name)
+    alike = [i for i, other in enumerate(names) if other.lower() == name.lower()]
+    return alike[0] if len(alike) == 1 else None
 
 
 def few(names: Sequence[str], most: int = 12) -> str:

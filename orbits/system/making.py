@@ -33,6 +33,9 @@ OF_A_BODY = ("gm", "mass", "radius")
 BARYCENTRIC = ("barycentre", "barycenter")
 JACOBI = "jacobi"
 
+SSB = "ssb"
+SAME_EPOCH_NS = 1.0
+
 EXAMPLE = "System.from_elements({'Sun': dict(mass=1 * u.M_sun), 'Ceres': dict(a=2.77 * u.au, e=0.08)})"
 
 
@@ -208,6 +211,61 @@ def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
         )
     gm, q, v = ephemeris.states(names, epoch.jd1, epoch.jd2)
     return {"names": names, "gm": gm, "q": q, "v": v, "epoch": epoch}
+
+
+def is_about_ssb(origin: str) -> bool:
+    """Return whether an origin is the Solar System's barycentre, not that of the bodies chosen; UnknownNameError for
+    another.
+    """
+    known = origin.lower() if isinstance(origin, str) else ""
+    if known in BARYCENTRIC or known == SSB:
+        return known == SSB
+    raise UnknownNameError(
+        f"there is no origin {shown(origin)}; expected 'barycentre', that of the bodies chosen, or 'ssb', that of the "
+        "Solar System. For another, move the bodies: system.replaced(q=..., v=...)"
+    )
+
+
+def united(one: System, other: System) -> dict[str, Any]:
+    """Return what changes when the bodies of `other` come to those of `one`; EpochError and InputError where they do
+    not go together.
+    """
+    if one.units != other.units:
+        raise InputError(f"the systems are in {one.units.name} and {other.units.name}; expected the same units.")
+    here, there = one.epoch, other.epoch
+    if (here is None) != (there is None):
+        raise EpochError("one of the systems has an epoch and the other none; give both, or none: replaced(epoch=...).")
+    if here is not None and there is not None and abs((here - there).to_value(u.ns)) > SAME_EPOCH_NS:
+        raise EpochError(
+            f"the systems are of {here.isot} and {there.isot} TDB; expected the same epoch. Propagate one to that of "
+            "the other: orbits.propagate(..., until=other.epoch)[-1]."
+        )
+    mine, theirs = one.values, other.values
+    if mine.softening != theirs.softening:
+        raise InputError(f"softening is {one.softening} and {other.softening}; expected the same for all bodies.")
+    new = []
+    for i, name in enumerate(other.names):
+        if name not in one.names:
+            new.append(i)
+            continue
+        k = one.names.index(name)
+        if any(not np.array_equal(a[k], b[i]) for a, b in zip(mine[:3], theirs[:3], strict=True)):
+            apart = u.Quantity(np.linalg.norm(mine.q[k] - theirs.q[i]), one.units.length)
+            remedy = (
+                " Are their origins different? System.solar_system(..., origin='ssb') gives all systems the same one."
+                if mine.gm[k] == theirs.gm[i] and one.units.is_physical
+                else ""
+            )
+            raise InputError(
+                f"both systems have {name!r}, {apart:.6g} apart; expected different names or the very same values: "
+                f"remove it from one of them.{remedy}"
+            )
+    radii = None
+    if one.radii is not None or other.radii is not None:
+        known = [np.zeros(len(x)) if x.radii is None else x.radii.value for x in (one, other)]
+        radii = np.concatenate([known[0], known[1][new]])
+    gm, q, v = (np.concatenate([a, b[new]]) for a, b in zip(mine[:3], theirs[:3], strict=True))
+    return {"names": one.names + tuple(other.names[i] for i in new), "gm": gm, "q": q, "v": v, "radii": radii}
 
 
 def _from_state(

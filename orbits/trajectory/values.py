@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits import diagnostics
 from orbits.system.checks import few
 from orbits.system.presenting import span
+from orbits.tables import html_table
 
 Array = NDArray[np.float64]
 
@@ -84,6 +85,17 @@ class ConservedQuantities:
             rows.append(f"{name.replace('_', ' '):18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        printer.text(str(self))
+
+    def _repr_html_(self) -> str:
+        head = ["", "max change", "in ulps", "at the end"]
+        drifts = {field.name.replace("_", " "): getattr(self, field.name) for field in fields(self)}
+        rows = [
+            [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"] for name, d in drifts.items()
+        ]
+        return html_table("change since the first sample, as a fraction", head, rows)
 
 
 @dataclass(frozen=True, repr=False)

@@ -97,7 +97,7 @@ def test_a_run_stores_its_certificate_in_the_archive_and_keeps_it_when_extended(
 def test_wrong_uses_are_refused_with_the_remedy(system, tmp_path):
     pendulum = orbits.lagrangians.pendulum
     for arguments, message in (
-        ((pendulum, "gauss", 0.1), "such as orbits.Gauss"),
+        ((pendulum, 8, 0.1), "such as orbits.Gauss"),
         ((3, orbits.Gauss(), 0.1), "a System or a Lagrangian, got int"),
         ((pendulum, orbits.Gauss(), 0.0), "dt must be finite and not zero"),
         ((pendulum, orbits.Gauss(), "x"), "dt must be a number"),

@@ -15,7 +15,9 @@ from orbits import integrators
 from orbits.cli import app
 from orbits.errors import Interrupted
 from orbits.propagation import run as run_module
+from orbits.regression import PEERS
 from orbits.scenario import bundled
+from orbits.scenario.command import guarded
 
 COMMANDS = ["run", "resume", "compare", "certify", "plot", "info", "list"]
 
@@ -241,8 +243,8 @@ def bad(tmp_path):
         (["run", "keppler"], "Did you mean"),
         (["run", tmp_path / "none.py"], "does not exist"),
         (["run", "/dev/null"], "is no regular file"),
-        (["run", "kepler", "--dt", "0"], "dt must be positive"),
-        (["run", "kepler", "--dt", "nan"], "dt must be positive"),
+        (["run", "kepler", "--dt", "0"], "dt must be finite and not zero"),
+        (["run", "kepler", "--dt", "nan"], "dt must be finite and not zero"),
         (["run", "kepler", "--dt", "3 km"], "dt"),
         (["run", "kepler", "--dt", "soon"], "--dt = 'soon'"),
         (["run", "kepler", "--dt", "3 days"], "'days' is no unit; did you mean day?"),
@@ -325,8 +327,26 @@ def test_a_reader_that_stops_early_is_no_error():
     assert "BrokenPipe" not in out.stderr
 
 
-def test_interrupted_is_an_error_with_its_own_exit_code():
+def test_a_run_that_is_interrupted_ends_with_its_own_exit_code_and_what_it_says(capsys):
     assert Interrupted("stopped").exit_code == 130
+    with pytest.raises(SystemExit) as caught, guarded():
+        raise Interrupted("stopped by SIGTERM at 3 of 7 d")
+    assert caught.value.code == 130
+    assert "stopped by SIGTERM at 3 of 7 d" in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_help_of_compare_lists_all_peers():
+    said = call("compare", "--help").stdout
+    assert all(peer in said for peer in PEERS)
+
+
+def test_a_run_is_extended_to_a_date(archive):
+    assert call("resume", archive, "--until", "2011-01-01").exit_code == 0
+    assert orbits.Trajectory.open(archive).epochs[-1].isot == "2011-01-01T00:00:00.000"
+    out = call("resume", archive, "--until", "2100-01-01x")
+    assert out.exit_code == 2
+    assert "until = '2100-01-01x'; expected" in " ".join(out.stderr.split())
+    assert call("resume", archive, "--until", "1900-01-01").exit_code == 2
 
 
 def test_the_package_is_run_as_the_command():

@@ -98,7 +98,7 @@ def test_softening_counts():
 
 
 WRONG = [
-    ({"integrator": "gauss"}, "integrator must be a method"),
+    ({"integrator": 8}, "integrator must be a method"),
     ({"dt": 0.0}, "dt must be finite and not zero"),
     ({"dt": float("nan")}, "dt must be finite"),
     ({"dt": "a"}, "dt must be finite"),

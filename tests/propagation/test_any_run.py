@@ -53,6 +53,7 @@ def test_any_step_and_any_length_run_or_are_refused(x: Any) -> None:
         works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=f"P/{x}", duration=0.5, samples=2))
     if not many(x):
         works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=0.1, duration=x, samples=2))
+        works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=0.1, until=x, samples=2))
 
 
 @campaign(30, 1000, x=junk)
@@ -60,6 +61,10 @@ def test_any_question_to_a_run_is_answered_or_refused(x: Any) -> None:
     run = orbits.propagate(PAIR, VERLET, dt=0.1, duration=1.0, samples=3)
     for use in (
         run.at,
+        lambda x: PAIR + x,
+        lambda x: orbits.System.solar_system(origin=x, bodies=["Sun", "Mars"]),
+        lambda x: run[x] if not isinstance(x, int) else None,
+        lambda x: PAIR[x] if not isinstance(x, int) else None,
         lambda x: run.elements(primary=x),
         orbits.Trajectory.open,
         orbits.Archive.open,

@@ -2,6 +2,7 @@
 
 import io
 import sys
+import types
 
 import pytest
 
@@ -38,6 +39,66 @@ def test_on_a_terminal_the_bar_shows_method_time_and_rate(monkeypatch):
     assert "StormerVerlet()" in shown
     assert "steps/s" in shown
     assert "%" in shown
+
+
+class Notebook:
+    """What IPython has in the kernel of a notebook: a shell with a kernel, and displays that can be updated."""
+
+    def __init__(self, kernel=True):
+        self.messages = []
+        self.shell = types.SimpleNamespace(**({"kernel": object()} if kernel else {}))
+
+    def get_ipython(self):
+        return self.shell
+
+    def display(self, data, *, raw, display_id):
+        assert raw
+        assert display_id
+        self.messages.append(data)
+        return self
+
+    def update(self, data, *, raw):
+        assert raw
+        self.messages.append(data)
+
+
+def install(monkeypatch, notebook):
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    monkeypatch.setitem(sys.modules, "IPython.display", notebook)
+    monkeypatch.setattr(module, "PATIENCE", 0.0)
+    return notebook
+
+
+def test_in_a_notebook_the_bar_is_an_output_that_is_updated_and_taken_away(monkeypatch, capsys):
+    notebook = install(monkeypatch, Notebook())
+    monkeypatch.setattr(module, "PAUSE", 0.0)
+    run()
+    first, *shown, last = notebook.messages
+    assert first == {"text/html": "", "text/plain": "StormerVerlet()"}
+    assert last == {"text/html": "", "text/plain": ""}
+    assert len(shown) >= 2
+    assert '<progress value="' in shown[0]["text/html"]
+    for text in (shown[-1]["text/plain"], shown[-1]["text/html"]):
+        assert "StormerVerlet()" in text
+        assert "100%" in text
+        assert "steps/s" in text
+    assert capsys.readouterr().err == ""
+
+
+def test_a_notebook_is_told_no_more_than_five_times_a_second(monkeypatch):
+    notebook = install(monkeypatch, Notebook())
+    monkeypatch.setattr(module, "PAUSE", 3600.0)
+    run()
+    assert len(notebook.messages) == 3
+
+
+@pytest.mark.parametrize("kernel", [True, False])
+def test_false_and_an_ipython_without_a_notebook_show_no_output(monkeypatch, kernel):
+    notebook = install(monkeypatch, Notebook(kernel))
+    bar = Progress(False if kernel else None, label="x", total=1.0, unit="d", steps=10)
+    bar.update(0.5)
+    bar.close()
+    assert not notebook.messages
 
 
 @pytest.mark.parametrize("wanted", [True, None])

@@ -218,10 +218,9 @@ def test_the_centre_of_mass_of_a_single_moving_body_does_not_drift_infinitely():
 
 
 TABLE = [
-    ({"dt": 0}, "dt must be positive"),
-    ({"dt": -1.0}, "dt must be positive"),
-    ({"dt": np.nan}, "dt must be positive and finite"),
-    ({"dt": np.inf}, "dt must be positive and finite"),
+    ({"dt": 0}, "dt must be finite and not zero"),
+    ({"dt": np.nan}, "dt must be finite"),
+    ({"dt": -np.inf}, "dt must be finite"),
     ({"dt": 3 * u.day}, "dt"),
     ({"dt": [0.1, 0.2]}, "dt must be a single number"),
     ({"dt": "fast"}, "dt"),
@@ -245,7 +244,8 @@ TABLE = [
     ({"samples": 10**13}, "at most 1e"),
     ({"threads": 0}, "threads must be a positive"),
     ({"threads": 1.5}, "threads must be a positive"),
-    ({"integrator": "verlet"}, "integrator must be a method"),
+    ({"integrator": "verlet"}, "no integrator is called 'verlet'; did you mean stormer-verlet"),
+    ({"integrator": 8}, "integrator must be a method"),
     ({"integrator": orbits.Gauss}, "integrator must be a method"),
     ({"system": {"gm": 1}}, "system must be an orbits.System"),
 ]

@@ -230,7 +230,7 @@ def test_the_report_of_a_comparison_is_strict_json_with_its_settings(tmp_path):
     ("change", "error", "message"),
     [
         ({"integrators": []}, InputError, "no integrator"),
-        ({"integrators": 3}, InputError, "no integrator; expected one of"),
+        ({"integrators": 3}, InputError, "integrator must be a method"),
         ({"integrators": [GAUSS, GAUSS]}, InputError, "twice"),
         ({"integrators": "gaus"}, UnknownNameError, "gauss"),
         ({"against": ("whfsat",)}, UnknownNameError, "Did you mean 'whfast'"),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 import rebound
@@ -286,3 +289,62 @@ def test_collisions_are_told():
     sim.collision = "direct"
     with pytest.warns(OrbitsWarning, match="pass through each other"):
         orbits.from_rebound(sim)
+
+
+def with_time_and_units(units, G):
+    sim = rebound.Simulation()
+    if units is not None:
+        sim.units = units
+    if G is not None:
+        sim.G = G
+    sim.add(m=1.0, name="star", r=0.01)
+    sim.add(m=1e-3 / 3, a=1.3, e=0.2, name="planet")  # no short number: G m / G is not m for all G
+    sim.add(m=7.1e-7, a=2.2, name="another")
+    sim.add(a=3.0, name="grain")
+    sim.N_active = 3
+    sim.integrate(3.7)
+    return sim
+
+
+SIMULATIONS = [
+    (("AU", "yr", "Msun"), None),
+    (("m", "s", "kg"), None),
+    (("au", "d", "massist"), 1.0),
+    (("au", "yr2pi", "msun"), None),
+    (None, None),
+    (None, 4 * np.pi**2),
+]
+
+
+@pytest.mark.parametrize(("units", "G"), SIMULATIONS, ids=str)
+def test_a_simulation_comes_back_with_its_G_its_units_its_masses_and_its_t(units, G):
+    sim = with_time_and_units(units, G)
+    system = orbits.from_rebound(sim)
+    for made in (system, pickle.loads(pickle.dumps(system)), copy.deepcopy(system)):
+        back = orbits.to_rebound(made)
+        assert (back.G, back.t, back.units, back.N_active) == (sim.G, sim.t, sim.units, sim.N_active)
+        assert states(back) == states(sim)
+        assert [p.r for p in back.particles] == [p.r for p in sim.particles]
+    run = orbits.propagate(system, "gauss", dt=0.01, duration=1.0, samples=3)
+    back = orbits.to_rebound(run)
+    assert (back.G, back.units) == (sim.G, sim.units)
+    assert back.t == sim.t + 1.0
+    assert orbits.to_rebound(run, 0).t == sim.t
+    assert np.array_equal(orbits.from_rebound(back).values.gm, system.values.gm)
+    assert orbits.from_rebound(back).units == system.units
+
+
+def test_what_is_made_of_a_simulations_system_is_a_system_like_any_other():
+    system = orbits.from_rebound(with_time_and_units(("AU", "yr", "Msun"), None))
+    moved = system.barycentric()
+    assert type(moved) is orbits.System
+    back = orbits.to_rebound(moved)
+    assert (back.t, back.G) == (0.0, system.units.G)
+    assert [back.G * p.m for p in back.particles] == system.values.gm.tolist()
+    # A GM that is G times no float is kept all the same, with G = 1.
+    others = np.nextafter(np.full(40, 1e-3), 1.0) * np.arange(1, 41)
+    odd = orbits.System(
+        [f"b{k}" for k in range(40)], others, np.arange(120.0).reshape(40, 3), np.zeros((40, 3)), units=system.units
+    )
+    made = orbits.to_rebound(odd)
+    assert [made.G * p.m for p in made.particles] == others.tolist()

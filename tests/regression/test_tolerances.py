@@ -43,6 +43,12 @@ def test_positions_are_bounded_in_km_whatever_they_were_given_in():
     assert parsed({"position": 1e-6}, DIMENSIONLESS)[0].positions["Earth"] == 1e-6
 
 
+def test_the_case_of_names_of_bodies_and_methods_does_not_matter():
+    assert parsed({"position_km": {"EARTH": 1.0}})[0].positions == {"Earth": 1.0}
+    gauss, verlet = parsed({"Gauss": {"energy": 1e-13}, "stormerverlet()": {"energy": 1e-3}})
+    assert (gauss.scalars, verlet.scalars) == ({"energy": 1e-13}, {"energy": 1e-3})
+
+
 def test_bodies_go_before_groups():
     bounds = parsed({"position_km": {"Earth": 1.0, "massive": 5.0, "particles": 100.0}})[0]
     assert bounds.positions == {"Earth": 1.0, "Sun": 5.0, "Ceres": 100.0}

@@ -135,7 +135,7 @@ MAKERS: list[tuple[str, Callable[[], System], type[OrbitsError], str]] = [
     ("a twice", add(a=[1, 2]), InputError, r"a of 'rock' has shape \(2,\); expected one number"),
     ("gm and mass", add(a=1, gm=0, mass=0), InputError, r"rock: both gm and mass are given"),
     ("negative mass", add(a=1, mass=-1), InputError, r"gm of 'rock' is -0.000295"),
-    ("no such primary", add(a=1, primary="sun"), UnknownNameError, r"there is no body 'sun'.*Did you mean 'Sun'"),
+    ("no such primary", add(a=1, primary="sunn"), UnknownNameError, r"there is no body 'sunn'.*Did you mean 'Sun'"),
     ("no such frame", add(a=1, frame="galactic"), UnknownNameError, r"no frame 'galactic'"),
     ("negative radius", add(a=1, radius=-1), InputError, r"radii of 'rock' is -1.0"),
     ("name taken", lambda: sun().add("Sun", a=1), InputError, r"bodies 0 and 1 are both called 'Sun'"),

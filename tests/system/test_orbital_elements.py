@@ -14,7 +14,7 @@ from orbits.elements import elements_from_state
 from orbits.system import OrbitalElements, osculating
 
 EPS = 2.0**-52
-KEYS = tuple(field.name for field in fields(OrbitalElements))[4:]
+KEYS = tuple(field.name for field in fields(OrbitalElements))[4:-1]
 
 
 def test_elements_are_those_of_the_relative_state_with_units() -> None:
@@ -94,8 +94,8 @@ def test_one_body_is_chosen_by_name() -> None:
     elements = System.solar_system().elements("Sun")
     assert elements["Mars"].a == elements.a[elements.names.index("Mars")]
     assert elements["Mars"]["Mars"].a == elements["Mars"].a
-    with pytest.raises(UnknownNameError, match=r"there is no orbit of 'mars'.*Did you mean 'Mars'"):
-        elements["mars"]
+    with pytest.raises(UnknownNameError, match=r"there is no orbit of 'marz'.*Did you mean 'Mars'"):
+        elements["marz"]
     with pytest.raises(UnknownNameError, match="there is no orbit of 'Sun'"):
         elements["Sun"]
 

@@ -84,6 +84,11 @@ def catalogue() -> orbits.ephemeris.Catalogue:
     return replace(orbits.asteroids(1), names=(NASTY,))
 
 
+def study() -> orbits.StudyResult:
+    table = orbits.Table(NASTY, ["method", "error", "steps"], [["gauss", 1.23456e-9, 12345], ["verlet", None, 7]])
+    return orbits.StudyResult(tables=(table, table))
+
+
 VALUES = [
     system,
     lambda: system().elements("body 1"),
@@ -93,8 +98,13 @@ VALUES = [
     certificate,
     report,
     catalogue,
+    lambda: system()[0],
+    study,
 ]
-KINDS = ["system", "elements", "run", "elements of a run", "approaches", "certificate", "report", "catalogue"]
+KINDS = [
+    "system", "elements", "run", "elements of a run", "approaches", "certificate", "report", "catalogue", "body",
+    "study",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("make", VALUES, ids=KINDS)
@@ -104,6 +114,12 @@ def test_names_are_escaped_and_every_tag_is_closed(make):
     assert set(seen.tags) <= {"table", "caption", "tbody", "tr", "th", "td", "p"}
     assert any(NASTY in text for text in seen.texts)
     assert "<script" not in html
+
+
+def test_tables_of_a_study_show_the_figures_that_print_shows():
+    seen = Texts(study()._repr_html_())
+    assert seen.tags.count("table") == 2
+    assert {"gauss", "1.23e-09", "12,345"} <= set(seen.texts)
 
 
 def test_a_thousand_bodies_make_no_larger_table_than_twenty():
@@ -171,3 +187,43 @@ def test_a_run_shows_whether_its_certificate_holds():
 def test_a_run_cannot_be_drawn_for_what_names_no_body(bodies):
     with pytest.raises(orbits.InputError, match=r"expected a s|Vulcan"):
         run().plot(bodies=bodies)
+
+
+def test_drift_is_a_table_with_the_figures_that_print_has():
+    drift = run().drift()
+    seen = Texts(drift._repr_html_())
+    assert seen.tags.count("tr") == 5
+    assert {"energy", "centre of mass", "max change"} <= set(seen.texts)
+    assert f"{drift.energy.max_fraction:.2e}" in seen.texts
+
+    class Printer:
+        said = ""
+
+        def text(self, text):
+            self.said += text
+
+    printer = Printer()
+    drift._repr_pretty_(printer, False)
+    assert printer.said == str(drift)
+
+
+def test_a_body_is_a_table():
+    seen = Texts(system()[NASTY]._repr_html_())
+    assert {NASTY, "gm", "q", "v"} <= set(seen.texts)
+
+
+@pytest.mark.parametrize("make", [system, run, met, lambda: system().elements("body 1")])
+def test_keys_are_completed_with_the_names_that_can_be_asked_for(make):
+    value = make()
+    names = value._ipython_key_completions_()
+    assert NASTY in names
+    for name in names:
+        assert value[name] is not None
+
+
+@pytest.mark.parametrize("make", [system, run])
+def test_a_figure_shows_itself_where_no_pyplot_has_been_imported(make):
+    png, size = make().plot()._repr_png_()
+    assert png.startswith(b"\x89PNG")
+    assert set(size) == {"width", "height"}
+    assert 300 < size["height"] < size["width"] < 1000

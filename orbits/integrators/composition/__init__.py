@@ -72,6 +72,7 @@ class Composition(Integrator):
             object.__setattr__(self, "scheme", self._default())
         if not isinstance(self.scheme, str):
             raise InputError(f"scheme is {shown(self.scheme)}; expected the name of one, such as 'suzuki', or None")
+        object.__setattr__(self, "scheme", self.scheme.lower())
         _ = self._scheme
 
     def _default(self) -> str:

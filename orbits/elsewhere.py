@@ -1,0 +1,111 @@
+"""What other packages, REBOUND above all, call things, and what does their work here: the hints of messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+
+OTHER_NAMES = {
+    "rk4": "runge-kutta-4",
+    "leapfrog": "stormer-verlet",
+    "verlet": "stormer-verlet",
+    "velocity-verlet": "stormer-verlet",
+    "midpoint": "implicit-midpoint",
+    "euler": "explicit-euler or symplectic-euler",
+}
+"""What methods of the package are called elsewhere."""
+
+PEERS = {"whfast": "whfast", "wisdom-holman": "whfast", "ias15": "ias15", "saba": "saba-10-6-4"}
+"""Methods that are REBOUND's, by the name of the peer."""
+
+OTHERS_OF_REBOUND = ("mercurius", "trace", "janus", "eos", "bs", "sei")
+"""Methods of REBOUND that are no peers."""
+
+PUBLIC_NAMES = {
+    "simulation": "orbits.System(...), which orbits.propagate moves",
+    "simulationarchive": "orbits.Trajectory.open(path), or orbits.run_from_rebound(path) for REBOUND's files",
+    "particle": "orbits.System(...) and its add(name, ...)",
+    "orbit": "system.elements(primary=...)",
+    "integrate": "orbits.propagate(system, method, dt=..., duration=...)",
+    "open": "orbits.Trajectory.open(path)",
+    "load": "orbits.Trajectory.open(path)",
+}
+"""What stands here for names of other packages, in small letters."""
+
+FORCES = "the force is Newton's gravity; a Lagrangian of your own is marched by orbits.march (docs/lagrangians.md)"
+END = "how far to go is duration=..., or until=..., a date or a time since the epoch"
+STEPS = "steps are constant: dt=..."
+SAMPLES = "what is kept is samples=..., a count or times"
+KEYWORDS = {
+    "additional_forces": FORCES,
+    "forces": FORCES,
+    "pre_timestep_modifications": FORCES,
+    "post_timestep_modifications": FORCES,
+    "heartbeat": "callback=... is called after each sample",
+    **dict.fromkeys(("tmax", "t_end", "tend", "t_span", "tspan", "end", "steps", "n_steps", "t"), END),
+    **dict.fromkeys(("step", "timestep", "stepsize", "h"), STEPS),
+    **dict.fromkeys(("rtol", "atol", "tol", "tolerance", "epsilon", "min_dt"), f"{STEPS}, chosen by no tolerance"),
+    **dict.fromkeys(("times", "t_eval", "saveat", "noutputs", "nout", "exact_finish_time"), SAMPLES),
+    **dict.fromkeys(("collision", "exit_min_distance"), "stop=orbits.CloserThan(distance) ends a run"),
+    "exit_max_distance": "stop=orbits.FartherThan(distance) ends a run",
+    "events": "stop=... holds the conditions that end a run, and run.closest_approaches() the passages",
+    **dict.fromkeys(("method", "solver"), 'the method is the second argument: orbits.Gauss(stages=8), or "gauss"'),
+    "softening": "it belongs to the system: system.replaced(softening=...)",
+    "epoch": "it belongs to the system: system.replaced(epoch=...)",
+    "units": "they belong to the system: orbits.System(..., units=...)",
+    **dict.fromkeys(("file", "filename", "path", "output", "out"), "archive=... names the file to write"),
+    **dict.fromkeys(("n_jobs", "workers", "nthreads"), "threads=... is the number of threads"),
+    "verbose": "progress=... says whether a bar is drawn",
+}
+"""What `propagate` has for arguments of other packages."""
+
+
+def method_hint(name: str, known: Iterable[str]) -> str:
+    """Return what a person may have meant by the name of a method that is not there, as the end of a sentence.
+
+    known : the names that are registered
+    """
+    if peer := _found(name, PEERS):
+        return f", which is REBOUND's: compare with it by against=['{peer}'] or --against {peer}."
+    if _plain(name) in OTHERS_OF_REBOUND:
+        return ", which is REBOUND's, and not one that can be compared with."
+    meant = {each: each for each in known} | OTHER_NAMES
+    close = get_close_matches(name.replace("_", "-").lower(), meant, n=1, cutoff=0.4)
+    return f"; did you mean {meant[close[0]]}?" if close else "."
+
+
+def public_name_hint(name: str, public: Iterable[str]) -> str:
+    """Return what does the work of a name that `orbits` does not have, as the end of a sentence.
+
+    public : the names that it has
+    """
+    if here := _found(name, PUBLIC_NAMES):
+        return f": here that is {here}."
+    if _found(name, PEERS) or _plain(name) in OTHERS_OF_REBOUND:
+        return method_hint(name, ())
+    folded = {_plain(each): each for each in public}
+    if kin := _found(name, OTHER_NAMES):
+        return f"; did you mean {' or '.join(folded[_plain(each)] for each in kin.split(' or '))}?"
+    close = get_close_matches(_plain(name), folded, n=1, cutoff=0.7)
+    return f"; did you mean {folded[close[0]]}?" if close else "."
+
+
+def keyword_hint(name: str, known: Iterable[str]) -> str:
+    """Return what a function has instead of an argument that it does not know, as sentences.
+
+    known : the arguments that it has
+    """
+    known = tuple(known)
+    if name.lower() in KEYWORDS:
+        return f"{KEYWORDS[name.lower()]}."
+    close = get_close_matches(name.lower(), known, n=1, cutoff=0.6)
+    return f"expected some of {', '.join(known)}." + (f" Did you mean {close[0]}?" if close else "")
+
+
+def _plain(name: str) -> str:
+    """Return a name in small letters, without dashes: "WisdomHolman" and "wisdom-holman" are one."""
+    return name.replace("_", "").replace("-", "").lower()
+
+
+def _found(name: str, table: Mapping[str, str]) -> str | None:
+    return {_plain(key): value for key, value in table.items()}.get(_plain(name))

@@ -1,0 +1,78 @@
+"""The bodies of a system one by one, for a look at their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+
+from orbits.errors import InputError, shown
+from orbits.tables import html_pairs
+
+if TYPE_CHECKING:
+    from orbits.system.value import System
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Body:
+    """One body at the epoch of its system: what `system["Ceres"]` gives.
+
+    name : as the system has it
+    gm, mass : G times mass, and the mass with the G of the system's units; 0 for a massless particle
+    q, v : position and velocity, shape (3,), in the axes of the system and about its origin
+    radius : or None where no radii are known
+    """
+
+    name: str
+    gm: u.Quantity
+    mass: u.Quantity
+    q: u.Quantity
+    v: u.Quantity
+    radius: u.Quantity | None
+
+    def _pairs(self) -> dict[str, str]:
+        pairs = {"gm": f"{self.gm:.10g}".rstrip(), "q": _vector(self.q), "v": _vector(self.v)}
+        return pairs if self.radius is None else {**pairs, "radius": f"{self.radius:.6g}".rstrip()}
+
+    def _repr_html_(self) -> str:
+        return html_pairs(self.name, self._pairs().items())
+
+    def __repr__(self) -> str:
+        return f"Body({self.name}; {'; '.join(f'{key} = {value}' for key, value in self._pairs().items())})"
+
+
+class Bodies:
+    """What `System` has for single bodies."""
+
+    __slots__ = ()
+
+    def __getitem__(self, key: str | int) -> Body:
+        """Return a body, by name or by number (negative ones from the end). Raises UnknownNameError, or IndexError."""
+        system: System = self  # type: ignore[assignment]
+        if isinstance(key, str):
+            i = system.index(key)
+        elif isinstance(key, int | np.integer) and not isinstance(key, bool):
+            if not -len(system) <= key < len(system):
+                raise IndexError(f"body {key} of a system with {len(system)} bodies")
+            i = int(key) % len(system)
+        else:
+            raise InputError(f'system[{shown(key)}]: give a name, system["Sun"], or the number of a body, system[0].')
+        mass = u.Quantity(system.values.gm[i] / system.units.G, system.units.mass)
+        radius = None if system.radii is None else system.radii[i]
+        return Body(system.names[i], system.gm[i], mass, system.q[i], system.v[i], radius)
+
+    def __iter__(self) -> Iterator[Body]:
+        """Yield the bodies in their order."""
+        system: Any = self
+        return (system[i] for i in range(len(system)))
+
+    def _ipython_key_completions_(self) -> list[str]:
+        system: Any = self
+        return list(system.names)
+
+
+def _vector(x: u.Quantity) -> str:
+    return f"[{', '.join(f'{component:.6g}' for component in x.value)}] {x.unit}".rstrip()
