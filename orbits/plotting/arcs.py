@@ -152,19 +152,17 @@ def joined(run: Trajectory, i: int) -> Path:
     steps = np.diff(run.times)
     centre = centre_of(samples.end, (i,))
     orbit = samples.orbit((i,), centre) if centre else None
-    simple = centre and is_nearly_two_body(samples.end, (i,), centre)
-    period = np.minimum(orbit.period[:-1], orbit.period[1:]) if orbit and simple else np.full(count - 1, np.inf)
-    wound = np.abs(steps) >= period
+    wound = np.zeros(count - 1, dtype=bool)
+    if orbit and is_nearly_two_body(samples.end, (i,), centre):
+        wound = np.abs(steps) >= np.minimum(orbit.period[:-1], orbit.period[1:])
     turn = np.where(wound, np.inf, _turn(q, samples.v(i), run.times))
     straight = turn < STRAIGHT
-    arcs: dict[int, Array] = {}
+    smooth = np.flatnonzero(~straight & (turn < SMOOTH))
+    arcs = dict(zip(smooth.tolist(), samples.cubics((i,), smooth), strict=True))
     curved = np.flatnonzero(~straight & ~wound)
     if len(curved) and orbit:
         points, good = samples.arcs((i,), orbit, curved)
-        arcs = {int(k): arc for k, arc, fine in zip(curved, points, good, strict=True) if fine}
-    for k in np.flatnonzero(~straight & (turn < SMOOTH)).tolist():
-        if k not in arcs:
-            arcs[k] = _cubic(q, samples.v(i), np.array([k]), np.linspace(0.0, steps[k], 17)[None], steps[k : k + 1, None])[0]
+        arcs |= {k: arc for k, arc, fine in zip(curved.tolist(), points, good, strict=True) if fine}
     drawn = straight.copy()
     drawn[list(arcs)] = True
     pieces, gap = [], np.full((1, 3), np.nan)
@@ -207,6 +205,11 @@ class _Samples:
         times = _nodes(orbit, self.run.times, k)
         return self._between(members, k, times)
 
+    def cubics(self, members: Bodies, k: NDArray[np.intp]) -> Array:
+        """Return points (len(k), 17, 3) of the cubics from each sample k to the next."""
+        length = np.diff(self.run.times)[k][:, None]
+        return _cubic(*self._middle(members), k, length * np.linspace(0.0, 1.0, 17), length)
+
     def _between(self, members: Bodies, k: NDArray[np.intp], times: Array) -> tuple[Array, NDArray[np.bool_]]:
         centre = centre_of(self.end, members)
         length = np.diff(self.run.times)[k][:, None]
@@ -225,7 +228,8 @@ class _Samples:
     def _middle(self, members: Bodies) -> tuple[Array, Array]:
         weights = _weights(self.gm, members)
         both = [self._body(i) for i in members]
-        return tuple(sum(w * x[part] for w, x in zip(weights, both, strict=True)) for part in (0, 1))  # type: ignore[return-value]
+        q, v = (np.asarray(sum(w * x[part] for w, x in zip(weights, both, strict=True))) for part in (0, 1))
+        return q, v
 
     def _body(self, i: int) -> tuple[Array, Array]:
         if i not in self._known:
@@ -235,7 +239,7 @@ class _Samples:
 
 
 def _nodes(orbit: Orbit, times: Array, k: NDArray[np.intp]) -> Array:
-    """Return times since the samples k, (len(k), n), evenly spread in the eccentric anomaly of the motion from there."""
+    """Return times since the samples k, (len(k), n), evenly spread in the eccentric anomaly of the motion."""
     step = np.diff(times)[k]
     start, e = _anomaly(orbit, k)
     end, _ = _anomaly(orbit, k + 1)

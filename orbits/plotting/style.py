@@ -66,12 +66,12 @@ def look() -> Iterator[None]:
         yield
 
 
-def figure(width: float = 16.0, height: float = 10.0) -> Figure:
-    """Return an empty figure of width x height inches at 120 dots per inch."""
+def figure(width: float = 16.0, height: float = 10.0, dpi: int = 120) -> Figure:
+    """Return an empty figure of width x height inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    made = Figure(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
+    made = Figure(figsize=(width, height), dpi=dpi, layout="constrained", facecolor="white")
     FigureCanvasAgg(made)
     return made
 

@@ -80,7 +80,7 @@ def fitting_time(span: float, unit: Any) -> tuple[float, str]:
     if unit == u.dimensionless_unscaled:
         power = next((n for n in (12, 9, 6, 3) if abs(span) >= 50 * 10.0**n), 0)
         return 10.0**-power, power_of_ten(power)
-    best = max((each for each, least in TIMES if abs(span) * unit.to(each) >= least), key=lambda each: each.to(u.s))
+    best = [each for each, least in TIMES if abs(span) * unit.to(each) >= 0.999 * least][-1]  # rounded spans, too
     return float(unit.to(best)), str(best)
 
 
