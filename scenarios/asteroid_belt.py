@@ -116,7 +116,7 @@ def belt_figure(outcome):
         method_bars(axes["errors"], outcome.report, run)
     told = (
         "dashed: mean-motion resonances with Jupiter, 3:1 being three revolutions to its one; rings: what families and "
-        "groups are named after; grey bands: the rounding of one float64, 2⁻⁵³"
+        "groups are named after; bands: 2⁻⁵³, a float64's rounding"
     )
     plotting.below(figure, [], [], told)
     figure.suptitle(

@@ -38,6 +38,9 @@ BODY_COLOURS: Mapping[str, str] = {
 MARK = "orbits"
 """What a picture's metadata says of who made it."""
 
+MOST_COLUMNS = 10
+"""Of a legend."""
+
 _SETTINGS: Any = {
     "font.size": 15,
     "axes.titlesize": 17,
@@ -101,15 +104,18 @@ def below(made: Figure, handles: Sequence[Any], labels: Sequence[str], caption: 
     room = (len(text.splitlines()) * 1.35 * size + 6) / 72 / height if text else 0.0
     if text:
         made.text(0.008, 5 / 72 / height, text, ha="left", va="bottom", fontsize=size, color=GREY)
-    if handles:
-        columns = max(1, int(width * 72 / (0.6 * size) / (max(map(len, labels)) + 6)))
-        rows = -(-len(labels) // columns)
+    for columns in range(min(len(labels), MOST_COLUMNS), 0, -1):
+        even = -(-len(labels) // -(-len(labels) // columns))  # as many, all rows alike
         legend = made.legend(
-            handles, labels, loc="lower center", ncols=-(-len(labels) // rows), fontsize=size, borderaxespad=0.2,
+            handles, labels, loc="lower center", ncols=even, fontsize=size, borderaxespad=0.2,
             bbox_to_anchor=(0.5, room),
         )  # fmt: skip
         legend.set_in_layout(False)
-        room += legend.get_window_extent().height / made.bbox.height + 4 / 72 / height
+        seen = legend.get_window_extent()
+        if seen.width <= made.bbox.width or even == 1:
+            room += seen.height / made.bbox.height + 4 / 72 / height
+            break
+        legend.remove()
     engine: Any = made.get_layout_engine()
     engine.set(rect=(0.0, room, 1.0, 1.0 - room))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Any
 
 from astropy import units as u
@@ -49,13 +49,13 @@ def method_words(label: str) -> str:
     head = re.split(r"[:,(]", cls.summary)[0].strip()
     if len(head.split()) > 3:  # a sentence, not a name
         head = cls.__name__ if cls.__name__.isupper() else cls.__name__.lower()
-    defaults = {field.name: field.default for field in fields(cls)}
+    customary = {f.name: f.default_factory().label for f in fields(cls) if f.default_factory is not MISSING}
     parts = [CUSTOMARY.get(head, head)]
     for given in call.keywords:
         value = given.value
         if isinstance(value, ast.Call):
             base = ast.unparse(value)
-            if base != getattr(defaults.get(given.arg or ""), "label", None):
+            if base != customary.get(given.arg or ""):
                 parts[0] += f" of {method_words(base)}"
         elif isinstance(value, ast.Constant) and value.value is not None:
             parts.append(_parameter(given.arg or "", value.value))

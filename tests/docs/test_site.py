@@ -91,3 +91,17 @@ def test_every_scenario_integrator_and_command_is_shown(site: Path) -> None:
         for parameter in command.params:
             forms = [parameter.metavar] if parameter.param_type_name == "argument" else parameter.opts
             assert all(f">{form}" in commands for form in forms if form != "--help")
+
+
+def test_pictures_of_the_gallery_are_shown_whole() -> None:
+    css = (ROOT / "docs" / "_static" / "site.css").read_text(encoding="utf-8")
+    (image,) = re.findall(r"\.card img \{([^}]*)\}", css)
+    assert "object-fit: contain" in image
+    assert "cover" not in css
+
+
+def test_figures_are_wide_enough_to_be_read_and_small_enough_for_the_repository() -> None:
+    for path in (ROOT / "docs" / "figures").glob("*.png"):
+        width = int.from_bytes(path.read_bytes()[16:20], "big")
+        assert 1400 <= width <= 1920, path.name
+        assert path.stat().st_size < 400_000, path.name

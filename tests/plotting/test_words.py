@@ -16,6 +16,7 @@ WORDS = {
     "RungeKutta4()": "RK4",
     "LobattoIIIAB(stages=3)": "Lobatto IIIA–IIIB, 3 stages",
     "SymplecticEuler(variant='kick-drift')": "symplectic Euler, kick–drift",
+    "Composition(base=StormerVerlet(), order=4, scheme='suzuki')": "composition, order 4, suzuki",
     "Composition(base=Gauss(stages=1), order=6, scheme='yoshida')": "composition of Gauss, 1 stage, order 6, yoshida",
     "REBOUND ias15": "REBOUND ias15",
     "REBOUND whfast-corrector17": "REBOUND whfast-corrector17",
