@@ -1,4 +1,4 @@
-"""Draw the pictures of the docs anew: run scenarios, and put those of their pictures that the docs show into docs/figures.
+"""Draw the pictures of the docs anew: run scenarios and copy, reduced, those of their pictures that the docs show.
 
     python scripts/figures.py                           # all of them: about ten minutes, and a quiet machine, please
     python scripts/figures.py kepler arenstorf          # of these scenarios

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Looks = dict[int, dict[str, Any]]
 
 MOST_PATHS = 24
 """Bodies whose paths are drawn as lines; of more, the massless ones become a cloud of points."""
@@ -30,33 +31,47 @@ STILL = 0.01
 """Of a map's reach: the middle body is a disc alone where it moves less than that."""
 ROUNDING = "dashed: 2⁻⁵³, the rounding of one float64; changes of exactly 0 are drawn at the lower edge"
 ELLIPSES = "ellipses: the two-body orbits of this moment, each about what the body goes round"
+CROWDED, FEW = 0.1, 3
+"""A map of their own for bodies within a tenth of the reach of all, if they are at least three."""
 FRAME_LABELS: Mapping[str, str] = {"ecliptic": "ecliptic of J2000", "icrf": "ICRF"}
 
 
 @style.look()
 def plot_system(system: System, *, title: str | None = None, frame: str | None = None) -> Figure:
-    """Return a picture of a system from above: bodies at the epoch, with the ellipses that they osculate.
+    """Return a picture of a system from above: bodies at the epoch, with the ellipses that they osculate; once more
+    in a map of their own where several crowd about the middle.
 
     frame : seen along the third axis of the "ecliptic" of J2000 or of the "icrf" (the system's own axes); by default
         the ecliptic, where units are physical, taking the system's axes for those of the ICRF
     """
-    made = style.figure(11, 11)
-    axes = made.subplots()
-    lines, cloud = _split(system, list(range(len(system))))
+    looks, cloud = _looks(system, list(range(len(system))))
     points = in_plane(system, system.values.q, frame)
+    inner = _crowded(system, points, looks, cloud)
+    made = style.figure(16, 9.5) if inner else style.figure(11, 11)
+    maps = made.subplots(1, 2) if inner else [made.subplots()]
+    ellipses = [
+        _draw_bodies(axes, system, points, looks, [i for i in cloud if i in chosen], chosen, frame)
+        for axes, chosen in zip(maps, (set(range(len(system))), inner), strict=False)
+    ]
+    maps[0].set_title(words.moment(system) if title is None else title)
+    style.below(made, *_named(maps[0]), ELLIPSES if any(ellipses) else "")
+    return made
+
+
+def _draw_bodies(
+    axes: Axes, system: System, points: Array, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
+) -> bool:
+    """Draw the chosen bodies and their ellipses; return whether there are any of these."""
     _draw_cloud(axes, points[cloud])
-    middle = int(np.argmax(system.values.gm))
-    any_ellipse = False
-    for i, look in _looks(system, lines).items():
+    middle, any_ellipse = int(np.argmax(system.values.gm)), False
+    for i in sorted(chosen & set(looks)):
         path = osculating_ellipse(system, i, frame)
         if path is not None:
             any_ellipse = True
-            axes.plot(path[:, 0], path[:, 1], lw=1.2, alpha=0.8, color=look["color"])
-        axes.plot(*points[i, :2], "o", ms=9 if i == middle else 6, **look)
+            axes.plot(path[:, 0], path[:, 1], lw=1.2, alpha=0.8, color=looks[i]["color"])
+        axes.plot(*points[i, :2], "o", ms=9 if i == middle else 6, **looks[i])
     map_axes(axes, system, frame)
-    axes.set_title(words.moment(system) if title is None else title)
-    style.below(made, *_named(axes), ELLIPSES if any_ellipse else "")
-    return made
+    return any_ellipse
 
 
 @style.look()
@@ -65,17 +80,29 @@ def plot_trajectory(
 ) -> Figure:
     """Return a picture of a run: the paths from above, and the errors of energy and angular momentum against time.
 
+    Bodies that crowd about the middle have a map of their own, too.
     bodies : which ones; all of them by default, massless ones as a cloud at the end where there are many
     frame : as in `plot_system`
     """
-    made = style.figure(16, 10)
-    axes = made.subplot_mosaic([["map", "energy"], ["map", "momentum"]], width_ratios=[1.15, 1])
-    told = paths(axes["map"], run, bodies=bodies, frame=frame)
-    step = words.in_fitting_time(abs(run.step), run.system.units.time)
+    system = run.system
+    chosen = _chosen(system, bodies)
+    looks, cloud = _looks(system, chosen)
+    inner: set[int] = set()
+    if len(run):
+        inner = _crowded(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
+    maps = ["map", "inner"] if inner else ["map"]
+    made = style.figure(17, 8.4) if inner else style.figure(16, 10)
+    ratios = [1.0, 1.0, 0.95] if inner else [1.15, 1.0]
+    axes = made.subplot_mosaic([[*maps, "energy"], [*maps, "momentum"]], width_ratios=ratios)
+    told: dict[str, None] = {}
+    for name, part in zip(maps, (set(chosen), inner), strict=False):
+        told |= dict.fromkeys(_draw_paths(axes[name], run, looks, [i for i in cloud if i in part], part, frame))
+    step = words.in_fitting_time(abs(run.step), system.units.time)
     method = words.method_words(run.integrator.label)
     axes["map"].set_title(f"{method}, dt = {step}" if title is None else title)
     conserved(axes["energy"], axes["momentum"], {method: run})
-    style.below(made, *_named(axes["map"]), "; ".join([*told, ROUNDING]))
+    massive = [] if system.massive.all() else ["energy and angular momentum: of the massive bodies"]
+    style.below(made, *_named(axes["map"]), "; ".join([*told, *massive, ROUNDING]))
     return made
 
 
@@ -87,32 +114,39 @@ def paths(
     Where samples lie far apart the line between them is that of two-body motion, and where that is none, samples stay
     dots. Many massless particles become points at the last sample.
     """
+    chosen = _chosen(run.system, bodies)
+    looks, cloud = _looks(run.system, chosen)
+    return _draw_paths(axes, run, looks, cloud, set(chosen), frame)
+
+
+def _draw_paths(
+    axes: Axes, run: Trajectory, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
+) -> tuple[str, ...]:
     system = run.system
-    chosen = np.arange(len(system))[presenting.chosen(system.names, bodies)].tolist()
-    lines, cloud = _split(system, chosen)
-    told: dict[str, None] = {}
     if not len(run):
         map_axes(axes, system, frame)
         return ("no samples yet",)
+    told: dict[str, None] = {}
     end = arcs.last_state(run)
     last = in_plane(system, end.values.q, frame)
     _draw_cloud(axes, last[cloud])
     middle = int(np.argmax(system.values.gm))
-    reach = float(np.linalg.norm(last - last[middle], axis=1).max())
-    for i, look in _looks(system, lines).items():
+    reach = float(np.linalg.norm(last[sorted(chosen)] - last[middle], axis=1).max())
+    for i in sorted(chosen & set(looks)):
+        look, colour = looks[i], looks[i]["color"]
         axes.plot(*last[i, :2], "o", ms=6, mec="white", mew=0.5, zorder=3, **look)
         if i == middle and np.ptp(run[system.names[i]].q.value, axis=0).max() < STILL * reach:
             continue
         path = arcs.joined(run, i)
         curve = in_plane(system, path.curve, frame)
-        axes.plot(curve[:, 0], curve[:, 1], lw=1.3, color=look["color"])
+        axes.plot(curve[:, 0], curve[:, 1], lw=1.3, color=colour)
         if path.loose.any():
             dots = in_plane(system, run[system.names[i]].q.value[path.loose], frame)
-            axes.plot(dots[:, 0], dots[:, 1], ".", ms=3.5, mew=0, color=look["color"])
+            axes.plot(dots[:, 0], dots[:, 1], ".", ms=3.5, mew=0, color=colour)
             told["dots: samples too far apart for a line"] = None
         around = osculating_ellipse(end, i, frame)
         if around is not None:
-            axes.plot(around[:, 0], around[:, 1], lw=0.8, alpha=0.45, zorder=1, color=look["color"])
+            axes.plot(around[:, 0], around[:, 1], lw=0.8, alpha=0.45, zorder=1, color=colour)
             told["thin ellipses: the two-body orbits of the last moment"] = None
     map_axes(axes, system, frame)
     return ("discs: where bodies are at the end", *told)
@@ -132,8 +166,7 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
         look: dict[str, Any] = {"color": style.PALETTE[k % len(style.PALETTE)], "lw": 1.4}
         energy.plot(run.times * factor, relative_change(run.energy().value), label=label, **look)
         momentum.plot(run.times * factor, relative_change(run.angular_momentum().value), **look)
-    of = "" if system.massive.all() else " of the massive bodies"
-    for axes, name in ((energy, f"energy{of}, |ΔE/E|"), (momentum, f"angular momentum{of}, |ΔL|/|L|")):
+    for axes, name in ((energy, "energy, |ΔE/E|"), (momentum, "angular momentum, |ΔL|/|L|")):
         axes.set_yscale("log")
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, 2e-17), max(high, 1e-14))
@@ -210,18 +243,30 @@ def osculating_ellipse(system: System, body: str | int, frame: str | None = None
     return None if path is None else in_plane(system, path, frame)
 
 
-def _split(system: System, chosen: list[int]) -> tuple[list[int], list[int]]:
-    """Return the bodies that are drawn one by one, and those that become a cloud."""
+def _chosen(system: System, bodies: Sequence[str] | None) -> list[int]:
+    chosen: list[int] = np.arange(len(system))[presenting.chosen(system.names, bodies)].tolist()
+    return chosen
+
+
+def _looks(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
+    """Return the looks of the bodies that are drawn one by one, and those bodies that become a cloud."""
     cloud = [i for i in chosen if not system.massive[i]] if len(chosen) > MOST_PATHS else []
-    return [i for i in chosen if i not in set(cloud)], cloud
-
-
-def _looks(system: System, bodies: list[int]) -> dict[int, dict[str, Any]]:
-    names = [system.names[i] for i in bodies]
+    single = [i for i in chosen if i not in set(cloud)]
+    names = [system.names[i] for i in single]
+    colours = style.colours(names)
     return {
         i: {"color": colour, "label": words.short(name)}
-        for i, name, colour in zip(bodies, names, style.colours(names), strict=True)
-    }
+        for i, name, colour in zip(single, names, colours, strict=True)
+    }, cloud
+
+
+def _crowded(system: System, points: Array, looks: Looks, cloud: list[int]) -> set[int]:
+    """Return the middle and the bodies close to it, if these are several and others are far away; else nothing."""
+    middle = int(np.argmax(system.values.gm))
+    distance = np.linalg.norm(points - points[middle], axis=1)
+    drawn = [i for i in (*looks, *cloud) if i != middle]
+    close = {i for i in drawn if distance[i] < CROWDED * distance[drawn].max()}
+    return {middle, *close} if middle in looks and len(close & set(looks)) >= FEW else set()
 
 
 def _draw_cloud(axes: Axes, points: Array) -> None:

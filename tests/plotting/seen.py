@@ -47,10 +47,11 @@ def legends_on_panels(figure):
 
 
 def outside(figure):
-    """Return the legends and captions that stick out of the picture."""
+    """Return the legends, captions, and panels with titles and labels that stick out of the picture."""
     renderer = figure.canvas.get_renderer()
     width, height = figure.bbox.size
     boxes = [(each, each.get_window_extent(renderer)) for each in (*figure.legends, *figure.texts)]
+    boxes += [(axes, axes.get_tightbbox(renderer)) for axes in figure.get_axes()]
     return [each for each, box in boxes if box.x0 < -1 or box.y0 < -1 or box.x1 > width + 1 or box.y1 > height + 1]
 
 
