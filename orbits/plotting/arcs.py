@@ -38,6 +38,8 @@ ARC_POINTS = 721
 MOST_POINTS = 400_000
 """Of all arcs of a body together."""
 
+_GAP = np.full((1, 3), np.nan)
+
 
 class Path(NamedTuple):
     """What is drawn of one body, in the axes of its system.
@@ -148,7 +150,7 @@ def joined(run: Trajectory, i: int) -> Path:
     samples = _Samples(run)
     q, count = samples.q(i), len(run)
     if count < 2:
-        return Path(np.full((1, 3), np.nan), np.ones(count, dtype=bool), False)
+        return Path(_GAP, np.ones(count, dtype=bool), False)
     steps = np.diff(run.times)
     centre = centre_of(samples.end, (i,))
     orbit = samples.orbit((i,), centre) if centre else None
@@ -165,14 +167,18 @@ def joined(run: Trajectory, i: int) -> Path:
         arcs |= {k: arc for k, arc, fine in zip(curved.tolist(), points, good, strict=True) if fine}
     drawn = straight.copy()
     drawn[list(arcs)] = True
-    pieces, gap = [], np.full((1, 3), np.nan)
-    for k in range(count - 1):
-        if drawn[k]:
-            pieces += [arcs[k]] if k in arcs else [q[k : k + 2]]
-        elif k and drawn[k - 1]:
-            pieces.append(gap)
+    pieces: list[Array] = []
+    k = 0
+    for stop in [*np.flatnonzero(~straight).tolist(), count - 1]:  # straight lines up to here, then one that is none
+        if stop > k:
+            pieces.append(q[k : stop + 1])
+        if stop in arcs:
+            pieces.append(arcs[stop])
+        elif stop < count - 1 and pieces and pieces[-1] is not _GAP:
+            pieces.append(_GAP)
+        k = stop + 1
     loose = ~(np.append(drawn, False) | np.append(False, drawn))
-    return Path(np.concatenate(pieces or [gap]), loose, bool(wound.any()))
+    return Path(np.concatenate(pieces or [_GAP]), loose, bool(wound.any()))
 
 
 def last_state(run: Trajectory) -> System:
