@@ -20,6 +20,7 @@ from public_names import documented
 import orbits
 from orbits.cli import app
 from orbits.integrators import registry
+from orbits.plotting import style
 from orbits.scenario import bundled
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -105,3 +106,15 @@ def test_figures_are_wide_enough_to_be_read_and_small_enough_for_the_repository(
         width = int.from_bytes(path.read_bytes()[16:20], "big")
         assert 1400 <= width <= 1920, path.name
         assert path.stat().st_size < 400_000, path.name
+
+
+@pytest.mark.parametrize("name", ["kepler", "solar_system", "discrete_kepler"])
+def test_figures_keep_the_colours_that_tell_methods_apart(name: str) -> None:
+    import numpy as np
+    from matplotlib.colors import to_rgb
+    from matplotlib.image import imread
+
+    seen = np.unique(imread(ROOT / "docs" / "figures" / f"{name}.png")[..., :3].reshape(-1, 3), axis=0)
+    for colour in style.PALETTE[:4]:
+        # 2 of 255 at most is reached; the most frequent 128 colours left purple grey, off by 50.
+        assert np.abs(seen - to_rgb(colour)).max(axis=1).min() < 6 / 255
