@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.elements.flow import kepler_flow
+from orbits.errors import InputError
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -182,7 +183,12 @@ def joined(run: Trajectory, i: int) -> Path:
 
 
 def last_state(run: Trajectory) -> System:
-    """Return the system at the last sample, without its epoch: that of a long run is no date."""
+    """Return the system at the last sample, without its epoch: that of a long run is no date.
+
+    Raises InputError for a run without samples.
+    """
+    if not len(run):
+        raise InputError(f"{run!r} has no samples yet, so there is nothing to draw; expected at least one.")
     return run.system.replaced(q=run.q[-1].value, v=run.v[-1].value, epoch=None)
 
 

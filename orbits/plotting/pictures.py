@@ -43,6 +43,7 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
 
     frame : seen along the third axis of the "ecliptic" of J2000 or of the "icrf" (the system's own axes); by default
         the ecliptic, where units are physical, taking the system's axes for those of the ICRF
+    Raises UnknownNameError for another frame.
     """
     looks, cloud = _looks(system, list(range(len(system))))
     points = in_plane(system, system.values.q, frame)
@@ -83,13 +84,12 @@ def plot_trajectory(
     Bodies that crowd about the middle have a map of their own, too.
     bodies : which ones; all of them by default, massless ones as a cloud at the end where there are many
     frame : as in `plot_system`
+    Raises InputError for a run without samples, UnknownNameError for a frame or body that does not exist.
     """
     system = run.system
     chosen = _chosen(system, bodies)
     looks, cloud = _looks(system, chosen)
-    inner: set[int] = set()
-    if len(run):
-        inner = _crowded(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
+    inner = _crowded(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
     maps = ["map", "inner"] if inner else ["map"]
     made = style.figure(17, 8.4) if inner else style.figure(16, 10)
     ratios = [1.0, 1.0, 0.95] if inner else [1.15, 1.0]
@@ -112,7 +112,7 @@ def paths(
     """Draw the paths as seen from above, and return what the marks mean, in words for a caption.
 
     Where samples lie far apart the line between them is that of two-body motion, and where that is none, samples stay
-    dots. Many massless particles become points at the last sample.
+    dots. Many massless particles become points at the last sample. Raises InputError for a run without samples.
     """
     chosen = _chosen(run.system, bodies)
     looks, cloud = _looks(run.system, chosen)
@@ -123,9 +123,6 @@ def _draw_paths(
     axes: Axes, run: Trajectory, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
 ) -> tuple[str, ...]:
     system = run.system
-    if not len(run):
-        map_axes(axes, system, frame)
-        return ("no samples yet",)
     told: dict[str, None] = {}
     end = arcs.last_state(run)
     last = in_plane(system, end.values.q, frame)

@@ -114,6 +114,13 @@ def test_a_run_past_the_last_date_that_astropy_knows_can_be_drawn():
     assert map_of(physical(3.6525e8).plot()) is not None
 
 
+def test_a_run_without_samples_is_refused_in_words():
+    run = about_a_star(PLANETS, [0.0, 1.0])
+    empty = (run.times[:0], run.q.value[:0], run.v.value[:0])
+    with pytest.raises(orbits.InputError, match="no samples yet, so there is nothing to draw"):
+        orbits.Trajectory(run.system, *empty, step=1.0, integrator=run.integrator).plot()
+
+
 def test_the_dashed_line_of_a_run_and_the_ellipses_are_explained():
     told = " ".join(seen.texts(physical(365.25).plot())).replace("\n", " ")
     for words in ("dashed: 2⁻⁵³, the rounding of one float64", "thin ellipses: the two-body", "discs: where bodies"):
