@@ -22,6 +22,10 @@ CLAIMED = {"Gauss(stages=8)": 8000, "Gauss(stages=4)": 64000}
 """Steps from which on both orbits close to `CLOSED`."""
 CLOSED = 1e-9
 DRAWN = 40000
+DISTANCE, MOON = 384400.0, 1737.4
+"""The mean distance of Earth and Moon, and the Moon's radius [km]: scales the inset."""
+NEAR = 0.02
+"""Half the width of the inset, in distances of Earth and Moon."""
 
 
 def closed_orbits():
@@ -76,7 +80,7 @@ def draw(lagrangian, starts):
     """Both orbits in the rotating frame, Earth and Moon at rest."""
     from orbits import plotting
 
-    figure = plotting.figure(16, 9)
+    figure = plotting.figure(16, 9.4)
     axes = figure.subplots(1, 2)
     mu = lagrangian.parameters["mu"]
     method = METHODS[0]
@@ -88,17 +92,48 @@ def draw(lagrangian, starts):
             axis.annotate(name, (x, 0), (12, -6), textcoords="offset points", fontsize=15)
         end = np.hypot(*(path.q[-1] - q))
         axis.set_title(f"{loops} loops, T = {period:.4f}: ends {end:.0e} from its start")
-        axis.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), xlabel="x")
-        axis.set_aspect("equal", adjustable="datalim")
+        axis.set(xlim=(-1.35, 1.45), ylim=(-1.4, 1.4), xlabel="x, rotating with the Moon [distance of Earth and Moon]")
+        axis.set_aspect("equal", adjustable="box")
         axis.grid(color=plotting.style.FAINT, lw=0.6)
         axis.set_axisbelow(True)
-    axes[0].set_ylabel("y, in distances of Earth and Moon")
+        beside_the_moon(axis, lagrangian, method, (q, v, period))
+    axes[0].set_ylabel("y, rotating with the Moon [distance of Earth and Moon]")
+    told = (
+        "insets: the passage by the Moon, drawn to scale; the dot is start and end. T and all else: units in which the "
+        "distance of Earth and Moon, their mass, and the angular speed of the frame are 1"
+    )
+    plotting.below(figure, [], [], told)
     figure.suptitle(
-        f"Arenstorf's closed orbits in the rotating frame, by {method.label} with {DRAWN:,} equal steps",
+        f"Arenstorf's closed orbits in the rotating frame, by {plotting.method_words(method.label)}, "
+        f"with {DRAWN:,} equal steps",
         fontsize=20,
         fontweight="bold",
     )
     return figure
+
+
+def beside_the_moon(axis, lagrangian, method, start):
+    """Draw the passage by the Moon, which is at its closest at start and end, in an inset; the Moon to scale."""
+    from matplotlib.patches import Circle
+
+    from orbits import plotting
+
+    style = plotting.style
+    q, v, period = start
+    inset = axis.inset_axes([0.655, 0.03, 0.335, 0.335])
+    place = 1.0 - lagrangian.parameters["mu"]
+    for way in (1, -1):
+        near = orbits.march(lagrangian, method, q=q, v=v, dt=way * period / (10 * DRAWN), steps=2000, every=4)
+        inset.plot(near.q[:, 0], near.q[:, 1], color=style.BLUE, lw=1.6)
+    inset.plot(*q, "o", ms=6, color=style.BLUE, zorder=3)
+    inset.add_patch(Circle((place, 0.0), MOON / DISTANCE, color=plotting.colour("Moon", 0), alpha=0.6, lw=0))
+    text = f"{abs(q[0] - place) * DISTANCE:,.0f} km\nfrom the\nMoon's centre"
+    inset.annotate(text, (q[0], 0.0), (8, 0), textcoords="offset points", fontsize=13, va="center")
+    inset.set(xlim=(place - 0.5 * NEAR, place + 1.5 * NEAR), ylim=(-NEAR, NEAR), xticks=[], yticks=[])
+    inset.set_aspect("equal")
+    for side in inset.spines.values():
+        side.set(visible=True, color=style.GREY)
+    axis.indicate_inset_zoom(inset, edgecolor=style.GREY)
 
 
 def certified():

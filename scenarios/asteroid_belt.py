@@ -90,7 +90,8 @@ def belt_figure(outcome):
         axes["histogram"].hist(a[chosen], bins=np.arange(2.0, 4.1, 0.0125), color=colour)
         axes["e"].plot(a[chosen], e[chosen], ".", ms=4.5, mew=0, color=colour)
         axes["i"].plot(a[chosen], inclination[chosen], ".", ms=4.5, mew=0, color=colour)
-    for name, label in (("histogram", "asteroids per 0.0125 au"), ("e", "eccentricity"), ("i", "inclination [°]")):
+    labels = {"histogram": "asteroids per 0.0125 au", "e": "eccentricity", "i": "inclination, ecliptic [°]"}
+    for name, label in labels.items():
         axes[name].set(xlim=(2.0, 4.1), ylabel=label)
         for p, q in RESONANCES:
             place = resonance(run, p, q)
@@ -104,19 +105,24 @@ def belt_figure(outcome):
         spot = {"ms": 6, "mfc": "none", "mec": plotting.style.INK, "mew": 1.0}
         axes["i"].plot(a[k], inclination[k], "o", **spot)
         text = axes["i"].annotate(namesake, (a[k], inclination[k]), xytext=(6, 5), textcoords="offset points",
-                                  fontsize=12)  # fmt: skip
+                                  fontsize=13)  # fmt: skip
         plotting.halo(text)
     axes["e"].set_ylim(0, 0.4)
-    axes["i"].set(ylim=(0, 35), xlabel="semi-major axis [au], mean over the run")
+    axes["i"].set(ylim=(0, 35), xlabel="semi-major axis about the Sun [au]; elements are means over the run")
     years = run.t.to_value(u.yr)
     plotting.flatness(axes["momentum"], years, run.angular_momentum().value, "angular momentum of Sun and planets")
     plotting.flatness(axes["energy"], years, run.energy().value, "energy of Sun and planets")
-    axes["energy"].set_xlabel("years")
+    axes["energy"].set_xlabel("years since " + EPOCH)
     if outcome.report is not None:
         method_bars(axes["errors"], outcome.report, run)
+    told = (
+        "dashed: mean-motion resonances with Jupiter, 3:1 being three revolutions to its one; rings: what families and "
+        "groups are named after; bands: 2⁻⁵³, a float64's rounding"
+    )
+    plotting.below(figure, [], [], told)
     figure.suptitle(
-        f"{len(a):,} asteroids over {abs(years[-1]):.0f} years and Kirkwood's gaps: {run.integrator.label}, "
-        f"dt = {run.dt:.3g}",
+        f"{len(a):,} asteroids over {abs(years[-1]):.0f} years and Kirkwood's gaps: "
+        f"{plotting.method_words(run.integrator.label)}, dt = {run.dt:.3g}",
         fontsize=21, fontweight="bold",
     )  # fmt: skip
     return figure
@@ -130,9 +136,10 @@ def method_bars(panel, report, run):
     rows = [row for row in report.rows if row.positions]
     for k, row in enumerate(rows):
         values = np.maximum([row.positions.get(name, np.nan) for name in names], 1e-9)
-        panel.hist(values, bins=np.logspace(-8, 10, 109), color=plotting.style.PALETTE[k], alpha=0.75, label=row.method)
+        panel.hist(values, bins=np.logspace(-8, 10, 109), color=plotting.style.PALETTE[k], alpha=0.75,
+                   label=plotting.method_words(row.method))  # fmt: skip
     panel.set(xscale="log", xlabel="largest position error [km]", ylabel="asteroids", title="error of each asteroid")
-    panel.legend(fontsize=11, loc="upper left", bbox_to_anchor=(0.3, 1.02))
+    panel.legend(fontsize=13, loc="upper left", bbox_to_anchor=(0.28, 1.02), labelspacing=0.3)
 
 
 def from_above(run):
@@ -159,7 +166,8 @@ def from_above(run):
         panel.plot(*place[i, :2], "o", ms=10 if name in ("Sun", "Jupiter") else 6, mec="white", mew=0.6, **look)
         if name in ("Sun", "Jupiter", "Mars"):
             panel.annotate(name, place[i, :2], xytext=(9, 7), textcoords="offset points", fontsize=14)
-    panel.set(xlim=(-6.3, 6.3), ylim=(-6.3, 7.3), xlabel="x [au]", ylabel="y [au]")
+    panel.set(xlim=(-6.3, 6.3), ylim=(-6.3, 7.3))
+    plotting.map_axes(panel, run.system, origin="from the Sun")
     panel.set_aspect("equal", adjustable="box")
     panel.set_title(f"The belt on {run.epochs[-1].isot[:10]}, seen from the north pole of the ecliptic", fontsize=18)
     panel.legend(loc="upper left", ncols=2, fontsize=14, markerscale=2.5, handletextpad=0.1)

@@ -74,7 +74,7 @@ def draw(curves):
     markers = "osD^vPX"
     for k, (name, order, errors, fitted) in enumerate(curves):
         look = {"color": style.PALETTE[k], "marker": markers[k]}
-        label = f"{name}: slope {fitted.order:.2f}, order {order}"
+        label = f"{plotting.method_words(name)}: slope {fitted.order:.2f}, order {order}"
         seen = errors > 0
         axis.loglog(STEPS[seen], errors[seen], ls="", ms=4, alpha=0.45, **look)
         axis.loglog(fitted.h, fitted.errors, ms=8, lw=2.2, label=label, **look)
@@ -82,10 +82,12 @@ def draw(curves):
         axis.loglog(h, fitted.errors[0] * (h / h[0]) ** (order + 1), ls=(0, (2, 3)), lw=1, color=style.PALETTE[k])
     axis.axhspan(1e-19, 2.0**-53, color=style.FAINT, alpha=0.7, lw=0)
     axis.text(STEPS[0], 2.0**-53.5, "round-off", ha="right", va="top", fontsize=13, color=style.GREY)
-    axis.set(ylim=(3e-18, 30), xlabel="step h", ylabel="|L_d(q₀, q₁; h) − exact|")
+    axis.set(ylim=(3e-18, 30), xlabel="step h", ylabel="$|L_d(q_0, q_1; h)$ − exact|")
     axis.set_title("Discrete Lagrangians against the action of the true motion", fontweight="bold", fontsize=19)
     axis.grid(color=style.FAINT, lw=0.6)
     axis.legend(loc="upper left", fontsize=15)
+    told = "large marks and lines: where the slope is fitted; small marks: all steps; dotted: h to the order plus one"
+    plotting.below(figure, [], [], told)
     return figure
 
 

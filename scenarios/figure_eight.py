@@ -192,16 +192,16 @@ def draw_eight(path, curves):
         if name == "Gauss(stages=8)":  # others end where it does: a broad line beneath theirs
             look |= {"lw": 7.0, "zorder": 1.5}
         count = PEER_LAPS if peer else range(1, LAPS + 1)
-        axis.plot(count, np.maximum(after, 1e-12), label=short(name), **look)
+        axis.plot(count, np.maximum(after, 1e-12), label=plotting.method_words(name), **look)
     axis.axhspan(1e-12, 1.7e-11, color=style.FAINT, alpha=0.7, lw=0)
     text = axis.text(
         1.02, 1.25e-12, "what the ten digits of the start allow", va="bottom", color=style.GREY, fontsize=13
     )
     plotting.halo(text)
     axis.set(xscale="log", yscale="log", xlim=(1, LAPS), ylim=(1e-12, 30), xlabel="periods")
-    axis.set_title(f"missing after so many periods, {STEPS} steps each")
+    axis.set_title(f"distance from the start, in q or v, after so many periods of {STEPS} steps")
     axis.grid(axis="y", color=style.FAINT, lw=0.6)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=14)
+    plotting.below(figure, *axis.get_legend_handles_labels())
     figure.suptitle("The figure eight of Chenciner and Montgomery", fontsize=21, fontweight="bold")
     return figure
 
@@ -220,7 +220,9 @@ def draw_orbits(drawn):
         axis.set_title(f"{name}, T = {T:.4g}", loc="center", fontsize=14)
         axis.set_aspect("equal", adjustable="datalim")
         axis.axis("off")
-    figure.suptitle("Twelve periodic orbits of three equal masses, by Gauss", fontsize=21, fontweight="bold")
+    plotting.below(figure, [], [], "one period T of each, from the discs; sizes differ from panel to panel")
+    figure.suptitle("Twelve periodic orbits of three equal masses, by Gauss with 8 stages", fontsize=21,
+                    fontweight="bold")  # fmt: skip
     return figure
 
 

@@ -48,7 +48,7 @@ def orbits_and_errors(case):
 
     runs = list(case.runs.values())
     figure = plotting.figure(16, 10)
-    above, below = figure.subfigures(2, 1, height_ratios=[1, 1.5])
+    above, below = figure.subfigures(2, 1, height_ratios=[1, 1.35])
     axes = above.subplot_mosaic([[f"orbit {k}" for k in range(len(runs))]])
     axes |= below.subplot_mosaic([["position", "energy", "momentum"]])
     exact = exact_ellipse(case.system)
@@ -61,10 +61,10 @@ def orbits_and_errors(case):
             seen = orbital_plane(case.system, part["planet"].q.value - part["star"].q.value)
             panel.plot(seen[:, 0], seen[:, 1], color=plotting.style.PALETTE[k], **look)
         panel.plot(0, 0, "o", color="#E69F00", ms=8)
-        panel.set(xlim=(-2.1, 1.0), ylim=(-1.35, 1.35), aspect="equal", xticks=[], yticks=[])
+        panel.set(xlim=(-2.1, 1.0), ylim=(-1.45, 1.45), aspect="equal", xticks=[], yticks=[])
         for side in panel.spines.values():
             side.set_visible(False)
-        panel.set_title(run.integrator.label, fontsize=17, loc="center")
+        panel.set_title(plotting.method_words(run.integrator.label), fontsize=17, loc="center")
     error_panels(axes, case)
     figure.suptitle(
         f"{abs(runs[0].times[-1]) / PERIOD:.4g} orbits with {case.name}, {PERIOD / abs(runs[0].step):.0f} steps each: "
@@ -72,13 +72,16 @@ def orbits_and_errors(case):
         fontsize=21,
         fontweight="bold",
     )
-    handles, labels = axes["position"].get_legend_handles_labels()
-    below.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=14)
+    told = (
+        "above, in the plane of the orbit: grey, the exact orbit; coloured line, the first three orbits; dots, samples "
+        "of all orbits within the panel. Below: the largest errors so far; coloured and dashed, REBOUND"
+    )
+    plotting.below(figure, *axes["position"].get_legend_handles_labels(), told)
     return figure
 
 
 def error_panels(axes, case):
-    """Position, energy and angular momentum against time, all methods and peers."""
+    """Largest errors so far of position, energy and angular momentum against time, all methods and peers."""
     from orbits import plotting
 
     unit = PERIOD
@@ -90,7 +93,7 @@ def error_panels(axes, case):
             "color": plotting.style.PALETTE[k % 8],
             "lw": 1.3 if peer else 2.0,
             "ls": (0, (5, 2)) if peer else "-",
-            "label": row.method,
+            "label": plotting.method_words(row.method),
         }
         for name in ("position", "energy", "angular_momentum"):
             series = np.maximum.accumulate(np.maximum(np.nan_to_num(getattr(row.series, name)), 3e-17))
@@ -98,13 +101,13 @@ def error_panels(axes, case):
                 np.abs(case.report.times) / unit, series, **look
             )
     for name, title in (
-        ("position", "position error [a]"),
-        ("energy", "energy, |ΔE/E|"),
-        ("momentum", "angular momentum, |ΔL/L|"),
+        ("position", "position error so far [a]"),
+        ("energy", "energy, |ΔE/E| so far"),
+        ("momentum", "angular momentum, |ΔL/L| so far"),
     ):
         panel = axes[name]
         panel.set(yscale="log", xscale="log", ylim=(2e-17, 10), title=title, xlabel="orbits")
-        panel.axhline(2.0**-53, color=plotting.style.GREY, lw=1, ls=(0, (6, 4)))
+        panel.axhline(2.0**-53, color=plotting.style.GREY, lw=1.2, ls=":", label="round-off, 2⁻⁵³")
         panel.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
 
 
@@ -126,13 +129,13 @@ def eccentricities(outcome):
                 color=plotting.style.PALETTE[k % 8],
                 lw=1.3 if peer else 2.0,
                 ls=(0, (5, 2)) if peer else "-",
-                label=row.method,
+                label=plotting.method_words(row.method),
             )
         axes[name].set(yscale="log", xscale="log", ylim=(2e-17, 30), title=name, xlabel="orbits")
         axes[name].grid(axis="y", color=plotting.style.FAINT, lw=0.6)
-    axes[names[0]].set_ylabel("position error [a]")
-    handles, labels = axes[names[0]].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=14)
+    axes[names[0]].set_ylabel("largest position error so far [a]")
+    told = "dashed: REBOUND. Errors below 3e-17, and of exactly 0, are drawn at 3e-17; those above 30 leave the panel"
+    plotting.below(figure, *axes[names[0]].get_legend_handles_labels(), told)
     figure.suptitle("Error against the exact orbit, by eccentricity", fontsize=21, fontweight="bold")
     return figure
 

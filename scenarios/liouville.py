@@ -94,8 +94,8 @@ def draw(marched):
         axis.set_ylabel("p")
     for axis in axes[1]:
         axis.set_xlabel("q")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(SHOWN), fontsize=15)
+    told = "grey: level curves of the energy, along which the true motion goes"
+    plotting.below(figure, *axes[0, 0].get_legend_handles_labels(), told, size=14)
     figure.suptitle("A loop of initial conditions of the pendulum, marched", fontsize=20, fontweight="bold")
     return figure
 

@@ -163,7 +163,11 @@ def draw(bodies, drawn):
     for panel in axes.values():
         panel.set(yscale="log", xscale="log", xlabel="years")
         panel.grid(axis="y", color=style.FAINT, lw=0.6)
-    below.legend(*axes["energy"].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=14)
+    told = (
+        "above: positions from the Sun every 200 days, seen along the total angular momentum; discs, where bodies are "
+        "at the end. Black lines: REBOUND"
+    )
+    plotting.below(figure, *axes["energy"].get_legend_handles_labels(), told)
     figure.suptitle(f"The outer solar system for {DAYS:,} days", fontsize=21, fontweight="bold")
     return figure
 
@@ -182,6 +186,7 @@ def orbits_of(panel, bodies, q, title):
     """Samples of each body as points, the last one as a disc; relative to the Sun."""
     from orbits import plotting
 
+    style = plotting.style
     for i, body in enumerate(bodies.names):
         colour = plotting.colour(body, i)
         if body != "Sun":
@@ -190,10 +195,13 @@ def orbits_of(panel, bodies, q, title):
         if title.startswith("Gauss") and body != "Sun":
             side = -1 if q[-1, i, 0] < 0 else 1
             place = {"xytext": (7 * side, 4), "textcoords": "offset points", "ha": "left" if side > 0 else "right"}
-            plotting.halo(panel.annotate(body, q[-1, i, :2], fontsize=11, zorder=5, **place))
+            plotting.halo(panel.annotate(body, q[-1, i, :2], fontsize=13, zorder=5, **place))
     # Pluto's aphelion is up and to the right of the Sun.
     panel.set(xlim=(-40, 52), ylim=(-37, 55), aspect="equal", xticks=[], yticks=[])
     panel.set_title(title, fontsize=16, loc="center")
+    if title.startswith("explicit"):
+        panel.plot([32, 52], [-35, -35], color=style.INK, lw=2)
+        panel.text(42, -33.5, "20 au", ha="center", va="bottom", fontsize=13)
     for side in panel.spines.values():
         side.set_visible(False)
 

@@ -137,8 +137,9 @@ def draw(path, curves, peer):
     axis = axes["errors"]
     for k, (label, points) in enumerate(curves.items()):
         steps, _, error = np.array(points).T
-        axis.plot(steps, error, "osD^v"[k] + "-", color=style.PALETTE[k], ms=7, label=label)
-    axis.plot(*peer, "*", ms=19, color=style.INK, label="REBOUND ias15, its own steps")
+        axis.plot(steps, error, "osD^v"[k] + "-", color=style.PALETTE[k], ms=7,
+                  label=plotting.method_words(label))  # fmt: skip
+    axis.plot(*peer, "*", ms=19, color=style.INK, label="REBOUND ias15,\nits own steps")
     axis.axhspan(1e-16, 1.8e-15, color=style.FAINT, alpha=0.8, lw=0)
     axis.text(STEPS[0], 2.4e-15, "digits of the reference", color=style.GREY, fontsize=13)
     axis.set(xscale="log", yscale="log", xlabel="steps", ylim=(4e-16, 300))

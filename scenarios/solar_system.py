@@ -74,13 +74,15 @@ def draw(outcome):
     seen_from_above(axes["inner"], run, [name for name in run.names if name in inside], "inner planets")
     years = run.t.to_value(u.yr)
     plotting.flatness(axes["energy"], years, run.energy().value, "energy")
-    plotting.flatness(axes["momentum"], years, run.angular_momentum().value, "angular momentum: x, y, z")
+    plotting.flatness(axes["momentum"], years, run.angular_momentum().value, "angular momentum")
     axes["momentum"].set_xlabel("years since J2000")
-    if report is not None:
-        errors(below, report, [name for name in run.names if name != "Sun"])
+    marks = errors(below, report, [name for name in run.names if name != "Sun"]) if report is not None else ([], [])
+    told = "maps: places and osculating ellipses at the end. Grey bands: the rounding of one float64, 2⁻⁵³"
+    plotting.below(figure, *marks, told)
     first, last = run.epochs[0].jyear, run.epochs[-1].jyear
+    method = plotting.method_words(run.integrator.label)
     figure.suptitle(
-        f"The Solar System from {first:.0f} to {last:.0f}: {run.integrator.label}, dt = {run.dt:.4g}",
+        f"The Solar System from {first:.0f} to {last:.0f}: {method}, dt = {run.dt:.4g}",
         fontsize=21,
         fontweight="bold",
     )
@@ -109,7 +111,8 @@ def seen_from_above(panel, run, bodies, title):
                 ha="left" if side > 0 else "right", zorder=5,
             )  # fmt: skip
             plotting.halo(text)
-    panel.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [au]", ylabel="y [au]", title=title)
+    panel.set(xlim=(-reach, reach), ylim=(-reach, reach), title=title)
+    plotting.map_axes(panel, end)
     panel.set_aspect("equal", adjustable="box")
 
 
@@ -122,12 +125,12 @@ def errors(figure, report, names):
     for k, row in enumerate(report.rows):
         if row.positions:
             values = [max(row.positions.get(name, np.nan), 1e-7) for name in names]
-            style = {"ms": 10, "color": plotting.style.PALETTE[k], "label": row.method}
+            style = {"ms": 10, "color": plotting.style.PALETTE[k], "label": plotting.method_words(row.method)}
             panel.plot(range(len(names)), values, markers[k % 6], **style)
     panel.set_xticks(range(len(names)), [plotting.short(name) for name in names])
     panel.set(yscale="log", ylabel="km", title="largest position error over the whole run")
     panel.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
-    figure.legend(loc="outside lower center", ncols=6, fontsize=14, handletextpad=0.1, columnspacing=1.5)
+    return panel.get_legend_handles_labels()
 
 
 scenario = orbits.Scenario(

@@ -250,7 +250,7 @@ def draw(curves):
                 continue
             _, error, seconds, evaluations = np.array([[row[0] or 0.0, *row[1:]] for row in points]).T
             look = appearance(label, method)
-            handles.setdefault(label, Line2D([], [], label=short(label), **look))
+            handles.setdefault(plotting.method_words(label), Line2D([], [], **look))
             error = np.maximum(error, 1e-17)
             axes[0, k].plot(seconds, error, **look)
             if evaluations.all():
@@ -262,7 +262,8 @@ def draw(curves):
             axis.grid(color=style.FAINT, lw=0.5)
     told = "SABA and IAS15:\nnot counted\nby REBOUND"
     axes[1, 0].text(0.03, 0.6, told, transform=axes[1, 0].transAxes, va="center", color=style.GREY, fontsize=13)
-    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=5, fontsize=13)
+    told = "each mark is a run; marks tell the order, colours the family; black and open: REBOUND"
+    plotting.below(figure, list(handles.values()), list(handles), told)
     figure.suptitle("Work and precision: every method, ever shorter steps", fontsize=21, fontweight="bold")
     return figure
 
@@ -285,14 +286,6 @@ def appearance(label, method):
         part = SHADES.get(method.order, 0.0)
         colour = tuple((1.0 - abs(part)) * np.array(to_rgb(colour)) + max(part, 0.0))
     return {"color": colour, "lw": 1.5, "marker": MARKERS.get(method.order, "h"), "ms": 6, "alpha": 0.9}
-
-
-def short(label):
-    """A method's label for a legend: compositions by order and scheme."""
-    if label.startswith("Composition"):
-        inside = dict(part.split("=", 1) for part in label[len("Composition(") : -1].split(", ") if "=" in part)
-        return f"Composition {inside['order']}, {inside['scheme'].strip(chr(39))}"
-    return label.split("(v")[0].replace("()", "").replace("stages=", "")
 
 
 scenario = Study(

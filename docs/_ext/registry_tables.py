@@ -44,7 +44,7 @@ class ScenarioGallery(RegistryDirective):
             image = f"[![{each.summary}]({picture(each.name)})]({page})\n\n" if picture(each.name) else ""
             cards.append(f":::{{container}} card\n{image}[**{each.name}**]({page})\n\n{each.summary}.\n:::\n")
         return [
-            "::::{container} cards\n" + "\n".join(cards) + "::::\n",
+            "::::{container} cards gallery\n" + "\n".join(cards) + "::::\n",
             contents(f"scenarios/{s.name}" for s in bundled()),
         ]
 

@@ -8,22 +8,29 @@ from orbits.plotting.pictures import (
     conserved,
     flatness,
     in_plane,
+    map_axes,
     osculating_ellipse,
     paths,
     plot_system,
     plot_trajectory,
     relative_change,
 )
-from orbits.plotting.style import colour, figure, halo, look, save, short
+from orbits.plotting.style import below, colour, figure, halo, look, save
+from orbits.plotting.words import fitting_time, in_fitting_time, method_words, short
 
 __all__ = [
+    "below",
     "colour",
     "conserved",
     "figure",
+    "fitting_time",
     "flatness",
     "halo",
+    "in_fitting_time",
     "in_plane",
     "look",
+    "map_axes",
+    "method_words",
     "osculating_ellipse",
     "paths",
     "plot_system",

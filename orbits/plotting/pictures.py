@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.elements import icrf_to_ecliptic
-from orbits.plotting import style
+from orbits.elements import to_frame
+from orbits.plotting import arcs, style, words
 from orbits.system import presenting
+from orbits.system.making import default_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,115 +22,183 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Looks = dict[int, dict[str, Any]]
 
 MOST_PATHS = 24
-"""Bodies whose paths are drawn as lines; more become a cloud of points."""
+"""Bodies whose paths are drawn as lines; of more, the massless ones become a cloud of points."""
+MOST_NAMES = 40
+"""Names in a legend."""
+STILL = 0.01
+"""Of a map's reach: the middle body is a disc alone where it moves less than that."""
+ROUNDING = "dashed: 2⁻⁵³, the rounding of one float64; changes of exactly 0 are drawn at the lower edge"
+ELLIPSES = "ellipses: the two-body orbits of this moment, each about what the body goes round"
+CROWDED, FEW = 0.1, 3
+"""A map of their own for bodies within a tenth of the reach of all, if they are at least three."""
+FRAME_LABELS: Mapping[str, str] = {"ecliptic": "ecliptic of J2000", "icrf": "ICRF"}
 
 
 @style.look()
-def plot_system(system: System, *, title: str | None = None) -> Figure:
-    """Return a picture of a system from above: bodies at the epoch, with the ellipses that they osculate.
+def plot_system(system: System, *, title: str | None = None, frame: str | None = None) -> Figure:
+    """Return a picture of a system from above: bodies at the epoch, with the ellipses that they osculate; once more
+    in a map of their own where several crowd about the middle.
 
-    Physical systems are seen from the pole of the ecliptic, others along their third axis.
+    frame : seen along the third axis of the "ecliptic" of J2000 or of the "icrf" (the system's own axes); by default
+        the ecliptic, where units are physical, taking the system's axes for those of the ICRF
+    Raises UnknownNameError for another frame.
     """
-    made = style.figure(11, 10)
-    axes = made.subplots()
-    gm, q, _, _ = system.values
-    massive = system.massive
-    points = in_plane(system, q)
-    centre = int(np.argmax(gm))
-    cloud = np.flatnonzero(~massive)
-    if len(system) > MOST_PATHS and cloud.size:
-        axes.plot(*points[cloud, :2].T, ".", ms=3, color=style.GREY, alpha=0.6, zorder=1)
-    for i, name in enumerate(system.names):
-        if not massive[i] and len(system) > MOST_PATHS:
-            continue
-        path = osculating_ellipse(system, i)
-        if path is not None:
-            axes.plot(path[:, 0], path[:, 1], color=style.colour(name, i), lw=1.2, alpha=0.7)
-        axes.plot(*points[i, :2], "o", ms=9 if i == centre else 6, color=style.colour(name, i), label=style.short(name))
-    _finish_map(axes, system)
-    axes.set_title(title or _when(system))
-    if massive.sum() <= MOST_PATHS:
-        made.legend(loc="outside right upper", fontsize=13)
+    looks, cloud = _looks(system, list(range(len(system))))
+    points = in_plane(system, system.values.q, frame)
+    inner = _crowded(system, points, looks, cloud)
+    made = style.figure(16, 9.5) if inner else style.figure(11, 11)
+    maps = made.subplots(1, 2) if inner else [made.subplots()]
+    ellipses = [
+        _draw_bodies(axes, system, points, looks, [i for i in cloud if i in chosen], chosen, frame)
+        for axes, chosen in zip(maps, (set(range(len(system))), inner), strict=False)
+    ]
+    maps[0].set_title(words.moment(system) if title is None else title)
+    style.below(made, *_named(maps[0]), ELLIPSES if any(ellipses) else "")
     return made
 
 
+def _draw_bodies(
+    axes: Axes, system: System, points: Array, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
+) -> bool:
+    """Draw the chosen bodies and their ellipses; return whether there are any of these."""
+    _draw_cloud(axes, points[cloud])
+    middle, any_ellipse = int(np.argmax(system.values.gm)), False
+    for i in sorted(chosen & set(looks)):
+        path = osculating_ellipse(system, i, frame)
+        if path is not None:
+            any_ellipse = True
+            axes.plot(path[:, 0], path[:, 1], lw=1.2, alpha=0.8, color=looks[i]["color"])
+        axes.plot(*points[i, :2], "o", ms=9 if i == middle else 6, **looks[i])
+    map_axes(axes, system, frame)
+    return any_ellipse
+
+
 @style.look()
-def plot_trajectory(run: Trajectory, *, title: str | None = None, bodies: Sequence[str] | None = None) -> Figure:
+def plot_trajectory(
+    run: Trajectory, *, title: str | None = None, bodies: Sequence[str] | None = None, frame: str | None = None
+) -> Figure:
     """Return a picture of a run: the paths from above, and the errors of energy and angular momentum against time.
 
+    Bodies that crowd about the middle have a map of their own, too.
     bodies : which ones; all of them by default, massless ones as a cloud at the end where there are many
+    frame : as in `plot_system`
+    Raises InputError for a run without samples, UnknownNameError for a frame or body that does not exist.
     """
-    made = style.figure(16, 9)
-    axes = made.subplot_mosaic([["map", "energy"], ["map", "momentum"]], width_ratios=[1.15, 1])
-    paths(axes["map"], run, bodies=bodies)
-    axes["map"].set_title(title or run.made_by)
-    conserved(axes["energy"], axes["momentum"], {run.integrator.label: run})
+    system = run.system
+    chosen = _chosen(system, bodies)
+    looks, cloud = _looks(system, chosen)
+    inner = _crowded(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
+    maps = ["map", "inner"] if inner else ["map"]
+    made = style.figure(17, 8.4) if inner else style.figure(16, 10)
+    ratios = [1.0, 1.0, 0.95] if inner else [1.15, 1.0]
+    axes = made.subplot_mosaic([[*maps, "energy"], [*maps, "momentum"]], width_ratios=ratios)
+    told: dict[str, None] = {}
+    for name, part in zip(maps, (set(chosen), inner), strict=False):
+        told |= dict.fromkeys(_draw_paths(axes[name], run, looks, [i for i in cloud if i in part], part, frame))
+    method = words.method_words(run.integrator.label)
+    made_by = method
+    if not math.isnan(run.step):  # of a method that chooses its steps
+        made_by += f", dt = {words.in_fitting_time(abs(run.step), system.units.time)}"
+    axes["map"].set_title(made_by if title is None else title)
+    conserved(axes["energy"], axes["momentum"], {method: run})
+    massive = [] if system.massive.all() else ["energy and angular momentum: of the massive bodies"]
+    style.below(made, *_named(axes["map"]), "; ".join([*told, *massive, ROUNDING]))
     return made
 
 
-def paths(axes: Axes, run: Trajectory, *, bodies: Sequence[str] | None = None) -> None:
-    """Draw the sampled paths as seen from above; many massless particles become points at the last sample."""
+def paths(
+    axes: Axes, run: Trajectory, *, bodies: Sequence[str] | None = None, frame: str | None = None
+) -> tuple[str, ...]:
+    """Draw the paths as seen from above, and return what the marks mean, in words for a caption.
+
+    Where samples lie far apart the line between them is that of two-body motion, and where that is none, samples stay
+    dots. Many massless particles become points at the last sample. Raises InputError for a run without samples.
+    """
+    chosen = _chosen(run.system, bodies)
+    looks, cloud = _looks(run.system, chosen)
+    return _draw_paths(axes, run, looks, cloud, set(chosen), frame)
+
+
+def _draw_paths(
+    axes: Axes, run: Trajectory, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
+) -> tuple[str, ...]:
     system = run.system
-    chosen = np.arange(len(system))[presenting.chosen(system.names, bodies)].tolist()
-    cloud = [i for i in chosen if not system.massive[i]] if len(chosen) > MOST_PATHS else []
-    if cloud and len(run):
-        last = in_plane(system, run[len(run) - 1].values.q[cloud])
-        axes.plot(last[:, 0], last[:, 1], ".", ms=3, color=style.GREY, alpha=0.6)
-    for i in chosen:
-        if i in cloud:
+    told: dict[str, None] = {}
+    end = arcs.last_state(run)
+    last = in_plane(system, end.values.q, frame)
+    _draw_cloud(axes, last[cloud])
+    middle = int(np.argmax(system.values.gm))
+    reach = float(np.linalg.norm(last[sorted(chosen)] - last[middle], axis=1).max())
+    for i in sorted(chosen & set(looks)):
+        look, colour = looks[i], looks[i]["color"]
+        axes.plot(*last[i, :2], "o", ms=6, mec="white", mew=0.5, zorder=3, **look)
+        if i == middle and np.ptp(run[system.names[i]].q.value, axis=0).max() < STILL * reach:
             continue
-        name = system.names[i]
-        points = in_plane(system, run[name].q.value)
-        look: dict[str, Any] = {"color": style.colour(name, i)}
-        dense = len(points) > 2 and _turns_slowly(points)
-        axes.plot(points[:, 0], points[:, 1], "-" if dense else ".", lw=1.0, ms=2.0, alpha=0.7, **look)
-        axes.plot(*points[-1, :2], "o", ms=6, label=style.short(name), **look)
-    _finish_map(axes, system)
-    if len(chosen) - len(cloud) <= 12:
-        axes.legend(loc="upper right", fontsize=12)
+        path = arcs.joined(run, i)
+        curve = in_plane(system, path.curve, frame)
+        axes.plot(curve[:, 0], curve[:, 1], lw=1.3, color=colour)
+        if path.loose.any():
+            dots = in_plane(system, run[system.names[i]].q.value[path.loose], frame)
+            axes.plot(dots[:, 0], dots[:, 1], ".", ms=3.5, mew=0, color=colour)
+            told["dots: samples too far apart for a line"] = None
+        around = osculating_ellipse(end, i, frame)
+        if around is not None:
+            axes.plot(around[:, 0], around[:, 1], lw=0.8, alpha=0.45, zorder=1, color=colour)
+            told["thin ellipses: the two-body orbits of the last moment"] = None
+    map_axes(axes, system, frame)
+    return ("discs: where bodies are at the end", *told)
 
 
 def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, time: str | None = None) -> None:
-    """Draw |dE/E| and |dL/L| against time for several runs, with the round-off floor."""
+    """Draw |dE/E| and |dL/L| against time for several runs, with the round-off floor.
+
+    time : the unit of time; by default one that suits the length of the runs
+    """
+    system = next(iter(runs.values())).system
+    span = max((float(np.abs(run.times).max()) for run in runs.values() if len(run)), default=0.0)
+    factor, unit = words.fitting_time(span, system.units.time)
+    if time is not None:
+        factor, unit = float(system.units.time.to(time)), time
     for k, (label, run) in enumerate(runs.items()):
-        t = run.t.to_value(time) if time else run.times
         look: dict[str, Any] = {"color": style.PALETTE[k % len(style.PALETTE)], "lw": 1.4}
-        kept = run.drift()
+        kept, t = run.drift(), run.times * factor
         energy.plot(t, relative_change(run.energy().value, kept.energy.scale), label=label, **look)
         momentum.plot(t, relative_change(run.angular_momentum().value, kept.angular_momentum.scale), **look)
     for axes, name in ((energy, "energy, |ΔE/E|"), (momentum, "angular momentum, |ΔL|/|L|")):
         axes.set_yscale("log")
         low, high = axes.get_ylim()
         axes.set_ylim(min(low, 2e-17), max(high, 1e-14))
-        axes.axhline(2.0**-53, color=style.GREY, lw=1.0, ls=(0, (6, 4)))
-        axes.text(0.995, 2.0**-53 * 1.15, "round-off, 2⁻⁵³", transform=axes.get_yaxis_transform(), ha="right",
-                  va="bottom", fontsize=11, color=style.GREY)  # fmt: skip
+        axes.axhline(2.0**-53, color=style.GREY, lw=1.0, ls=(0, (6, 4)), zorder=3)
         axes.set_title(name)
         axes.grid(axis="y", color=style.FAINT, lw=0.6)
-    unit = time or str(next(iter(runs.values())).system.units.time)
-    momentum.set_xlabel(f"time [{unit}]" if unit else "time")
+    momentum.set_xlabel(words.since(system, unit))
     if len(runs) > 1:
-        energy.legend(loc="best", fontsize=12)
+        energy.legend(loc="best", fontsize=13)
 
 
-def flatness(axes: Axes, t: Array, series: Array, title: str) -> None:
+def flatness(
+    axes: Axes, t: Array, series: Array, title: str, components: Sequence[str] = ("x", "y", "z")
+) -> None:
     """Draw how flat a conserved quantity is: each component's change over its size, in units of 10^-16, linear.
 
-    series : (n,) or (n, 3); the band is the rounding of one float64
+    series : (n,) or (n, 3), whose `components` a legend tells apart; the band is the rounding of one float64
     """
     values = series.reshape(len(series), -1)
     change = (values - values[0]) / (float(np.linalg.norm(values[0])) or 1.0) * 1e16
-    for component, colour in zip(change.T, (style.BLUE, style.VERMILION, style.GREEN), strict=False):
-        axes.plot(t, component, color=colour, lw=1.2)
+    for component, colour, name in zip(change.T, (style.BLUE, style.VERMILION, style.GREEN), components, strict=False):
+        axes.plot(t, component, color=colour, lw=1.2, label=name if values.shape[1] > 1 else None)
     reach = max(10.0, 1.3 * float(np.abs(change).max()))
     band = 2.0**-53 * 1e16
-    axes.axhspan(-band, band, color=style.FAINT, alpha=0.7, lw=0)
+    axes.axhspan(-band, band, color=style.FAINT, alpha=0.7, lw=0, zorder=0)
     axes.set_ylim(-reach, reach)
     axes.set_title(title)
     axes.set_ylabel("change [10⁻¹⁶]")
     axes.grid(axis="y", color=style.FAINT, lw=0.6)
+    if values.shape[1] > 1:
+        axes.legend(loc="upper right", ncols=3, fontsize=13, borderpad=0.0, handlelength=1.2, columnspacing=1.2)
 
 
 def relative_change(series: Array, scale: float | None = None, floor: float = 2.5e-17) -> Array:
@@ -142,49 +212,75 @@ def relative_change(series: Array, scale: float | None = None, floor: float = 2.
     return np.maximum(change, floor)
 
 
-def in_plane(system: System, q: Array) -> Array:
-    """Return positions as seen from above: ecliptic coordinates for physical systems, the system's own otherwise."""
-    return icrf_to_ecliptic(q) if system.units.is_physical else q
-
-
-def _finish_map(axes: Axes, system: System) -> None:
-    unit = str(system.units.length).replace("AU", "au")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(f"x [{unit}]" if unit else "x")
-    axes.set_ylabel(f"y [{unit}]" if unit else "y")
-
-
-def _when(system: System) -> str:
-    return "" if system.epoch is None else f"{system.epoch.isot[:10]} TDB, seen from the ecliptic's pole"
-
-
-def osculating_ellipse(system: System, body: str | int) -> Array | None:
-    """Return 361 points, as seen from above, of the ellipse that a body osculates about the most massive one.
-
-    None for the most massive body itself and for parabolas and hyperbolas.
+def in_plane(system: System, q: Array, frame: str | None = None) -> Array:
+    """Return positions as seen from above, (..., 3), in the axes of `frame`: by default ecliptic ones for physical
+    systems, the system's own otherwise.
     """
-    i = body if isinstance(body, int) else system.index(body)
-    gms, qs, vs, _ = system.values
-    centre = int(np.argmax(gms))
-    if i == centre:
-        return None
-    gm, q, v = float(gms[centre] + gms[i]), qs[i] - qs[centre], vs[i] - vs[centre]
-    r, h = float(np.linalg.norm(q)), np.cross(q, v)
-    energy = float(v @ v) / 2 - gm / r
-    if energy >= 0.0 or not h.any():
-        return None
-    a = -gm / (2 * energy)
-    eccentricity = np.cross(v, h) / gm - q / r
-    e = float(np.linalg.norm(eccentricity))
-    x = eccentricity / e if e > 1e-12 else q / r
-    y = np.cross(h / np.linalg.norm(h), x)
-    angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
-    ellipse: Array = a * ((np.cos(angle) - e) * x + np.sqrt(1 - e * e) * np.sin(angle) * y)
-    return in_plane(system, qs[centre] + ellipse)
+    return to_frame(q, default_frame(system.units) if frame is None else frame)
 
 
-def _turns_slowly(points: Array) -> bool:
-    """Whether neighbouring samples lie close enough to be joined by a line: less than 30 degrees apart on average."""
-    steps = np.diff(points[:, :2], axis=0)
-    turn = np.abs(np.angle(np.exp(1j * np.diff(np.arctan2(steps[:, 1], steps[:, 0])))))
-    return bool(np.median(turn) < 0.5)
+def map_axes(axes: Axes, system: System, frame: str | None = None, origin: str = "") -> None:
+    """Label the axes of a map with frame, origin and unit, and give both the same scale."""
+    unit = str(system.units.length).replace("AU", "au")
+    frame = default_frame(system.units) if frame is None else frame.lower()
+    where = FRAME_LABELS[frame] if system.units.is_physical or frame == "ecliptic" else ""
+    axes.set_aspect("equal", adjustable="datalim")
+    limits = (*axes.get_xlim(), *axes.get_ylim())
+    power = 3 * int(np.floor(np.log10(max(map(abs, limits))) / 3))
+    if -3 <= power <= 3:
+        power = 0
+    unit = " ".join(part for part in (words.power_of_ten(power), unit) if part)
+    for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+        label = ", ".join(part for part in (name, where, origin) if part)
+        axis.set_label_text(f"{label} [{unit}]" if unit else label)
+        if power:
+            axis.set_major_formatter(lambda x, _: f"{x / 10.0**power:g}".replace("-", "−"))
+
+
+def osculating_ellipse(system: System, body: str | int, frame: str | None = None) -> Array | None:
+    """Return 721 points, as seen from above, of the ellipse that a body osculates about what it goes round.
+
+    That is the planet of a moon, both stars inside the orbit of a planet, otherwise the most massive body. None for
+    the middle of the system, for parabolas and hyperbolas, and where others disturb the motion by more than a tenth.
+    """
+    path = arcs.ellipse(system, body if isinstance(body, int) else system.index(body))
+    return None if path is None else in_plane(system, path, frame)
+
+
+def _chosen(system: System, bodies: Sequence[str] | None) -> list[int]:
+    chosen: list[int] = np.arange(len(system))[presenting.chosen(system.names, bodies)].tolist()
+    return chosen
+
+
+def _looks(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
+    """Return the looks of the bodies that are drawn one by one, and those bodies that become a cloud."""
+    cloud = [i for i in chosen if not system.massive[i]] if len(chosen) > MOST_PATHS else []
+    single = [i for i in chosen if i not in set(cloud)]
+    names = [system.names[i] for i in single]
+    colours = style.colours(names)
+    return {
+        i: {"color": colour, "label": words.short(name)}
+        for i, name, colour in zip(single, names, colours, strict=True)
+    }, cloud
+
+
+def _crowded(system: System, points: Array, looks: Looks, cloud: list[int]) -> set[int]:
+    """Return the middle and the bodies close to it, if these are several and others are far away; else nothing."""
+    middle = int(np.argmax(system.values.gm))
+    distance = np.linalg.norm(points - points[middle], axis=1)
+    drawn = [i for i in (*looks, *cloud) if i != middle]
+    close = {i for i in drawn if distance[i] < CROWDED * distance[drawn].max()}
+    return {middle, *close} if middle in looks and len(close & set(looks)) >= FEW else set()
+
+
+def _draw_cloud(axes: Axes, points: Array) -> None:
+    if len(points):
+        label = f"{len(points):,} massless bodies"
+        look: dict[str, Any] = {"mew": 0, "color": style.GREY}
+        axes.plot(points[:, 0], points[:, 1], ".", ms=3, alpha=0.7, zorder=1, **look)
+        axes.plot([], [], ".", ms=8, label=label, **look)
+
+
+def _named(axes: Axes) -> tuple[list[Any], list[str]]:
+    handles, labels = axes.get_legend_handles_labels()
+    return (handles, labels) if len(labels) <= MOST_NAMES else ([], [])

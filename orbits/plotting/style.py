@@ -5,10 +5,12 @@ Figures are made without pyplot: nothing global is touched, no window opens, and
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,10 +35,11 @@ BODY_COLOURS: Mapping[str, str] = {
     "Neptune": "#3B4CC0",
     "Pluto": "#7B5EA7",
 }
-SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
-
 MARK = "orbits"
 """What a picture's metadata says of who made it."""
+
+MOST_COLUMNS = 10
+"""Of a legend."""
 
 _SETTINGS: Any = {
     "font.size": 15,
@@ -66,11 +69,11 @@ def look() -> Iterator[None]:
         yield
 
 
-def figure(width: float = 16.0, height: float = 10.0) -> Figure:
-    """Return an empty figure of width x height inches at 120 dots per inch."""
+def figure(width: float = 16.0, height: float = 10.0, dpi: int = 120) -> Figure:
+    """Return an empty figure of width x height inches."""
     from orbits.plotting.notebook import Picture
 
-    return Picture(figsize=(width, height), dpi=120, layout="constrained", facecolor="white")
+    return Picture(figsize=(width, height), dpi=dpi, layout="constrained", facecolor="white")
 
 
 def save(made: Figure, path: Path) -> None:
@@ -86,11 +89,49 @@ def halo(text: Text) -> None:
     text.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
 
 
+def below(made: Figure, handles: Sequence[Any], labels: Sequence[str], caption: str = "", size: float = 13) -> None:
+    """Put a legend beneath all panels and, below it, small and grey, what lines and marks mean.
+
+    The legend has as many columns as its words leave room for; a caption alone takes no handles.
+    """
+    from textwrap import fill
+
+    width, height = made.get_size_inches()
+    text = fill(caption, int(width * 72 / (0.53 * size)))
+    room = (len(text.splitlines()) * 1.35 * size + 6) / 72 / height if text else 0.0
+    if text:
+        made.text(0.008, 5 / 72 / height, text, ha="left", va="bottom", fontsize=size, color=GREY)
+    for columns in range(min(len(labels), MOST_COLUMNS), 0, -1):
+        even = -(-len(labels) // -(-len(labels) // columns))  # as many, all rows alike
+        legend = made.legend(
+            handles, labels, loc="lower center", ncols=even, fontsize=size, borderaxespad=0.2,
+            bbox_to_anchor=(0.5, room),
+        )  # fmt: skip
+        legend.set_in_layout(False)
+        seen = legend.get_window_extent()
+        if seen.width <= made.bbox.width or even == 1:
+            room += seen.height / made.bbox.height + 4 / 72 / height
+            break
+        legend.remove()
+    engine: Any = made.get_layout_engine()
+    engine.set(rect=(0.0, room, 1.0, 1.0 - room))
+
+
 def colour(name: str, index: int) -> str:
     """Return the colour of a body: its own where it has one, otherwise by its place in the list."""
     return BODY_COLOURS.get(name, PALETTE[index % len(PALETTE)])
 
 
-def short(name: str) -> str:
-    """Return a name short enough for a label."""
-    return SHORT_NAMES.get(name, name)
+def colours(names: Sequence[str]) -> list[str]:
+    """Return a colour for each body, no two alike: beyond the palette, shades from dark to light in their order."""
+    own = [name for name in names if name not in BODY_COLOURS]
+    taken = {BODY_COLOURS[name] for name in names if name in BODY_COLOURS}
+    palette = [each for each in PALETTE if each not in taken]
+    if len(own) <= len(palette):
+        free = iter(palette)
+        return [BODY_COLOURS[name] if name in BODY_COLOURS else next(free) for name in names]
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    shades = iter(to_hex(colormaps["viridis"](x)) for x in np.linspace(0.0, 0.92, len(own)))
+    return [BODY_COLOURS[name] if name in BODY_COLOURS else next(shades) for name in names]

@@ -20,6 +20,7 @@ from public_names import documented
 import orbits
 from orbits.cli import app
 from orbits.integrators import registry
+from orbits.plotting import style
 from orbits.scenario import bundled
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -91,3 +92,31 @@ def test_every_scenario_integrator_and_command_is_shown(site: Path) -> None:
         for parameter in command.params:
             forms = [parameter.metavar] if parameter.param_type_name == "argument" else parameter.opts
             assert all(f">{form}" in commands for form in forms if form != "--help")
+
+
+def test_pictures_of_the_gallery_are_shown_whole() -> None:
+    css = (ROOT / "docs" / "_static" / "site.css").read_text(encoding="utf-8")
+    (image,) = re.findall(r"\.card img \{([^}]*)\}", css)
+    assert "object-fit: contain" in image
+    assert "cover" not in css
+
+
+def test_figures_are_wide_enough_to_be_read_and_small_enough_for_the_repository() -> None:
+    for path in (ROOT / "docs" / "figures").glob("*.png"):
+        width = int.from_bytes(path.read_bytes()[16:20], "big")
+        assert 1400 <= width <= 1920, path.name
+        assert path.stat().st_size < 400_000, path.name
+
+
+@pytest.mark.parametrize("name", ["kepler", "solar_system", "discrete_kepler"])
+def test_figures_keep_the_colours_that_tell_methods_apart(name: str) -> None:
+    import numpy as np
+    from matplotlib.colors import to_rgb
+    from matplotlib.image import imread
+
+    pixels = (imread(ROOT / "docs" / "figures" / f"{name}.png")[..., :3] * 255).round().astype(int)
+    packed = np.unique(pixels @ (65536, 256, 1))
+    seen = np.column_stack([packed // 65536, packed // 256 % 256, packed % 256])
+    for colour in style.PALETTE[:4]:
+        # 3 of 255 at most is reached; the most frequent 128 colours left purple grey, off by 50.
+        assert np.abs(seen - 255 * np.array(to_rgb(colour))).max(axis=1).min() < 6

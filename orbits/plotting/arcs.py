@@ -1,0 +1,323 @@
+"""Curves through samples that lie far apart: two-body motion between them, where the motion is nearly that.
+
+Each body has a *centre* that it goes round: the planet in whose Hill sphere a moon is, the pair of stars inside the
+orbit of a planet, otherwise the most massive body. Between two samples the two-body motion from the one and that back
+from the other are blended; where the two differ by more than `AGREEMENT` the motion is not of two bodies, and nothing
+is drawn between these samples.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.elements.flow import kepler_flow
+from orbits.errors import InputError
+
+if TYPE_CHECKING:
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Bodies = tuple[int, ...]
+
+AGREEMENT = 0.01
+"""Of the distance to the centre: how far forward and backward motion may differ. Less cannot be seen in a picture."""
+STRAIGHT, SMOOTH = 0.04, 0.4
+"""Radians by which velocities may differ in direction from the way between two samples, for a straight line to join
+these, and for a cubic where the motion is not of two bodies. A cubic through an arc of twice 0.4 is off by 2e-4 of it.
+"""
+DISTURBED = 0.1
+"""Of the attraction by the centre: other accelerations above this make an osculating ellipse meaningless."""
+HEAVY = 0.01
+"""Of the most massive body: a companion of this mass and more is part of the centre of what goes round both."""
+ELLIPSE_POINTS = 721
+ARC_POINTS = 721
+"""At most, from one sample to the next."""
+MOST_POINTS = 400_000
+"""Of all arcs of a body together."""
+
+_GAP = np.full((1, 3), np.nan)
+
+
+class Path(NamedTuple):
+    """What is drawn of one body, in the axes of its system.
+
+    curve : (n, 3), with a row of NaN where it is broken
+    loose : (samples,) bool, the samples that no curve reaches
+    wound : whether the body goes round once and more between some samples
+    """
+
+    curve: Array
+    loose: NDArray[np.bool_]
+    wound: bool
+
+
+class Orbit(NamedTuple):
+    """Relative motion about a centre: (..., 3) q and v, GM of both together."""
+
+    q: Array
+    v: Array
+    gm: float
+
+    @property
+    def binding(self) -> Array:
+        """GM/a, > 0 for ellipses, (...)."""
+        r = np.linalg.norm(self.q, axis=-1)
+        return np.asarray(2.0 * self.gm / r - (self.v**2).sum(axis=-1))
+
+    @property
+    def period(self) -> Array:
+        """Of ellipses; inf for the others, (...)."""
+        binding = np.maximum(self.binding, 0.0)
+        with np.errstate(divide="ignore"):
+            return np.asarray(2.0 * np.pi * self.gm / binding**1.5)
+
+
+def centre_of(system: System, members: Bodies) -> Bodies:
+    """Return the bodies whose centre of mass `members`, taken together, go round; none for the middle of it all."""
+    gm, q, _, _ = system.values
+    root = int(np.argmax(gm))
+    others = [j for j in np.flatnonzero(gm >= HEAVY * gm[root]).tolist() if j != root]
+    if root in members:
+        return tuple(sorted(others, key=lambda j: -gm[j])[:1]) if members == (root,) else ()
+    place = _mean(gm, q, members)
+    mass = gm[list(members)].sum()
+    spheres = []
+    for j in np.flatnonzero(gm > mass).tolist():
+        hill = np.linalg.norm(q[j] - q[root]) * np.cbrt(gm[j] / (3.0 * gm[root]))
+        if j != root and j not in members and np.linalg.norm(q[j] - place) < hill:
+            spheres.append((hill, j))
+    if spheres:
+        return (min(spheres)[1],)
+    reach = np.linalg.norm(place - q[root]) / 2.0
+    inside = [j for j in others if j not in members and np.linalg.norm(q[j] - q[root]) < reach]
+    return (root, *inside)
+
+
+def relative(gm: Array, q: Array, v: Array, members: Bodies, centre: Bodies) -> Orbit:
+    """Return the motion of `members` about `centre`; q and v of shape (..., bodies, 3)."""
+    return Orbit(
+        _mean(gm, q, members) - _mean(gm, q, centre),
+        _mean(gm, v, members) - _mean(gm, v, centre),
+        float(gm[[*members, *centre]].sum()),
+    )
+
+
+def is_nearly_two_body(system: System, members: Bodies, centre: Bodies) -> bool:
+    """Whether what all other bodies do to the relative motion is less than `DISTURBED` of the centre's attraction."""
+    gm, q, v, softening = system.values
+    pull = np.zeros_like(q)
+    for i in (*members, *centre):
+        away = np.delete(q, i, axis=0) - q[i]
+        pull[i] = (np.delete(gm, i) / ((away**2).sum(axis=1) + softening**2) ** 1.5) @ away
+    orbit = relative(gm, q, v, members, centre)
+    alone = -orbit.gm * orbit.q / np.linalg.norm(orbit.q) ** 3
+    excess = _mean(gm, pull, members) - _mean(gm, pull, centre) - alone
+    return bool(np.linalg.norm(excess) < DISTURBED * np.linalg.norm(alone))
+
+
+def ellipse(system: System, i: int) -> Array | None:
+    """Return (721, 3) points, in the system's axes, of the ellipse that body i osculates about its centre.
+
+    None for the middle body, for parabolas, hyperbolas and falls along a line, and where other bodies disturb the
+    motion too much for an ellipse to mean anything.
+    """
+    gm, q, v, _ = system.values
+    centre = centre_of(system, (i,))
+    if not centre:
+        return None
+    orbit = relative(gm, q, v, (i,), centre)
+    h = np.cross(orbit.q, orbit.v)
+    if orbit.binding <= 0.0 or not h.any() or not is_nearly_two_body(system, (i,), centre):
+        return None
+    r = float(np.linalg.norm(orbit.q))
+    a = orbit.gm / float(orbit.binding)
+    eccentricity = np.cross(orbit.v, h) / orbit.gm - orbit.q / r
+    e = float(np.linalg.norm(eccentricity))
+    x = eccentricity / e if e > 1e-12 else orbit.q / r
+    y = np.cross(h / np.linalg.norm(h), x)
+    angle = np.linspace(0.0, 2 * np.pi, ELLIPSE_POINTS)[:, None]
+    round_centre = a * ((np.cos(angle) - e) * x + np.sqrt(max(1 - e * e, 0.0)) * np.sin(angle) * y)
+    return np.asarray(_mean(gm, q, (i, *centre)) + _share(gm, (i,), centre) * round_centre)
+
+
+def joined(run: Trajectory, i: int) -> Path:
+    """Return the path of body i: straight lines where samples are close, arcs of two-body motion where they are not,
+    a cubic where the motion is not of two bodies but smooth.
+    """
+    samples = _Samples(run)
+    q, count = samples.q(i), len(run)
+    if count < 2:
+        return Path(_GAP, np.ones(count, dtype=bool), False)
+    steps = np.diff(run.times)
+    centre = centre_of(samples.end, (i,))
+    orbit = samples.orbit((i,), centre) if centre else None
+    wound = np.zeros(count - 1, dtype=bool)
+    if orbit and is_nearly_two_body(samples.end, (i,), centre):
+        wound = np.abs(steps) >= np.minimum(orbit.period[:-1], orbit.period[1:])
+    turn = np.where(wound, np.inf, _turn(q, samples.v(i), run.times))
+    straight = turn < STRAIGHT
+    smooth = np.flatnonzero(~straight & (turn < SMOOTH))
+    arcs = dict(zip(smooth.tolist(), samples.cubics((i,), smooth), strict=True))
+    curved = np.flatnonzero(~straight & ~wound)
+    if len(curved) and orbit:
+        points, good = samples.arcs((i,), orbit, curved)
+        arcs |= {k: arc for k, arc, fine in zip(curved.tolist(), points, good, strict=True) if fine}
+    drawn = straight.copy()
+    drawn[list(arcs)] = True
+    pieces: list[Array] = []
+    k = 0
+    for stop in [*np.flatnonzero(~straight).tolist(), count - 1]:  # straight lines up to here, then one that is none
+        if stop > k:
+            pieces.append(q[k : stop + 1])
+        if stop in arcs:
+            pieces.append(arcs[stop])
+        elif stop < count - 1 and pieces and pieces[-1] is not _GAP:
+            pieces.append(_GAP)
+        k = stop + 1
+    loose = ~(np.append(drawn, False) | np.append(False, drawn))
+    return Path(np.concatenate(pieces or [_GAP]), loose, bool(wound.any()))
+
+
+def last_state(run: Trajectory) -> System:
+    """Return the system at the last sample, without its epoch: that of a long run is no date.
+
+    Raises InputError for a run without samples.
+    """
+    if not len(run):
+        raise InputError(f"{run!r} has no samples yet, so there is nothing to draw; expected at least one.")
+    return run.system.replaced(q=run.q[-1].value, v=run.v[-1].value, epoch=None)
+
+
+class _Samples:
+    """The samples of a run, read body by body."""
+
+    def __init__(self, run: Trajectory) -> None:
+        self.run = run
+        self.end = last_state(run)
+        self.gm = run.system.values.gm
+        self._known: dict[int, tuple[Array, Array]] = {}
+
+    def q(self, i: int) -> Array:
+        return self._body(i)[0]
+
+    def v(self, i: int) -> Array:
+        return self._body(i)[1]
+
+    def orbit(self, members: Bodies, centre: Bodies) -> Orbit:
+        """Return the relative motion at every sample."""
+        (q, v), (to_q, to_v) = self._middle(members), self._middle(centre)
+        return Orbit(q - to_q, v - to_v, float(self.gm[[*members, *centre]].sum()))
+
+    def arcs(self, members: Bodies, orbit: Orbit, k: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
+        """Return points (len(k), n, 3) from each sample k to the next, and which of these arcs can be trusted."""
+        times = _nodes(orbit, self.run.times, k)
+        return self._between(members, k, times)
+
+    def cubics(self, members: Bodies, k: NDArray[np.intp]) -> Array:
+        """Return points (len(k), 17, 3) of the cubics from each sample k to the next."""
+        length = np.diff(self.run.times)[k][:, None]
+        return _cubic(*self._middle(members), k, length * np.linspace(0.0, 1.0, 17), length)
+
+    def _between(self, members: Bodies, k: NDArray[np.intp], times: Array) -> tuple[Array, NDArray[np.bool_]]:
+        centre = centre_of(self.end, members)
+        length = np.diff(self.run.times)[k][:, None]
+        if not centre:
+            return _cubic(*self._middle(members), k, times, length), np.ones(len(k), dtype=bool)
+        orbit = self.orbit(members, centre)
+        forward, _ = kepler_flow(orbit.q[k][:, None], orbit.v[k][:, None], orbit.gm, times)
+        backward, _ = kepler_flow(orbit.q[k + 1][:, None], orbit.v[k + 1][:, None], orbit.gm, times - length)
+        done = times / length
+        blended = forward + (done * done * (3.0 - 2.0 * done))[..., None] * (backward - forward)
+        apart = np.linalg.norm(backward - forward, axis=-1)
+        good = (apart < AGREEMENT * np.linalg.norm(blended, axis=-1)).all(axis=1)
+        base, fine = self._between((*members, *centre), k, times)
+        return base + _share(self.gm, members, centre) * blended, good & fine
+
+    def _middle(self, members: Bodies) -> tuple[Array, Array]:
+        weights = _weights(self.gm, members)
+        both = [self._body(i) for i in members]
+        q, v = (np.asarray(sum(w * x[part] for w, x in zip(weights, both, strict=True))) for part in (0, 1))
+        return q, v
+
+    def _body(self, i: int) -> tuple[Array, Array]:
+        if i not in self._known:
+            path = self.run[self.run.names[i]]
+            self._known[i] = (path.q.value, path.v.value)
+        return self._known[i]
+
+
+def _nodes(orbit: Orbit, times: Array, k: NDArray[np.intp]) -> Array:
+    """Return times since the samples k, (len(k), n), evenly spread in the eccentric anomaly of the motion."""
+    step = np.diff(times)[k]
+    start, e = _anomaly(orbit, k)
+    end, _ = _anomaly(orbit, k + 1)
+    bound = (orbit.binding[k] > 0.0) & (orbit.binding[k + 1] > 0.0)
+    mean_motion = np.abs(orbit.binding[k]) ** 1.5 / orbit.gm
+    with np.errstate(over="ignore", invalid="ignore"):
+        turns = np.where(bound, np.round((mean_motion * step - (end - start)) / (2 * np.pi)), 0.0)
+        sweep = end + 2 * np.pi * turns - start
+        finest = np.radians(0.5) * np.sqrt(np.clip(np.abs(1.0 - e * e), 0.02, 1.0))
+        wanted = float(np.nanmax(np.abs(sweep) / finest, initial=16.0))
+        count = int(np.clip(min(wanted, MOST_POINTS / len(k)), 16, ARC_POINTS - 1))
+        even = np.linspace(0.0, 1.0, count + 1)
+        anomaly = start[:, None] + sweep[:, None] * even
+        e = e[:, None]
+        mean = np.where(bound[:, None], anomaly - e * np.sin(anomaly), e * np.sinh(anomaly) - anomaly)
+        done = (mean - mean[:, :1]) / (mean[:, -1:] - mean[:, :1])
+    spread = np.isfinite(done).all(axis=1) & (np.diff(done, axis=1) >= 0.0).all(axis=1)
+    return np.asarray(np.where(spread[:, None], done, even) * step[:, None])
+
+
+def _anomaly(orbit: Orbit, k: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Return the eccentric anomaly, or its like for hyperbolas, and the eccentricity."""
+    q, v, binding = orbit.q[k], orbit.v[k], orbit.binding[k]
+    rv = (q * v).sum(axis=-1)
+    root = rv * np.sqrt(np.abs(binding)) / orbit.gm  # e sin E, e sinh F
+    cosine = 1.0 - np.linalg.norm(q, axis=-1) * binding / orbit.gm  # e cos E, e cosh F
+    e = np.sqrt(np.abs(cosine**2 + np.where(binding > 0.0, 1.0, -1.0) * root**2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(binding > 0.0, np.arctan2(root, cosine), np.arcsinh(root / e)), e
+
+
+def _cubic(q: Array, v: Array, k: NDArray[np.intp], times: Array, length: Array) -> Array:
+    """Return the cubic with the positions and velocities of samples k and k + 1 at its ends."""
+    s = (times / length)[..., None]
+    h = length[..., None]
+    q0, q1, v0, v1 = q[k][:, None], q[k + 1][:, None], v[k][:, None], v[k + 1][:, None]
+    rest = s * s * (3.0 - 2.0 * s)
+    return np.asarray(q0 + rest * (q1 - q0) + s * (1 - s) ** 2 * h * v0 - s * s * (1 - s) * h * v1)
+
+
+def _turn(q: Array, v: Array, times: Array) -> Array:
+    """Return by how much motion turns from each sample to the next, radians, (n - 1,); inf where it goes round unseen.
+
+    The larger of the angles between the velocities at both ends and the way from the one to the other.
+    """
+    step = np.diff(times)[:, None]
+    way, start, end = np.diff(q, axis=0), v[:-1] * step, v[1:] * step
+    turn = np.maximum(_angle(way, start), _angle(way, end))
+    went = (np.linalg.norm(start, axis=1) + np.linalg.norm(end, axis=1)) / 2.0
+    there = np.linalg.norm(way, axis=1)
+    return np.asarray(np.where(np.abs(there - went) <= 0.15 * went, turn, np.inf))
+
+
+def _angle(x: Array, y: Array) -> Array:
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(x, y), axis=1), (x * y).sum(axis=1)))
+
+
+def _weights(gm: Array, members: Bodies) -> Array:
+    some = gm[list(members)]
+    return np.asarray(some / some.sum() if some.sum() > 0.0 else np.full(len(some), 1.0 / len(some)))
+
+
+def _mean(gm: Array, x: Array, members: Bodies) -> Array:
+    return np.asarray(np.einsum("j,...jk->...k", _weights(gm, members), x[..., list(members), :]))
+
+
+def _share(gm: Array, members: Bodies, centre: Bodies) -> float:
+    """Return the part of the relative motion that `members` do, their common centre of mass being what stays."""
+    return float(gm[list(centre)].sum() / gm[[*members, *centre]].sum())

@@ -1,0 +1,112 @@
+"""Words for pictures: methods, spans of time, dates, and names that fit."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import TYPE_CHECKING, Any
+
+from astropy import units as u
+
+from orbits.integrators import registry
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
+LONGEST_NAME = 28
+"""Characters of a name in a legend; a longer one loses its middle, as names often differ at their ends only."""
+
+CUSTOMARY: Mapping[str, str] = {"Gauss collocation": "Gauss", "classical Runge–Kutta": "RK4"}
+"""What the literature calls some methods for short."""
+
+TIMES = ((u.s, 0.0), (u.min, 2.0), (u.h, 3.0), (u.d, 3.0), (u.yr, 3.0), (u.kyr, 10.0), (u.Myr, 1.0), (u.Gyr, 1.0))
+"""Units of time, each with the shortest span told in it: an hour in minutes, a year in days, a century in years."""
+
+
+def short(name: str) -> str:
+    """Return a name short enough for a label: at most 28 characters, its two ends kept."""
+    name = SHORT_NAMES.get(name, name)
+    keep = (LONGEST_NAME - 1) // 2
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1 - keep]}…{name[-keep:]}"
+
+
+def method_words(label: str) -> str:
+    """Return a method's label in words: `Gauss(stages=8)` is "Gauss, 8 stages", `ExplicitEuler()` "explicit Euler".
+
+    Labels that no registered method has, those of REBOUND's for example, come back as they are.
+    """
+    try:
+        call = ast.parse(label, mode="eval").body
+    except (SyntaxError, ValueError):
+        return label
+    known = {cls.__name__: cls for cls in registry().values()}
+    if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.func.id not in known:
+        return label
+    cls = known[call.func.id]
+    head = re.split(r"[:,(]", cls.summary)[0].strip()
+    if len(head.split()) > 3:  # a sentence, not a name
+        head = cls.__name__ if cls.__name__.isupper() else cls.__name__.lower()
+    customary = {f.name: f.default_factory().label for f in fields(cls) if f.default_factory is not MISSING}
+    parts = [CUSTOMARY.get(head, head)]
+    for given in call.keywords:
+        value = given.value
+        if isinstance(value, ast.Call):
+            base = ast.unparse(value)
+            if base != customary.get(given.arg or ""):
+                parts[0] += f" of {method_words(base)}"
+        elif isinstance(value, ast.Constant) and value.value is not None:
+            parts.append(_parameter(given.arg or "", value.value))
+    return ", ".join(parts)
+
+
+def _parameter(name: str, value: Any) -> str:
+    if isinstance(value, str):
+        return value.replace("-", "–") if "drift" in value else value
+    if name == "stages":
+        return f"{value} stage{'' if value == 1 else 's'}"
+    return f"{name} {value}"
+
+
+def fitting_time(span: float, unit: Any) -> tuple[float, str]:
+    """Return by what to multiply times, and the unit in which a span of time is best told.
+
+    span : in `unit`, either sign; `unit` : an astropy unit, or its name. Times without a unit stay as they are, in
+    powers of a thousand where the span is long: (0.001, "10³").
+    """
+    unit = u.Unit(unit)
+    if unit == u.dimensionless_unscaled:
+        power = next((n for n in (12, 9, 6, 3) if abs(span) >= 50 * 10.0**n), 0)
+        return 10.0**-power, power_of_ten(power)
+    best = [each for each, least in TIMES if abs(span) * unit.to(each) >= 0.999 * least][-1]  # rounded spans, too
+    return float(unit.to(best)), str(best)
+
+
+def power_of_ten(power: int) -> str:
+    """Return a power of ten as text: 10⁶; nothing for 1."""
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")) if power else ""
+
+
+def in_fitting_time(duration: float, unit: Any) -> str:
+    """Return a duration, such as a step, with four digits in the unit that suits it: "6 d", "30 min"."""
+    if u.Unit(unit) == u.dimensionless_unscaled:
+        return f"{duration:.4g}"
+    times = [each for each, _ in TIMES[:5] if abs(duration) * u.Unit(unit).to(each) >= 0.9999]
+    best = times[-1] if times else u.s
+    best = u.d if best == u.yr and abs(duration) * u.Unit(unit).to(u.yr) < 3 else best
+    return f"{duration * u.Unit(unit).to(best):.4g} {best}"
+
+
+def since(system: System, unit: str) -> str:
+    """Return the label of an axis of time: since when, and in what."""
+    start = "" if system.epoch is None else f" since {moment(system)}"
+    return f"time{start} [{unit}]" if unit else f"time{start}"
+
+
+def moment(system: System) -> str:
+    """Return the epoch of a system to the minute, midnight left out: "2000-01-01 12:00 TDB"."""
+    if system.epoch is None:
+        return ""
+    return f"{system.epoch.isot[:16].replace('T', ' ').removesuffix(' 00:00')} TDB"

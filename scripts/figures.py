@@ -1,0 +1,57 @@
+"""Draw the pictures of the docs anew: run scenarios and copy, reduced, those of their pictures that the docs show.
+
+    python scripts/figures.py                           # all of them: about ten minutes, and a quiet machine, please
+    python scripts/figures.py kepler arenstorf          # of these scenarios
+    python scripts/figures.py --from results kepler   # of what `orbits run kepler` has drawn already
+
+A picture belongs to the docs when a file of its name is in docs/figures. It becomes 1,500 pixels wide and 256 colours,
+so that the repository stays small. `work_precision` measures seconds: its picture is worth what the machine was idle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from orbits.scenario import bundled
+
+FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
+WIDTH, COLOURS = 1500, 256
+
+
+def reduced(source: Path, target: Path) -> None:
+    """Write a picture in the size of the docs."""
+    with Image.open(source) as picture:
+        height = round(picture.height * WIDTH / picture.width)
+        small = picture.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
+    # Every colour in reach, not the most frequent ones: thin lines must not take on the colour of others.
+    small.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=1, dither=Image.Dither.NONE).save(target, optimize=True)
+
+
+def main() -> None:
+    """Run what is asked for and replace the pictures."""
+    names = [scenario.name for scenario in bundled()]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenarios", nargs="*", help="names; all by default")
+    parser.add_argument("--from", dest="results", type=Path, help="a results folder; nothing is run then")
+    given = parser.parse_args()
+    if unknown := sorted(set(given.scenarios) - set(names)):
+        parser.error(f"there is no scenario {unknown[0]!r}; expected some of {', '.join(names)}")
+    for name in given.scenarios or names:
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = given.results / name if given.results else Path(scratch)
+            if not given.results:
+                subprocess.run([sys.executable, "-m", "orbits", "run", name, "--out", str(folder)], check=True)
+            for picture in sorted(folder.glob("*.png")):
+                if (FIGURES / picture.name).is_file():
+                    reduced(picture, FIGURES / picture.name)
+                    print(f"{FIGURES / picture.name}: {(FIGURES / picture.name).stat().st_size / 1024:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

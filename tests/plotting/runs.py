@@ -1,0 +1,26 @@
+"""Runs that need no integration: massless bodies about one star move exactly as two bodies do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import orbits
+from orbits.elements.flow import kepler_flow
+
+
+def about_a_star(bodies, times, *, units=orbits.DIMENSIONLESS, epoch=None, method=None):
+    """Return the run of massless `bodies`, elements by name, about a star of GM 1 (of the Sun, where units are
+    physical).
+    """
+    gm = 1.0 if units == orbits.DIMENSIONLESS else orbits.System.solar_system(bodies=["Sun"]).values.gm[0]
+    massless = {name: {"gm": 0.0, **elements} for name, elements in bodies.items()}
+    system = orbits.System.from_elements({"star": {"gm": gm}, **massless}, units=units, epoch=epoch)
+    _, q, v, _ = system.values
+    times = np.asarray(times, dtype=float)
+    paths = [kepler_flow(q[i] - q[0], v[i] - v[0], gm, times) for i in range(1, len(system))]
+    still = np.zeros((len(times), 1, 3))
+    all_q, all_v = (np.concatenate([still, *(path[k][:, None] for path in paths)], axis=1) for k in (0, 1))
+    return orbits.Trajectory(
+        system.replaced(q=all_q[0], v=all_v[0]), times, all_q, all_v, step=float(np.sign(times[-1])),
+        integrator=method or orbits.Gauss(stages=8),
+    )  # fmt: skip

@@ -1,0 +1,167 @@
+"""Pictures of runs, systems and reports: nothing overlaps, axes tell frame and unit, lines are explained."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits.report.picture import picture
+from tests.plotting import seen
+from tests.plotting.runs import about_a_star
+from tests.regression.test_report import NINE, make
+
+PLANETS = {"inner": {"a": 1.0, "e": 0.2}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0}}
+SPANS = {"an hour": 1 / 24, "a year": 365.25, "a century": 36525.0, "a century back": -36525.0, "1e6 years": 3.6525e8}
+LONG = {f"A planet with a name of forty characters{k}": {"a": 1.0 + k} for k in range(6)}
+CROWD = {**{f"{k} asteroid of some length": {"a": 2.0 + 0.01 * k, "M": 1.0 * k} for k in range(40)}, "far": {"a": 90.0}}
+THIRTY = {f"planet {k}": {"a": 1.15**k, "M": 2.4 * k} for k in range(1, 30)}
+UNITS = {"an hour": "[min]", "a year": "[d]", "a century": "[yr]", "a century back": "[yr]", "1e6 years": "[Myr]"}
+
+
+def physical(span, bodies=PLANETS, samples=60):
+    return about_a_star(bodies, np.linspace(0.0, span, samples), units=orbits.SOLAR, epoch="2000-01-01T12:00:00")
+
+
+PICTURES = {
+    **{name: lambda span=span: physical(span).plot() for name, span in SPANS.items()},
+    "long names": lambda: about_a_star(LONG, np.linspace(0.0, 60.0, 50)).plot(),
+    "thirty massless": lambda: about_a_star(THIRTY, np.linspace(0.0, 60.0, 50)).plot(),
+    "two samples": lambda: about_a_star(PLANETS, [0.0, 1.0]).plot(),
+    "no units, long": lambda: about_a_star(PLANETS, np.linspace(0.0, 7e6, 50)).plot(),
+    "metres": lambda: in_metres().plot(),
+    "one body": lambda: alone().plot(),
+    "a crowd": lambda: about_a_star(CROWD, np.linspace(0.0, 60.0, 50)).plot(),
+    "a system": lambda: orbits.System.solar_system().plot(),
+    "a system of long names": lambda: about_a_star(LONG, [0.0, 1.0]).system.plot(),
+    "a system of thirty": lambda: heavy_thirty().plot(),
+    "a report": lambda: picture(make(NINE, NINE)),
+}
+
+
+def alone():
+    q, v = [[1.0, 0.0, 0.0]], [[0.1, 0.0, 0.2]]
+    system = orbits.System.from_states(["rock"], [1.0], q, v, units=orbits.DIMENSIONLESS)
+    times = np.linspace(0.0, 10.0, 11)
+    q, v = system.values.q + times[:, None, None] * system.values.v, np.tile(system.values.v, (11, 1, 1))
+    return orbits.Trajectory(system, times, q, v, step=0.1, integrator=orbits.StormerVerlet())
+
+
+def heavy_thirty():
+    bodies = {"star": {"gm": 1.0}, **{name: {"gm": 1e-9, **given} for name, given in THIRTY.items()}}
+    return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+
+
+def in_metres():
+    from astropy import units as u
+
+    si = orbits.UnitSystem("SI", length=u.m, time=u.s, mass=u.kg)
+    bodies = {
+        "star": {"gm": 1.3e20 * u.m**3 / u.s**2},
+        "planet": {"gm": 4e14 * u.m**3 / u.s**2, "a": 1.5e11 * u.m, "e": 0.1},
+    }
+    return orbits.System.from_elements(bodies, units=si)
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_nothing_in_a_picture_overlaps(name):
+    figure = seen.laid_out(PICTURES[name]())
+    assert seen.colliding_tick_labels(figure) == []
+    assert seen.legends_on_panels(figure) == []
+    assert seen.captions_on_legends(figure) == []
+    assert seen.outside(figure) == []
+    assert not any(axes.get_legend() for axes in figure.get_axes())  # none within a panel, on the orbits
+
+
+@pytest.mark.parametrize("name", SPANS)
+def test_time_is_told_in_a_unit_that_suits_the_run_and_since_when(name):
+    (label,) = {axes.get_xlabel() for axes in physical(SPANS[name]).plot().get_axes() if "time" in axes.get_xlabel()}
+    assert label == f"time since 2000-01-01 12:00 TDB {UNITS[name]}"
+
+
+def map_of(figure):
+    return next(axes for axes in figure.get_axes() if axes.get_xlabel().startswith("x"))
+
+
+def test_maps_tell_their_frame_and_unit():
+    run = physical(365.25)
+    assert map_of(run.plot()).get_xlabel() == "x, ecliptic of J2000 [au]"
+    assert map_of(run.plot(frame="icrf")).get_ylabel() == "y, ICRF [au]"
+    assert map_of(run.system.plot()).get_ylabel() == "y, ecliptic of J2000 [au]"
+    assert map_of(about_a_star(PLANETS, [0.0, 1.0]).plot()).get_xlabel() == "x"
+    assert "10⁹ m]" in map_of(in_metres().plot()).get_xlabel()
+
+
+def test_the_frame_on_the_axes_is_the_one_that_is_drawn():
+    system = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
+    x, y, _ = system.values.q[system.index("Jupiter")]
+    ends = {}
+    for frame in ("icrf", "ecliptic"):
+        axes = map_of(system.plot(frame=frame))
+        ends[frame] = [np.ravel(line.get_data()) for line in axes.lines if line.get_marker() == "o"][-1]
+    assert ends["icrf"] == pytest.approx([x, y], rel=1e-14)
+    assert abs(ends["ecliptic"][1] - y) > 0.1  # the obliquity turns y, by 8 %, and brings z in
+    with pytest.raises(orbits.UnknownNameError, match="there is no frame"):
+        system.plot(frame="galactic")
+
+
+def test_a_run_is_headed_by_its_method_and_step_in_words():
+    assert map_of(physical(365.25).plot()).get_title(loc="left") == "Gauss, 8 stages, dt = 1 d"
+    assert map_of(physical(1.0).plot(title="Mine")).get_title(loc="left") == "Mine"
+
+
+def test_a_run_past_the_last_date_that_astropy_knows_can_be_drawn():
+    assert map_of(physical(3.6525e8).plot()) is not None
+
+
+def test_a_run_without_samples_is_refused_in_words():
+    run = about_a_star(PLANETS, [0.0, 1.0])
+    empty = (run.times[:0], run.q.value[:0], run.v.value[:0])
+    with pytest.raises(orbits.InputError, match="no samples yet, so there is nothing to draw"):
+        orbits.Trajectory(run.system, *empty, step=1.0, integrator=run.integrator).plot()
+
+
+def test_the_dashed_line_of_a_run_and_the_ellipses_are_explained():
+    told = " ".join(seen.texts(physical(365.25).plot())).replace("\n", " ")
+    for words in ("dashed: 2⁻⁵³, the rounding of one float64", "thin ellipses: the two-body", "discs: where bodies"):
+        assert words in told
+    assert "energy and angular momentum: of the massive bodies" in told  # the planets are massless here
+
+
+def test_coarse_samples_are_not_joined_to_a_polygon():
+    figure = about_a_star({"planet": {"a": 1.0, "e": 0.5}}, np.linspace(0.0, 6.0, 8)).plot()
+    drawn = max((line.get_xydata() for line in map_of(figure).lines if line.get_linestyle() == "-"), key=len)
+    assert len(drawn) >= 360
+
+
+def test_thirty_massive_bodies_have_thirty_colours_and_names():
+    figure = heavy_thirty().plot()
+    (legend,) = figure.legends
+    assert len(legend.get_texts()) == 30
+    assert len({handle.get_color() for handle in legend.get_lines()}) == 30
+
+
+def test_planets_that_crowd_about_the_sun_have_a_map_of_their_own():
+    planets = {name: {"a": a} for name, a in (("a", 0.4), ("b", 0.7), ("c", 1.0), ("far", 30.0))}
+    run = about_a_star(planets, np.linspace(0.0, 6.0, 50), units=orbits.SOLAR)
+    for figure in (run.plot(), run.system.plot()):
+        wide, close = (axes for axes in figure.get_axes() if axes.get_xlabel().startswith("x"))
+        assert np.ptp(wide.get_xlim()) > 50
+        assert np.ptp(close.get_ylim()) < 4
+    assert len([axes for axes in run.plot(bodies=["a", "far"]).get_axes() if axes.get_xlabel().startswith("x")]) == 1
+
+
+def test_a_report_explains_its_lines_and_names_methods_in_words():
+    told = " ".join(seen.texts(picture(make(NINE, NINE)))).replace("\n", " ")
+    for words in ("Gauss, 8 stages", "strong lines: the largest error so far", "faint: the error itself",
+                  "dashed: REBOUND", "round-off, 2⁻⁵³", "the yardstick's own error"):  # fmt: skip
+        assert words in told
+    assert "stages=" not in told
+
+
+def test_a_report_of_a_long_run_is_in_years_and_of_one_back_in_time_says_so():
+    from dataclasses import replace
+
+    report = make(NINE, NINE)
+    assert "time since the start [Myr]" in seen.texts(picture(replace(report, times=report.times * 1e4)))
+    assert "time before the start [yr]" in seen.texts(picture(replace(report, times=-report.times)))
