@@ -23,7 +23,7 @@ h sum_i b_i dK/dt(Q_i, V_i), which is K(q1, t1) - K(q0, t0)
 The momenta are the step's own: recomputed from stored positions they lose digits, for a position has lost eps |q| and
 L_d sees the difference of neighbours.
 
-Source: Marsden & West (2001), sec. 1.3.3, for K = 0. The second line of the residual is what a solver leaves.
+Source: Marsden & West (2001), sec. 1.3.3, for K = 0.
 """
 
 from __future__ import annotations
