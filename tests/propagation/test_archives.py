@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -206,6 +207,27 @@ def test_a_failing_run_leaves_its_samples_readable(tmp_path):
     with pytest.raises(ConvergenceError):
         orbits.resume(path)
     assert len(orbits.Trajectory.open(path)) == len(kept)
+
+
+def test_commits_come_early_and_then_ever_more_rarely(monkeypatch):
+    clock, commits = [0.0], []
+    monkeypatch.setattr(run_module, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    writer = SimpleNamespace(commit=lambda q, v, checkpoint: commits.append(clock[0]))
+    marcher = SimpleNamespace(checkpoint=dict)
+    keeper = run_module._Keeper(1, np.arange(10.0), 0, writer)
+    for tick in range(1, 60 * 60 * 20):
+        clock[0] = tick / 20
+        if keeper.overdue:
+            keeper.commit(marcher)
+    commits = np.array(commits)
+    pauses = np.diff(commits, prepend=0.0)
+    assert commits[0] <= 0.3
+    # A quarter of what was computed, to the 50 ms between two looks at the clock, and no more than ten seconds.
+    assert (pauses <= np.maximum(0.25, 0.25 * (commits - pauses)) + 0.051).all()
+    assert pauses.max() <= 10.05
+    assert pauses[-1] >= 10.0
+    # Twenty commits in the first forty seconds cost less than a second on a slow disk.
+    assert (commits < 40).sum() <= 25
 
 
 def test_a_trajectory_in_an_archive_is_read_lazily(tmp_path):
