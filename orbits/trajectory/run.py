@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -370,7 +371,7 @@ class Trajectory(Tabular):
         if self._place is None:
             return super().__reduce__()
         known = {"stopped": self.stopped, "_record": self._record}
-        return _reopened, (self._place, len(self), self.statistics), known
+        return _reopened, (self._place, len(self), self.statistics, _identity(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the open file behind: the samples themselves are copied where no path leads to it."""
@@ -462,12 +463,26 @@ def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
         ) from error
 
 
-def _reopened(path: str, samples: int, statistics: Statistics | None) -> Trajectory:
+def _identity(run: Trajectory, samples: int) -> str:
+    """Return a digest of what a run began from, how it was made, and its first so many times."""
+    values = run.system.values
+    digest = hashlib.sha256(repr((run.names, run.integrator.label, run.step, values.softening)).encode())
+    for array in (values.gm, values.q, values.v, run.times[:samples]):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _reopened(path: str, samples: int, statistics: Statistics | None, identity: str) -> Trajectory:
     """Return the run in an archive where a copy of it is wanted, as it was with that many samples."""
     run = Trajectory.open(path, statistics=statistics)
-    if len(run) < samples:
+    try:
+        if len(run) < samples:
+            raise ArchiveError(f"{path} holds {len(run)} samples; expected the {samples} of the run that was copied.")
+        if _identity(run, samples) != identity:
+            raise ArchiveError(f"{path} holds another run by now; expected the one that was copied.")
+    except BaseException:
         run.close()
-        raise ArchiveError(f"{path} holds {len(run)} samples; expected the {samples} of the run that was copied.")
+        raise
     return run
 
 
