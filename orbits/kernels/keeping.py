@@ -129,15 +129,11 @@ class _Private:
         trust.make_private(Path(self.get_cache_path()))
 
 
-class _Chosen(_Private, caching.UserProvidedCacheLocator):
-    """In NUMBA_CACHE_DIR."""
+class _BesideSource:
+    """The `__pycache__` beside the source, where no more users may write than in the folder of the source."""
 
-
-class _BesideSource(caching.InTreeCacheLocator):
-    """In the `__pycache__` beside the source, where no more users may write than in the folder of the source."""
-
-    def ensure_cache_path(self) -> None:
-        super().ensure_cache_path()
+    def ensure_cache_path(self: Any) -> None:
+        super().ensure_cache_path()  # type: ignore[misc]
         place = Path(self.get_cache_path())
         source = place.parent.stat()
         # Where the sticky bit is set, as in /tmp, others may write beside the source, but not change it.
@@ -147,24 +143,30 @@ class _BesideSource(caching.InTreeCacheLocator):
             raise PermissionError(f"{place} {reason}")
 
 
-class _UserWide(_Private, caching.UserWideCacheLocator):
-    """In the user's own folder of Numba's caches."""
+class _Temporary(_Private):
+    """A private temporary folder, where nothing else can be had."""
+
+    def get_cache_path(self: Any) -> str:
+        return str(trust.temporary_folder() / self.get_suitable_cache_subpath(self._py_file))
 
 
-class _Session(_Private, caching.IPythonCacheLocator):
-    """In IPython's folder, for what was typed into a session."""
+def _place(way: type, name: str) -> Any:
+    """Return Numba's locator of that name, which began with an underscore in 0.61, with our way to judge a folder."""
+    return type(name, (way, getattr(caching, name, None) or getattr(caching, f"_{name}")), {})
 
 
-class _Temporary(_Private, caching.UserWideCacheLocator):
-    """In a private temporary folder, where nothing else can be had."""
-
-    def __init__(self, py_func: Any, py_file: str) -> None:
-        super().__init__(py_func, py_file)
-        self._cache_path = str(trust.temporary_folder() / self.get_suitable_cache_subpath(py_file))
+PLACES = [
+    _place(_Private, "UserProvidedCacheLocator"),  # NUMBA_CACHE_DIR
+    _place(_BesideSource, "InTreeCacheLocator"),
+    _place(_Private, "UserWideCacheLocator"),
+    _place(_Private, "IPythonCacheLocator"),  # what was typed into a session
+    _place(_Temporary, "UserWideCacheLocator"),
+]
+"""Where entries may be, the first that will do."""
 
 
 class _Implementation(caching.CompileResultCacheImpl):
-    _locator_classes: list[Any] = [_Chosen, _BesideSource, _UserWide, _Session, _Temporary]  # noqa: RUF012, Numba's
+    _locator_classes = PLACES
 
 
 class KernelCache(caching.FunctionCache):

@@ -278,3 +278,17 @@ def test_a_scenario_s_kernels_are_found_again_however_its_file_was_started(tmp_p
         assert done.returncode == 0, done.stderr[-500:]
         said.append(done.stdout)
     assert said == ["9.0 0\n", "9.0 0\n", "9.0 1\n", "9.0 1\n"]
+
+
+@pytest.mark.parametrize(("mode", "beside"), [(0o755, True), (0o777, False)])
+def test_the_cache_is_beside_the_source_only_where_nobody_else_may_write(tmp_path, monkeypatch, mode, beside):
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    source, place = tmp_path / "mine.py", tmp_path / "__pycache__"
+    source.write_text(KERNELS)
+    place.mkdir()
+    place.chmod(mode)
+    spec = importlib.util.spec_from_file_location("mine", source)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert (Path(module.twice._cache.cache_path) == place) == beside
