@@ -14,6 +14,7 @@ import argparse
 import subprocess
 import sys
 import tempfile
+from io import BytesIO
 from pathlib import Path
 
 from PIL import Image
@@ -21,16 +22,26 @@ from PIL import Image
 from orbits.scenario import bundled
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
-WIDTH, COLOURS = 1500, 256
+WIDTH, WIDEST, COLOURS = 1500, 1920, 256
 
 
 def reduced(source: Path, target: Path) -> None:
-    """Write a picture in the size of the docs."""
+    """Write a picture in the size of the docs, or in its own where that takes fewer bytes: dense dots do."""
     with Image.open(source) as picture:
-        height = round(picture.height * WIDTH / picture.width)
-        small = picture.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
+        whole = picture.convert("RGB")
+    height = round(whole.height * WIDTH / whole.width)
+    sizes = [whole.resize((WIDTH, height), Image.Resampling.LANCZOS)]
+    sizes += [whole] * (whole.width <= WIDEST)
+    target.write_bytes(min(map(coded, sizes), key=len))
+
+
+def coded(picture: Image.Image) -> bytes:
+    """Return a picture as a PNG of few colours."""
+    memory = BytesIO()
     # Every colour in reach, not the most frequent ones: thin lines must not take on the colour of others.
-    small.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=1, dither=Image.Dither.NONE).save(target, optimize=True)
+    small = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=1, dither=Image.Dither.NONE)
+    small.save(memory, "png", optimize=True)
+    return memory.getvalue()
 
 
 def main() -> None:

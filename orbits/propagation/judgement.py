@@ -76,13 +76,13 @@ def warn_of(run: Trajectory, seen: Seen, found: Sequence[tuple[int, float]]) -> 
         if abs(pair.ahead) <= 2.0 * abs(run.step) and math.isfinite(orbit.speed):
             steps = passage.step + pair.ahead / run.step
             sharp = replace(passage, distance=orbit.least, speed=orbit.speed, steps=steps)
-        lines.append(f"  {Approach.of(run.system, run.step, sharp, error)}")
+        lines.append(f"  {Approach.of(run.system, run.step, sharp, error)}.")
         enough = min(enough, step_that_resolves(run.integrator, run.step, pair, end - passage.step * run.step, end))
     unit = run.system.units.time
-    more = f"\n  and {len(found) - len(lines):,} more, in run.unresolved()" if len(found) > len(lines) else ""
-    remedy = f"dt <= {with_unit(enough, unit, 2)} would have resolved {'it' if len(lines) == 1 else 'these'}"
+    more = f"\n  And {len(found) - len(lines):,} more, in run.unresolved()." if len(found) > len(lines) else ""
+    remedy = f"With dt <= {with_unit(enough, unit, 2)} {'it' if len(lines) == 1 else 'these'} would have been resolved"
     if not enough:
-        remedy = "no step that is practical resolves them with this method: use one of higher order, or a softening"
+        remedy = "No step that is practical resolves them with this method: use one of higher order, or a softening"
     count = f"{'at least ' * (len(found) >= MOST_JUDGED)}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -80,9 +80,8 @@ class ConservedQuantities:
 
     def __str__(self) -> str:
         rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
-        for name in ("energy", "angular_momentum", "linear_momentum", "centre_of_mass"):
-            d = getattr(self, name)
-            rows.append(f"{name.replace('_', ' '):18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
+        for name, d in self._drifts.items():
+            rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
 
@@ -91,11 +90,17 @@ class ConservedQuantities:
 
     def _repr_html_(self) -> str:
         head = ["", "max change", "in ulps", "at the end"]
-        drifts = {field.name.replace("_", " "): getattr(self, field.name) for field in fields(self)}
         rows = [
-            [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"] for name, d in drifts.items()
+            [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"]
+            for name, d in self._drifts.items()
         ]
-        return html_table("change since the first sample, as a fraction", head, rows)
+        covers = f"; {self.covers}" if self.particles else ""
+        return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
+
+    @property
+    def _drifts(self) -> dict[str, diagnostics.Drift]:
+        names = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
+        return {name.replace("_", " "): getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, repr=False)

@@ -171,7 +171,7 @@ WRONG_USES = {
     "dt nan": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=float("nan"), steps=3), "dt must be finite"),
     "steps": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=0), "steps must be a whole number >= 1"),
     "every": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=5, every=2), "multiple of every"),
-    "method": (lambda: orbits.march(PENDULUM, "gauss", dt=0.1, steps=5), "must be a method"),
+    "method": (lambda: orbits.march(PENDULUM, 8, dt=0.1, steps=5), "must be a method"),
     "lagrangian": (lambda: orbits.march("pendulum", orbits.Gauss(), dt=0.1, steps=5), "expected a Lagrangian"),
     "start": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=5, q=[1.0]), "needs q and either v or p"),
     "canonical": (lambda: Flow(PENDULUM, orbits.StormerVerlet(), 0.1, canonical=True), "has no canonical form"),
