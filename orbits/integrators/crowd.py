@@ -122,11 +122,12 @@ def follow_part(watch, track, h, steps, way, record, passages, listed, part):
         watch.dominant,
         watch.mu,
         watch.annuli,
-        watch.widest,
+        watch.reaches,
         record,
         watch.stops,
         watch.hits,
         watch.bold,
+        watch.mild,
         passages,
         listed,
     )

@@ -7,6 +7,7 @@ On the way closest approaches are recorded, and conditions end the march at the 
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -39,6 +40,9 @@ NOWHERE = 1e6
 BOLD_PER_ORDER, LEAST_BOLD, MOST_BOLD = 0.05, 0.1, 0.8
 """The angle of a step from which on all passages are listed, for each order of a method, and its bounds: below it what
 a passage gets wrong is no more than a method of this order makes of an undisturbed orbit."""
+
+USUAL = 30.0
+"""By this factor a pericentre may add more to the error than a circle, before it counts as a passage."""
 
 LEAST_BLOCK = 16
 """Steps in one call of a kernel, however many the bodies are: whoever looks for close approaches looks at its ends."""
@@ -146,6 +150,7 @@ class Marcher:
             stops,
             energy_bound,
             bold,
+            _mild(integrator.order),
         )
         self._lists = [self._watcher.listed, *(BlockList.empty() for _ in self._tasks)]
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
@@ -381,6 +386,18 @@ class Marcher:
 
 _COMPILED: set[tuple[Any, str, bool, bool]] = set()
 """Methods with Lagrangians, with and without particles, of few and of many bodies, that are ready in this process."""
+
+
+@lru_cache(maxsize=64)
+def _mild(order: int) -> float:
+    """Return the eccentricity at which speed / distance at the pericentre, to this power, is `USUAL` times that of the
+    circle with the same period.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        e = 0.5 * (low + high)
+        low, high = (e, high) if math.sqrt(1.0 + e) / (1.0 - e) ** 1.5 < USUAL ** (1.0 / order) else (low, e)
+    return low
 
 
 def _coefficients(integrator: Integrator, h: float) -> Any:

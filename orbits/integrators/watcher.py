@@ -36,7 +36,7 @@ class Watcher:
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
     stops, energy_bound : see `Marcher`
-    bold : angle of a step, h x speed / distance, from which on every passage is listed
+    bold, mild : see `Watch`
     """
 
     def __init__(
@@ -49,6 +49,7 @@ class Watcher:
         stops: Array | None,
         energy_bound: float | None,
         bold: float,
+        mild: float,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(2 * self._stride)
@@ -58,9 +59,11 @@ class Watcher:
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
-        self._bold, self.listed = bold, BlockList.empty()
+        self._bold, self._mild, self.listed = bold, mild, BlockList.empty()
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
-        self._widest = float(self._annuli[:, REACH].max()) if self.dominant >= 0 else 0.0
+        self._listed_within = np.zeros(padded(len(massive)))
+        if self.dominant >= 0:
+            self._listed_within[: len(massive)] = self._annuli[:, REACH]
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -77,11 +80,12 @@ class Watcher:
             dominant=self.dominant if watching else -1,
             mu=self._mu,
             annuli=self._annuli,
-            widest=self._widest,
+            reaches=self._listed_within,
             record=record if record is not None else _NO_RECORD,
             stops=self._stops,
             hits=self._hits,
             bold=self._bold,
+            mild=self._mild,
             passages=self.listed.passages,
             listed=self.listed.listed,
         )

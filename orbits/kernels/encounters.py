@@ -120,36 +120,48 @@ def _passage(watch, track, row, j, begin, end, h, both):
     _note(watch, row, j, d2, watch.first + begin + s, speed2)
     if both:
         _note(watch, j, row, d2, watch.first + begin + s, speed2)
-    if _is_listed(watch, row, j, h, d2, speed2, 1.0):
+    if _is_listed(watch, row, j, h, d2, speed2):
         _list(watch, track, row, j, begin, s, d2, speed2)
 
 
 @kernel
-def _is_listed(watch, row, j, h, d2, speed2, share):
-    """Return whether a passage goes into the list: one in the reach of a body, or too fast for a `share` of `bold`."""
-    angle = share * watch.bold
-    if h * h * speed2 > angle * angle * d2:
-        return True
-    if watch.dominant < 0 or j == watch.dominant or row == watch.dominant:
+def _is_listed(watch, row, j, h, d2, speed2):
+    """Return whether a passage goes into the list: one in the reach of a body, or one that is fast for the step and no
+    pericentre of a mild ellipse about the dominant body.
+    """
+    ruled = watch.dominant >= 0 and (j == watch.dominant or row == watch.dominant)
+    if h * h * speed2 > watch.bold * watch.bold * d2:
+        return not ruled or math.sqrt(d2) * speed2 > (1.0 + watch.mild) * watch.mu
+    if watch.dominant < 0 or ruled:
         return False
-    reach = watch.annuli[j, REACH]
+    reach = watch.reaches[j]
     if row < watch.bodies:
-        reach = max(reach, watch.annuli[row, REACH])
+        reach = max(reach, watch.reaches[row])
     return d2 <= reach * reach
 
 
-@kernel
-def _may_be_listed(watch, track, row, j, last, k, h, d2, speed2):
-    """Return whether a passage between two looks, with distance and speed estimated, is worth a closer one."""
-    if _is_listed(watch, row, j, h, SLACK * d2, speed2, CAUTION):
-        return True
-    if k - last == 1:
-        return False
-    # Between looks that are several steps apart a sharp pericentre makes a polynomial useless.
-    if j == watch.dominant or row == watch.dominant:
-        d2, speed2 = _pericentre(watch, track, row, j, last)
-        return _is_listed(watch, row, j, h, d2, speed2, CAUTION)
-    return watch.dominant < 0
+@kernel(inline=True)
+def _is_near_or_fast(bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
+    """Return for eight pairs, of which the velocities at two looks and an estimate of the squared least distance are
+    known, whether the passage may be one for the list.
+    """
+    speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
+    angle = CAUTION * bold
+    return (h * h * speed2 > angle * angle * SLACK * d2) + (SLACK * d2 < reach * reach)
+
+
+@kernel(inline=True)
+def _is_sharp(bold, h, mu, x, y, z, u, v, w):
+    """Return for eight pairs with the dominant body whether the pericentre of the osculating orbit is fast for a step:
+    between looks that are several steps apart, a sharp one makes a polynomial useless.
+    """
+    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
+    swept2 = cx * cx + cy * cy + cz * cz
+    parameter = swept2 / mu
+    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / mu
+    least = parameter / (1.0 + sqrt(maximum(1.0 - parameter * inverse_a, full(0.0))))
+    least2, angle = least * least, CAUTION * bold
+    return h * h * swept2 > angle * angle * least2 * least2
 
 
 @kernel
@@ -256,12 +268,12 @@ def follow_bodies(watch, track, h, steps):
 def follow_row(watch, track, h, steps, way, i):
     """Look at body i and those behind it, eight at a time in lanes; `way` is more than any body travels."""
     n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
-    closest = record[DISTANCE2, OTHER]
-    farthest = max(closest[i], watch.widest * watch.widest)
+    closest, reaches, bold = record[DISTANCE2, OTHER], watch.reaches, watch.bold
     for start in range(i + 1, n, WIDTH):
         valid = full(1.0)
         for j in range(n, start + WIDTH):
             valid = valid - unit(j - start)
+        reach = maximum(load(reaches, start), full(reaches[i]))
         if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
             # Bodies that stay farther apart in this block than both have already been from another, and than any
             # reach, are not looked at: two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
@@ -270,7 +282,7 @@ def follow_row(watch, track, h, steps, way, i):
                 load(path, n + start) - path[n + i],
                 load(path, 2 * n + start) - path[2 * n + i],
             )
-            known = maximum(load(closest, start), full(farthest))
+            known = maximum(maximum(load(closest, start), full(closest[i])), reach * reach)
             if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
                 continue
         k = last = 0 * steps  # a literal 0 would compile `_passage` three times
@@ -295,14 +307,14 @@ def follow_row(watch, track, h, steps, way, i):
                     nearest = max(nearest, record[DISTANCE2, DOMINANT, i])
                 column = DOMINANT if i == watch.dominant else OTHER
                 known = maximum(load(record[DISTANCE2, column], start), full(nearest))
-                closer = SLACK * d2 < known
-                speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
+                wanted = (SLACK * d2 < known) + _is_near_or_fast(bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w)
+                if k - last > 1 and watch.dominant < 0:
+                    wanted = full(1.0)
+                elif k - last > 1 and (i == watch.dominant or start <= watch.dominant < start + WIDTH):
+                    wanted = wanted + _is_sharp(bold, h, watch.mu, x0, y0, z0, u0, v0, w0)
+                turned = turned * wanted
                 for j in range(start, min(start + WIDTH, n)):
-                    m = j - start
-                    if lane(turned, m) != 0.0 and (
-                        lane(closer, m) != 0.0
-                        or _may_be_listed(watch, track, i, j, last, k, h, lane(d2, m), lane(speed2, m))
-                    ):
+                    if lane(turned, j - start) != 0.0:
                         _passage(watch, track, i, j, last, k, h, True)
             if k == steps:
                 break
@@ -333,7 +345,7 @@ def follow_particles(watch, track, h, steps, start, stop):
     track : (6 (steps + 1), 8), x, y, z and their velocities at the beginning of each step and at the end
     """
     n, P, path, record = watch.bodies, watch.stride, watch.path, watch.record
-    annuli, dominant = watch.annuli, watch.dominant
+    annuli, dominant, reaches, bold = watch.annuli, watch.dominant, watch.reaches, watch.bold
     if watch.first == 0:
         for p in range(start, stop):
             _note_particle(watch, track, n + p, 0.0)
@@ -374,14 +386,16 @@ def follow_particles(watch, track, h, steps, start, stop):
                 if j == dominant or dominant < 0:
                     column = DOMINANT if j == dominant else OTHER
                     known = load(record[DISTANCE2, column], n + start)
-                closer = SLACK * d2 < known
-                speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
+                wanted = (SLACK * d2 < known) + _is_near_or_fast(
+                    bold, h, full(reaches[j]), d2, x0, y0, z0, u0, v0, w0, u, v, w
+                )
+                if k - last > 1 and dominant < 0:
+                    wanted = full(1.0)
+                elif k - last > 1 and j == dominant:
+                    wanted = wanted + _is_sharp(bold, h, watch.mu, x0, y0, z0, u0, v0, w0)
+                turned = turned * wanted
                 for p in range(start, stop):
-                    m = p - start
-                    if lane(turned, m) != 0.0 and (
-                        lane(closer, m) != 0.0
-                        or _may_be_listed(watch, track, n + p, j, last, k, h, lane(d2, m), lane(speed2, m))
-                    ):
+                    if lane(turned, p - start) != 0.0:
                         _passage(watch, track, n + p, j, last, k, h, False)
             if k == steps:
                 break

@@ -20,12 +20,14 @@ class Watch(NamedTuple):
     first : steps taken before this block
     dominant : the body that rules the motion of the others, or -1
     mu : its GM
-    annuli : (n, 3), see `encounters.py`; widest : the largest reach of a body that another one rules
+    annuli : (n, 3), see `encounters.py`
+    reaches : (n + padding,), how close to a body flybys are listed; 0 where no body dominates
     record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
     stops : (conditions, 4), see `stopping.py`
     hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
         which condition first held for which row and body
-    bold : angle of a step, h x speed / distance, from which on every passage is listed
+    bold : angle of a step, h x speed / distance, from which on every passage is listed; but for pericentres about the
+        dominant body at an eccentricity below `mild`
     passages : (room, columns), see `encounters.py`: the passages of this block that are listed
     listed : (2,) int64; how many are in the list, and how many there were
     """
@@ -37,11 +39,12 @@ class Watch(NamedTuple):
     dominant: Any
     mu: Any
     annuli: Any
-    widest: Any
+    reaches: Any
     record: Any
     stops: Any
     hits: Any
     bold: Any
+    mild: Any
     passages: Any
     listed: Any
 

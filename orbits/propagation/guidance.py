@@ -25,7 +25,15 @@ from orbits.integrators.watcher import RULE
 from orbits.kernels.passages import fastest_passage
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.propagation.approach import said, unit_of_errors
-from orbits.propagation.passage_effect import FINE, MOST_ANGLE, MOST_ECCENTRICITY, Pair, effect
+from orbits.propagation.passage_effect import (
+    FINE,
+    GROWTH,
+    MOST_ANGLE,
+    MOST_ECCENTRICITY,
+    NEGLIGIBLE,
+    Pair,
+    effect,
+)
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -127,7 +135,9 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
             stacklevel=3,
         )
         return
-    share = passage_error(integrator, e, angle)[0]
+    share, turn = passage_error(integrator, e, angle)
+    if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
+        return
     pair, start = _ahead(system, row, partner, h, span)
     caused = None if pair is None else effect(integrator, h, pair, span - start, span)
     if share <= TOO_LONG and (caused is None or not caused.spoils):

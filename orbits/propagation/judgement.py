@@ -13,14 +13,11 @@ import numpy as np
 from orbits.errors import StepWarning
 from orbits.propagation.approach import Approach
 from orbits.propagation.guidance import UNRESOLVED, passage_error, step_that_resolves, with_unit
-from orbits.propagation.passage_effect import NEGLIGIBLE, effect
+from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, effect
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
     from orbits.trajectory import Trajectory
-
-GROWTH = 6.0
-"""An error of the velocity moves a body by no more than this times itself times the time that is left."""
 
 MOST_JUDGED = 2000
 """Passages that are marched one by one; of more, those that may be the worst: a few seconds."""

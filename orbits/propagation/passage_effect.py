@@ -35,6 +35,9 @@ SPOILT = 100.0
 NEGLIGIBLE = 1e-9
 """Share of the distance to the primary below which an error is not worth a word."""
 
+GROWTH = 6.0
+"""An error of the velocity moves a body by no more than this times itself times the time that is left."""
+
 RADIANS = 10.0
 """How far a passage is marched on each side of the pericentre, in units of distance / speed there; along an ellipse
 no farther than half of it."""

@@ -57,11 +57,12 @@ def advance_particles(
         none - 1,
         watch.mu,
         watch.annuli,
-        watch.widest,
+        watch.reaches,
         watch.record,
         watch.stops[:0],
         watch.hits,
         watch.bold,
+        watch.mild,
         watch.passages,
         watch.listed,
     )
