@@ -48,8 +48,12 @@ def spoiling(run: Trajectory, seen: Seen) -> list[tuple[int, float]]:
         pair = passage.pair(run.system, seen.dominant)
         assert pair is not None
         caused = effect(run.integrator, run.step, pair, end - passage.step * run.step, end)
-        share, turn = passage_error(run.integrator, *pair.shape(run.step))
-        if caused.spoils or (share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable):
+        if math.isfinite(caused.usual):
+            spoils = caused.spoils
+        else:
+            share, turn = passage_error(run.integrator, *pair.shape(run.step))
+            spoils = share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
+        if spoils:
             found.append((k, caused.error))
     return sorted(found, key=lambda pair: -pair[1])
 

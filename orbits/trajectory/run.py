@@ -319,7 +319,7 @@ class Trajectory(Tabular):
 
         A passage counts if the position error at the end of the run that it causes (`.error`) is more than 1e-9 of the
         distance from the primary and a hundred times what the method makes of an undisturbed orbit with this step in
-        this time; or if more than a tenth of its turn is wrong.
+        this time; on an open orbit without a primary, if more than a tenth of its turn is wrong.
         """
         from orbits.propagation.approaches import Approaches
         from orbits.propagation.judgement import spoiling
