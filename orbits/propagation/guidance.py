@@ -31,6 +31,7 @@ from orbits.propagation.passage_effect import (
     MOST_ANGLE,
     MOST_ECCENTRICITY,
     NEGLIGIBLE,
+    NOT_FOLLOWED,
     Pair,
     effect,
 )
@@ -176,10 +177,10 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
             continue
         try:
             moved = [pair.after(ahead - phase * shorter) for phase in PHASES]
-        except InputError:  # beyond the range of floats
+        except NOT_FOLLOWED:
             return 0.0
         effects = (effect(integrator, shorter, p, left - ahead, span) for p in moved)
-        if all(found.error <= MARGIN * found.limit for found in effects):
+        if all(math.isfinite(f.error) and f.error <= MARGIN * f.limit for f in effects):
             return abs(shorter)
     return 0.0
 
@@ -211,15 +212,15 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
         values.q[partner] - values.q[heaviest] if ruled and partner != heaviest else zero,
         values.v[partner] - values.v[heaviest] if ruled and partner != heaviest else zero,
     )
-    ahead, period = pair.ahead, pair.orbit.period
-    if ahead * h < 0.0:
-        ahead += math.copysign(period, h)
-    if not abs(ahead) <= abs(span):
-        return None, 0.0
-    start = math.floor(ahead / h) * h
     try:
+        ahead, period = pair.ahead, pair.orbit.period
+        if ahead * h < 0.0:
+            ahead += math.copysign(period, h)
+        if not abs(ahead) <= abs(span):
+            return None, 0.0
+        start = math.floor(ahead / h) * h
         return pair.after(start), start
-    except InputError:  # beyond the range of floats
+    except NOT_FOLLOWED:
         return None, 0.0
 
 

@@ -45,8 +45,12 @@ no farther than half of it."""
 FINE = 0.01
 """Angle of a step below which a passage is marched in steps of this angle; the error is scaled down by the order."""
 
-REFERENCE_ANGLE = 0.1
-"""Angle of a step of the reference solution of a softened pair, whose orbits are no conics."""
+REFERENCE_ANGLE, MOST_STEPS = 0.1, 20_000
+"""Angle of a step of the reference solution of a softened pair, whose orbits are no conics; and how many steps it may
+take: some thousandths of a second."""
+
+NOT_FOLLOWED = (InputError, IntegrationError, ArithmeticError, ValueError)
+"""What is raised where orbits leave the range of floats, or are too long."""
 
 CIRCLE = 20.0
 """How many radians of an undisturbed orbit are marched."""
@@ -186,13 +190,13 @@ def effect(integrator: Integrator, h: float, pair: Pair, left: float, span: floa
 
     pair : at the beginning of the step that holds the pericentre
     left, span : time from there to the end of the run, and of the whole run; signs as h
-    The error is infinite where the orbits leave the range of floats.
+    Where the orbits cannot be followed, the error is infinite and so is what is usual: nothing is known.
     """
     try:
         with np.errstate(all="ignore"):
             return _effect(integrator, h, pair, left, span)
-    except (InputError, ArithmeticError, ValueError):
-        return Effect(math.inf, 0.0, 0.0)
+    except NOT_FOLLOWED:
+        return Effect(math.inf, math.inf, 0.0)
 
 
 def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
@@ -293,8 +297,10 @@ def _flow(mu: float, softening: float, q: Array, v: Array, time: float) -> tuple
     """Return the relative motion of two bodies after a time: exact, or of a softened pair to round-off."""
     if softening == 0.0:
         return any_two_body(q, v, mu, time)
-    rate = Pair(mu, 0.0, q, v, softening).rate
-    steps = max(1, math.ceil(abs(time) * rate / REFERENCE_ANGLE))
+    steps = abs(time) * Pair(mu, 0.0, q, v, softening).rate / REFERENCE_ANGLE
+    if not steps < MOST_STEPS:
+        raise InputError("the orbit of a softened pair is too long to be followed.")
+    steps = max(1, math.ceil(steps))
     return _march(Gauss(stages=8), mu, softening, q, v, time / steps, steps)
 
 
