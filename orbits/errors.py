@@ -57,7 +57,12 @@ class OrbitsWarning(UserWarning):
 
 
 class StepWarning(OrbitsWarning):
-    """The step is too long for what happens in a run, before it starts or after it was seen."""
+    """The step is too long for what happens in a run, before it starts or after it was seen.
+
+    trajectory : where warnings are errors, the run that was done when this one was raised after it; else None
+    """
+
+    trajectory: Any = None
 
 
 class IntegrationError(OrbitsError):

@@ -128,6 +128,7 @@ def follow_part(watch, track, h, steps, way, record, passages, listed, part):
         watch.hits,
         watch.bold,
         watch.mild,
+        watch.keen,
         passages,
         listed,
     )

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.integrators.base import Array
-from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, WHEN
+from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, STEP, WHEN
 
-BLOCK_ROOM = 1024
-"""Passages that are listed in a block by one call of a kernel."""
+BLOCK_ROOM = 8192
+"""Passages that are listed in a block, by all calls of kernels together: each has room for all of them, so that what
+fits does not depend on the number of threads."""
 
 ROOM, ROOM_PER_BODY = 256, 2
 """How many passages of each kind, revolutions and flybys, are kept: those of the largest angle in a step."""
@@ -41,8 +42,8 @@ class PassageList:
     dominant : the row of the body that rules the others, or -1
     bold : (angle of a step from which on revolutions are listed) / h
 
-    Revolutions (of a bound pair, and pericentres about the dominant body) are kept only where the step covers more
-    than the bold angle; flybys all. Beyond the room there is, of each kind those of the largest speed / distance are
+    Revolutions of a moon are kept only where the step covers more than the bold angle; pericentres about the dominant
+    body and flybys all. Beyond the room there is, of each kind those of the largest speed / distance are
     kept, which does not depend on how the march was cut.
     """
 
@@ -53,15 +54,15 @@ class PassageList:
         self.left_out = 0
 
     def add(self, blocks: list[BlockList]) -> None:
-        """Take over what was listed in a block, and empty those lists."""
+        """Take over what was listed in a block, and empty those lists. What did not fit there is counted."""
         if not any(listed[1] for _, listed in blocks):
             return
         new = np.concatenate([passages[: listed[0]] for passages, listed in blocks])
         missed = sum(int(listed[1] - listed[0]) for _, listed in blocks)
         for _, listed in blocks:
             listed[:] = 0
-        revolution = self._is_revolution(new)
-        known = np.concatenate([self.passages, new[~revolution | self._is_bold(new)]])
+        ruled = (new[:, ROW] == self._dominant) | (new[:, MATE] == self._dominant)  # the kernel has chosen among them
+        known = np.concatenate([self.passages, new[ruled | ~self._is_revolution(new) | self._is_bold(new)]])
         revolution = self._is_revolution(known)
         kept = [self._worst(known[kind]) for kind in (revolution, ~revolution)]
         missed += len(known) - sum(len(kind) for kind in kept)
@@ -69,6 +70,12 @@ class PassageList:
             self.left_out += missed
         known = np.concatenate(kept)
         self.passages = known[np.lexsort((known[:, MATE], known[:, ROW], known[:, WHEN]))]
+
+    @staticmethod
+    def overflows(blocks: list[BlockList]) -> bool:
+        """Whether a block held more passages than are listed in one."""
+        seen = sum(int(listed[1]) for _, listed in blocks)
+        return seen > min(BLOCK_ROOM, sum(int(listed[0]) for _, listed in blocks))
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return the list as arrays of a fixed shape; nothing for a march that began without one."""
@@ -84,11 +91,14 @@ class PassageList:
             self.passages, self.left_out = np.empty((0, COLUMNS)), UNKNOWN
             return
         count, left_out = (int(x) for x in checkpoint["passage_counts"])
-        passages = np.array(checkpoint["passages"][: max(count, 0)], dtype=np.float64)
-        bodies, rows = passages[:, [ROW, MATE]], len(self._gm)
-        numbers = np.isfinite(passages).all() and (bodies == np.floor(bodies)).all()
-        if count != len(passages) or left_out < UNKNOWN or not numbers or not ((bodies >= 0) & (bodies < rows)).all():
-            raise InputError("the list of passages in its checkpoint names bodies or numbers that there cannot be.")
+        passages, steps = np.array(checkpoint["passages"][: max(count, 0)], dtype=np.float64), checkpoint["counts"][0]
+        bodies, when, step = passages[:, [ROW, MATE]], passages[:, WHEN], passages[:, STEP]
+        fits = count == len(passages) and left_out >= UNKNOWN and bool(np.isfinite(passages).all())
+        fits = fits and bool(((bodies == np.floor(bodies)) & (bodies >= 0) & (bodies < len(self._gm))).all())
+        fits = fits and bool(((step == np.floor(step)) & (step >= 0) & (step <= steps)).all())
+        fits = fits and bool(((when >= step) & (when <= step + 1)).all())
+        if not fits or (passages[:, [LEAST2, FASTEST2]] < 0.0).any():
+            raise InputError("the list of passages in its checkpoint holds bodies, steps or numbers that cannot be.")
         self.passages, self.left_out = passages, left_out
 
     def _is_revolution(self, passages: Array) -> NDArray[np.bool_]:

@@ -36,7 +36,7 @@ class Watcher:
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
     stops, energy_bound : see `Marcher`
-    bold, mild : see `Watch`
+    bold, mild, keen : see `Watch`
     """
 
     def __init__(
@@ -50,6 +50,7 @@ class Watcher:
         energy_bound: float | None,
         bold: float,
         mild: float,
+        keen: float,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(2 * self._stride)
@@ -59,11 +60,11 @@ class Watcher:
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
-        self._bold, self._mild, self.listed = bold, mild, BlockList.empty()
+        self._bold, self._mild, self._keen, self.listed = bold, mild, keen, BlockList.empty()
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
-        self._listed_within = np.zeros(padded(len(massive)))
+        self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
-            self._listed_within[: len(massive)] = self._annuli[:, REACH]
+            self.listed_within[: len(massive)] = self._annuli[:, REACH]
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -80,12 +81,13 @@ class Watcher:
             dominant=self.dominant if watching else -1,
             mu=self._mu,
             annuli=self._annuli,
-            reaches=self._listed_within,
+            reaches=self.listed_within,
             record=record if record is not None else _NO_RECORD,
             stops=self._stops,
             hits=self._hits,
             bold=self._bold,
             mild=self._mild,
+            keen=self._keen,
             passages=self.listed.passages,
             listed=self.listed.listed,
         )

@@ -44,7 +44,10 @@ SLACK = 0.995
 """How much smaller than estimated an approach may turn out."""
 
 CAUTION = 0.5
-"""The share of a bold angle at which a passage is looked at closely, its speed being only estimated."""
+"""The share of a limit at which a passage is looked at closely, its speed and distance being only estimated."""
+
+BLIND = 2.0
+"""Angle of a step from which on a passage is listed whatever its orbit: it may be a fall into the centre."""
 
 MANY = 1e18
 
@@ -126,13 +129,16 @@ def _passage(watch, track, row, j, begin, end, h, both):
 
 @kernel
 def _is_listed(watch, row, j, h, d2, speed2):
-    """Return whether a passage goes into the list: one in the reach of a body, or one that is fast for the step and no
-    pericentre of a mild ellipse about the dominant body.
+    """Return whether a passage goes into the list: one in the reach of a body, one that is fast for the step, or the
+    pericentre of an eccentric orbit about the dominant body.
     """
-    ruled = watch.dominant >= 0 and (j == watch.dominant or row == watch.dominant)
-    if h * h * speed2 > watch.bold * watch.bold * d2:
-        return not ruled or math.sqrt(d2) * speed2 > (1.0 + watch.mild) * watch.mu
-    if watch.dominant < 0 or ruled:
+    angle2 = h * h * speed2 / max(d2, 1e-300)
+    if watch.dominant >= 0 and (j == watch.dominant or row == watch.dominant):
+        sharp = math.sqrt(d2) * speed2 > (1.0 + watch.mild) * watch.mu and angle2 > watch.keen * watch.keen
+        return sharp or angle2 > BLIND * BLIND
+    if angle2 > watch.bold * watch.bold:
+        return True
+    if watch.dominant < 0:
         return False
     reach = watch.reaches[j]
     if row < watch.bodies:
@@ -151,17 +157,18 @@ def _is_near_or_fast(bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
 
 
 @kernel(inline=True)
-def _is_sharp(bold, h, mu, x, y, z, u, v, w):
-    """Return for eight pairs with the dominant body whether the pericentre of the osculating orbit is fast for a step:
-    between looks that are several steps apart, a sharp one makes a polynomial useless.
+def _is_sharp(watch, h, x, y, z, u, v, w):
+    """Return for eight pairs with the dominant body whether the osculating orbit is eccentric, its pericentre one for
+    the list. (Between looks that are several steps apart, a sharp one makes a polynomial useless.)
     """
     cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
     swept2 = cx * cx + cy * cy + cz * cz
-    parameter = swept2 / mu
-    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / mu
-    least = parameter / (1.0 + sqrt(maximum(1.0 - parameter * inverse_a, full(0.0))))
-    least2, angle = least * least, CAUTION * bold
-    return h * h * swept2 > angle * angle * least2 * least2
+    parameter = swept2 / watch.mu
+    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
+    e2 = 1.0 - parameter * inverse_a
+    least = parameter / (1.0 + sqrt(maximum(e2, full(0.0))))
+    least2, angle, mild = least * least, CAUTION * watch.keen, CAUTION * watch.mild
+    return (e2 > mild * mild) * (h * h * swept2 > angle * angle * least2 * least2)
 
 
 @kernel
@@ -310,8 +317,8 @@ def follow_row(watch, track, h, steps, way, i):
                 wanted = (SLACK * d2 < known) + _is_near_or_fast(bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w)
                 if k - last > 1 and watch.dominant < 0:
                     wanted = full(1.0)
-                elif k - last > 1 and (i == watch.dominant or start <= watch.dominant < start + WIDTH):
-                    wanted = wanted + _is_sharp(bold, h, watch.mu, x0, y0, z0, u0, v0, w0)
+                elif i == watch.dominant or start <= watch.dominant < start + WIDTH:
+                    wanted = wanted + _is_sharp(watch, h, x0, y0, z0, u0, v0, w0)
                 turned = turned * wanted
                 for j in range(start, min(start + WIDTH, n)):
                     if lane(turned, j - start) != 0.0:
@@ -391,8 +398,8 @@ def follow_particles(watch, track, h, steps, start, stop):
                 )
                 if k - last > 1 and dominant < 0:
                     wanted = full(1.0)
-                elif k - last > 1 and j == dominant:
-                    wanted = wanted + _is_sharp(bold, h, watch.mu, x0, y0, z0, u0, v0, w0)
+                elif j == dominant:
+                    wanted = wanted + _is_sharp(watch, h, x0, y0, z0, u0, v0, w0)
                 turned = turned * wanted
                 for p in range(start, stop):
                     if lane(turned, p - start) != 0.0:

@@ -26,8 +26,9 @@ class Watch(NamedTuple):
     stops : (conditions, 4), see `stopping.py`
     hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
         which condition first held for which row and body
-    bold : angle of a step, h x speed / distance, from which on every passage is listed; but for pericentres about the
-        dominant body at an eccentricity below `mild`
+    bold : angle of a step, h x speed / distance, from which on every passage by another than the dominant body is
+        listed
+    mild, keen : eccentricity, and angle of a step, from which on pericentres about the dominant body are listed
     passages : (room, columns), see `encounters.py`: the passages of this block that are listed
     listed : (2,) int64; how many are in the list, and how many there were
     """
@@ -45,6 +46,7 @@ class Watch(NamedTuple):
     hits: Any
     bold: Any
     mild: Any
+    keen: Any
     passages: Any
     listed: Any
 

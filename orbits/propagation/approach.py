@@ -50,8 +50,8 @@ class Approach:
             u.Quantity(passage.distance, units.length),
             time,
             u.Quantity(passage.speed, units.speed),
-            None if system.epoch is None else system.epoch + time,
-            None if error is None else u.Quantity(error, units.length).to(unit_of_errors(system)),
+            None if system.epoch is None else (system.epoch + time).copy(format="iso"),
+            None if error is None else as_error(system, error),
         )
 
     def __str__(self) -> str:
@@ -68,6 +68,11 @@ def unit_of_errors(system: System) -> u.UnitBase:
     """Return km, or the unit of length of a system without physical units."""
     length: u.UnitBase = system.units.length
     return u.km if length.is_equivalent(u.km) else length
+
+
+def as_error(system: System, length: float) -> u.Quantity:
+    """Return a length in the unit in which errors are said."""
+    return u.Quantity(length, system.units.length).to(unit_of_errors(system))
 
 
 def said(error: u.Quantity) -> str:

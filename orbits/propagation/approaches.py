@@ -12,15 +12,12 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
 from orbits.propagation.approach import Approach, said, unit_of_errors
-from orbits.propagation.grid import single_number
 from orbits.propagation.judgement import error_at_end
 from orbits.propagation.refinement import refine
 from orbits.system.checks import index_of
 from orbits.system.presenting import attributes, chosen
 from orbits.tables import MOST_ROWS, headed, html_table, text_table
-from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -31,7 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 class Approaches:
-    """The closest approaches of a run: all flybys within the reach of a body, and the closest one of each body.
+    """The closest approaches of a run: the flybys within the reach of a body, and the closest one of each body.
 
     names : of the bodies; distance, time, speed : (bodies, 2) with units, infinite where there was none
     partner : (bodies, 2) indices; column 0 is the dominant body (unused where no body has 90 % of the mass), column 1
@@ -39,24 +36,18 @@ class Approaches:
         distance) are not recorded, and the closest is the smallest share of that.
     left_out : how many passages more there were than are listed; those listed are the ones of largest speed / distance
 
-    Listed is every flyby within three Hill radii of a planet, or 5 % of its distance from the dominant body, and every
-    passage that is fast for the step. Distance and time are as good as the orbit: they come from the method's own
-    partial steps, taken when they are first asked for.
+    Listed is every flyby within `reach` of a body, every passage that is fast for the step (but for pericentres of mild
+    ellipses), and of each body the closest approach. Of what goes round another body, a moon, it is the closest
+    pericentre alone, and those that are fast for the step. Distance and time are as good as the orbit: they come from
+    the method's own partial steps, taken when they are first asked for.
+
     approaches["Ceres"] gives the passages of one body, by the dominant body first. Iterating gives all but those by the
     dominant body, closest first; these are what len(approaches) counts, `to_table` holds, and print and notebooks show.
     """
 
-    def __init__(self, trajectory: Trajectory, seen: Seen, within: object = None) -> None:
+    def __init__(self, trajectory: Trajectory, seen: Seen) -> None:
         self.names = trajectory.names
-        self._run, self._seen, self._known = trajectory, seen, set[int]()
-        units = trajectory.system.units
-        self._within = math.inf
-        if within is not None:
-            expected = "a length, such as 0.1 * u.au, a number in the unit of length, or a text with a unit"
-            given = quantity_from_text(within, "within", expected) if isinstance(within, str) else within
-            self._within = single_number(units.length_value(given, "within"), "within")
-            if not self._within > 0.0:
-                raise InputError(f"within is {self._within:g}; expected {expected}, above 0.")
+        self._run, self._seen = trajectory, seen
 
     @property
     def distance(self) -> u.Quantity:
@@ -85,6 +76,13 @@ class Approaches:
         return out
 
     @property
+    def reach(self) -> u.Quantity:
+        """How close to each body flybys are listed, all of them, (bodies,): three Hill radii or 5 % of its distance
+        from the dominant body at the start, the larger; 0 for that one, for massless ones, and where none dominates.
+        """
+        return u.Quantity(self._seen.reach, self._run.system.units.length)
+
+    @property
     def left_out(self) -> int:
         """How many passages more there were than are listed; -1 for a run of an earlier version of orbits, which listed
         only the closest ones.
@@ -97,6 +95,7 @@ class Approaches:
         dominant = [int(k) for k in self._seen.closest[row, :1] if k >= 0]
         passages = self._seen.passages
         others = [k for k in self._flybys if row in (passages[k].body, passages[k].other)]
+        refine(self._run, self._seen, dominant + others)
         return [self.one(k) for k in dominant + others]
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -143,32 +142,25 @@ class Approaches:
     @cached_property
     def _flybys(self) -> list[int]:
         """Numbers of the passages that iterating gives, in their order."""
-        self._know(self._seen.flybys)
+        refine(self._run, self._seen, self._seen.flybys)
         passages = self._seen.passages
-        near = [k for k in self._seen.flybys if passages[k].distance <= self._within]
-        return sorted(near, key=lambda k: (passages[k].distance, passages[k].steps))
+        return sorted(self._seen.flybys, key=lambda k: (passages[k].distance, passages[k].steps))
 
     def know_all(self) -> None:
         """Make all passages as good as the orbit."""
-        self._know(range(len(self._seen.passages)))
-
-    def _know(self, numbers: Sequence[int]) -> None:
-        """See to it that these passages are as good as the orbit."""
-        new = [k for k in numbers if k not in self._known]
-        refine(self._run, self._seen, new)
-        self._known.update(new)
+        refine(self._run, self._seen, range(len(self._seen.passages)))
 
     def _of_closest(self, what: str, missing: float) -> Array:
         closest = self._seen.closest
-        self._know(sorted(set(closest[closest >= 0].tolist())))
+        refine(self._run, self._seen, sorted(set(closest[closest >= 0].tolist())))
         values = [getattr(self._seen.passages[k], what) if k >= 0 else missing for k in closest.ravel()]
         return np.array(values, dtype=np.float64).reshape(closest.shape)
 
     def one(self, k: int) -> Approach:
         """Return passage k as an `Approach`."""
-        self._know([k])
-        run, passage = self._run, self._seen.passages[k]
-        return Approach.of(run.system, run.step, passage, error_at_end(run, self._seen, passage))
+        refine(self._run, self._seen, [k])
+        run, seen = self._run, self._seen
+        return Approach.of(run.system, run.step, seen.passages[k], error_at_end(run, seen, k))
 
     def __str__(self) -> str:
         return text_table(repr(self), *self._shown(), words=self._words)

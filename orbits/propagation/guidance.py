@@ -15,7 +15,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from astropy import units as u
 
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, IntegrationError, StepWarning, shown
@@ -24,7 +23,7 @@ from orbits.integrators.marcher import Marcher
 from orbits.integrators.watcher import RULE
 from orbits.kernels.passages import fastest_passage
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.propagation.approach import said, unit_of_errors
+from orbits.propagation.approach import as_error, said
 from orbits.propagation.passage_effect import (
     FINE,
     GROWTH,
@@ -32,6 +31,7 @@ from orbits.propagation.passage_effect import (
     MOST_ECCENTRICITY,
     NEGLIGIBLE,
     NOT_FOLLOWED,
+    Effect,
     Pair,
     effect,
 )
@@ -122,6 +122,10 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
     if row < 0:
         return
     softening = system.values.softening
+    if softening > 0.0:  # what it holds back of the speed; the potential is 1/softening deep
+        mu = float(system.values.gm[row] + system.values.gm[partner])
+        now = float(np.linalg.norm(system.values.v[row] - system.values.v[partner]))
+        speed = min(speed, math.sqrt(now * now + 2.0 * mu / softening))
     reach = math.hypot(distance, softening)  # of which no square underflows
     angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
     if angle < QUIET:
@@ -140,12 +144,12 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
     if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
         return
     pair, start = _ahead(system, row, partner, h, span)
-    caused = None if pair is None else effect(integrator, h, pair, span - start, span)
+    caused = None if pair is None else _all_pericentres(integrator, h, pair, span - start, span)
     if share <= TOO_LONG and (caused is None or not caused.spoils):
         return
     what = f"the method gets {percent(share)} of the turn wrong"
     if caused is not None and caused.spoils:
-        off = said(u.Quantity(caused.error, units.length).to(unit_of_errors(system)))
+        off = said(as_error(system, caused.error))
         what = f"that puts {name} about {off} off by the end of the run"
     if pair is None:
         enough = angle_enough(integrator, e, angle) * abs(h) / angle
@@ -179,10 +183,21 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
             moved = [pair.after(ahead - phase * shorter) for phase in PHASES]
         except NOT_FOLLOWED:
             return 0.0
-        effects = (effect(integrator, shorter, p, left - ahead, span) for p in moved)
+        effects = (_all_pericentres(integrator, shorter, p, left - ahead, span) for p in moved)
         if all(math.isfinite(f.error) and f.error <= MARGIN * f.limit for f in effects):
             return abs(shorter)
     return 0.0
+
+
+def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
+    """Return what the pericentre ahead does to a run, with all that follow where the two stay together: on the average
+    these have half of the time left.
+    """
+    first = effect(integrator, h, pair, left, span)
+    if not (pair.is_bound() and pair.orbit.period < abs(left)):
+        return first
+    later = effect(integrator, h, pair, 0.5 * left, span).error * abs(left) / pair.orbit.period
+    return first._replace(error=min(max(first.error, later), max(first.error, 2.0 * first.distance)))
 
 
 def angle_enough(integrator: Integrator, eccentricity: float, angle: float) -> float:

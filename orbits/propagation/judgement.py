@@ -4,87 +4,112 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orbits.errors import StepWarning
-from orbits.propagation.approach import Approach
+from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.guidance import UNRESOLVED, passage_error, step_that_resolves, with_unit
-from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, effect
+from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
+from orbits.propagation.refinement import refine
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
     from orbits.trajectory import Trajectory
 
-MOST_JUDGED = 2000
-"""Passages that are marched one by one; of more, those that may be the worst: a few seconds."""
+LEAST_SHARE = 1e-3
+"""Share of a noticeable error below which not even a thousand passages of a pair are noticed together."""
+
+MOST_JUDGED = 300
+"""Passages that are marched one by one after a run, half a second in all; of more, those that may be the worst."""
 
 SHOWN = 5
-"""Passages that a warning names."""
+"""Pairs that a warning names."""
+
+FEW_STEPS = 20_000
+"""Steps that may be marched again to say in a warning where a passage was, as exactly as the orbit is known."""
 
 
-def error_at_end(run: Trajectory, seen: Seen, passage: Passage) -> float | None:
-    """Return the position error at the end of a run that a passage causes, in the unit of length; None if unknown."""
+def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
+    """Return the position error at the end of a run that passage k causes, in the unit of length; None if unknown."""
+    if k not in seen.errors:
+        caused = _effect(run, seen, k)
+        seen.errors[k] = None if caused is None else caused.error
+    return seen.errors[k]
+
+
+def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
+    passage, end = seen.passages[k], _end(run, seen)
     pair = passage.pair(run.system, seen.dominant)
-    if pair is None:
-        return None
-    end = _end(run)
-    return effect(run.integrator, run.step, pair, end - passage.step * run.step, end).error
+    return None if pair is None else effect(run.integrator, run.step, pair, end - passage.step * run.step, end)
 
 
-def spoiling(run: Trajectory, seen: Seen) -> list[tuple[int, float]]:
-    """Return the numbers of the passages that spoil the rest of a run, with the error at its end, worst first.
+def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
+    """Return the numbers of the passages that spoil the rest of a run, with the error at its end, worst first: each
+    that does so by itself, and those of a pair that do so together.
 
-    Those are judged whose states are known, at most `MOST_JUDGED`.
+    Those are judged whose states are known; at most so many, those that may be the worst.
     """
-    end = _end(run)
+    end = _end(run, seen)
     bounds = {k: bound for k in range(len(seen.passages)) if (bound := _most(run, seen, seen.passages[k], end)) > 0.0}
+    judged: dict[frozenset[int], list[tuple[int, Effect]]] = {}
+    for k in sorted(bounds, key=lambda k: -bounds[k])[:most]:
+        caused = _effect(run, seen, k)
+        assert caused is not None
+        seen.errors[k] = caused.error
+        judged.setdefault(_pair_of(seen, k), []).append((k, caused))
     found = []
-    for k in sorted(bounds, key=lambda k: -bounds[k])[:MOST_JUDGED]:
-        passage = seen.passages[k]
-        pair = passage.pair(run.system, seen.dominant)
-        assert pair is not None
-        caused = effect(run.integrator, run.step, pair, end - passage.step * run.step, end)
-        if math.isfinite(caused.usual):
-            spoils = caused.spoils
-        else:
-            share, turn = passage_error(run.integrator, *pair.shape(run.step))
-            spoils = share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
-        if spoils:
-            found.append((k, caused.error))
+    for effects in judged.values():
+        together = sum(caused.error for _, caused in effects)
+        spoilt = together > max(caused.limit for _, caused in effects)
+        found += [(k, caused.error) for k, caused in effects if spoilt or _spoils(run, seen, k, caused)]
     return sorted(found, key=lambda pair: -pair[1])
 
 
-def warn_of(run: Trajectory, seen: Seen, found: Sequence[tuple[int, float]]) -> None:
+def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
+    """Whether a passage alone spoils a run; without a primary, whether it turned by a wrong angle."""
+    if math.isfinite(caused.usual):
+        return caused.spoils
+    pair = seen.passages[k].pair(run.system, seen.dominant)
+    assert pair is not None
+    share, turn = passage_error(run.integrator, *pair.shape(run.step))
+    return share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
+
+
+def _pair_of(seen: Seen, k: int) -> frozenset[int]:
+    return frozenset((seen.passages[k].body, seen.passages[k].other))
+
+
+def warn_of(run: Trajectory, seen: Seen) -> None:
     """Warn, with `StepWarning`, of passages that spoilt a run, and name the step that would have resolved them."""
+    found = spoiling(run, seen, MOST_JUDGED)
     if not found:
         return
-    end, enough = _end(run), math.inf
-    lines: list[str] = []
-    pairs: set[frozenset[int]] = set()
+    end, enough = _end(run, seen), math.inf
+    pairs: dict[frozenset[int], list[float]] = {}
     for k, error in found:
-        passage = seen.passages[k]
-        named = frozenset((passage.body, passage.other))
-        if named in pairs or len(lines) == SHOWN:
-            continue
-        pairs.add(named)
+        pairs.setdefault(_pair_of(seen, k), []).append(error)
+    worst = {_pair_of(seen, k): k for k, _ in reversed(found)}
+    shown = [worst[pair] for pair in list(pairs)[:SHOWN]]
+    refine(run, seen, [k for k in shown if _is_close_to_a_sample(run, seen.passages[k])])
+    lines = []
+    for k in shown:
+        passage, errors = seen.passages[k], pairs[_pair_of(seen, k)]
         pair = passage.pair(run.system, seen.dominant)
         assert pair is not None
-        orbit, sharp = pair.orbit, passage
-        if abs(pair.ahead) <= 2.0 * abs(run.step) and math.isfinite(orbit.speed):
-            steps = passage.step + pair.ahead / run.step
-            sharp = replace(passage, distance=orbit.least, speed=orbit.speed, steps=steps)
-        lines.append(f"  {Approach.of(run.system, run.step, sharp, error)}.")
+        more = f" ({len(errors):,} passages, {said(as_error(run.system, sum(errors)))} together)" * (len(errors) > 1)
+        lines.append(f"  {Approach.of(run.system, run.step, passage, errors[0])}{more}.")
         enough = min(enough, step_that_resolves(run.integrator, run.step, pair, end - passage.step * run.step, end))
     unit = run.system.units.time
-    more = f"\n  And {len(found) - len(lines):,} more, in run.unresolved()." if len(found) > len(lines) else ""
-    remedy = f"With dt <= {with_unit(enough, unit, 2)} {'it' if len(lines) == 1 else 'these'} would have been resolved"
+    hidden = len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown)
+    more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
+    these = "it" if len(found) == 1 else "those named"
+    remedy = f"With dt <= {with_unit(enough, unit, 2)} {these} would have been resolved"
     if not enough:
         remedy = "No step that is practical resolves them with this method: use one of higher order, or a softening"
-    count = f"{'at least ' * (len(found) >= MOST_JUDGED)}{len(found):,} close passage{'s' * (len(found) > 1)}"
+    some = len(found) >= MOST_JUDGED or seen.left_out > 0
+    count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
         "the run is not to be trusted for these bodies:\n"
@@ -95,6 +120,12 @@ def warn_of(run: Trajectory, seen: Seen, found: Sequence[tuple[int, float]]) -> 
     )
 
 
+def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
+    """Whether marching to a passage once more takes no time."""
+    before = run.times[np.abs(run.times) <= passage.step * abs(run.step)]
+    return passage.step - (abs(float(before[-1]) / run.step) if len(before) else 0.0) <= FEW_STEPS
+
+
 def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
     """Return a bound for the error at the end of the run that a passage causes; 0 for one that cannot spoil it."""
     pair = passage.pair(run.system, seen.dominant)
@@ -103,7 +134,7 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
     e, angle = pair.shape(run.step)
     left = abs(end - passage.step * run.step) + abs(run.step)
     around = pair.other_q + pair.q if pair.other_q.any() else pair.q
-    worth = 0.1 * NEGLIGIBLE * float(np.linalg.norm(around))
+    worth = LEAST_SHARE * NEGLIGIBLE * float(np.linalg.norm(around))
     turn = passage.speed * min(2.0, 2.0 / max(e, 1e-300))
     if not GROWTH * turn * left > worth:
         return 0.0
@@ -112,8 +143,7 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
     return bound if bound > worth else 0.0
 
 
-def _end(run: Trajectory) -> float:
-    """Return the time at which a run ended."""
-    if run.stopped is not None:
-        return float(run.stopped.time.value)
-    return float(run.times[-1]) if len(run.times) else 0.0
+def _end(run: Trajectory, seen: Seen) -> float:
+    """Return the time at which a run ended: that of its last sample or, where it was stopped, of its last step."""
+    last = float(run.times[-1]) if len(run.times) else 0.0
+    return max(last, seen.steps * run.step, key=abs)

@@ -2,8 +2,9 @@
 
 The pair is marched alone through its passage, with the method, the step and the phase of the run, and compared with
 the exact two-body orbit. The difference that is left is carried along the orbit about the primary to the end of the
-run: a passage is judged by the position error that it causes there. For flybys of planets and for pericentres the
-figure is within a few percent of what the whole run gets wrong.
+run: a passage is judged by the position error that it causes there. For a fast flyby of a planet, and for a single
+pericentre, the figure is within some percent of what the whole run gets wrong. It is far too small where two bodies
+pass each other many Hill radii apart in steps of weeks: that is no two-body motion.
 
 The primary is the other body where the two are a bound pair, else the one that dominates the system. Encounters that
 follow may make an error grow further; that is not in the figure.
@@ -132,20 +133,32 @@ class Pair:
             speed2 = float(self.v @ self.v)
             return -float(self.q @ self.v) / speed2 if speed2 > 0.0 else 0.0
 
+    @cached_property
+    def speed(self) -> float:
+        """The relative speed at the pericentre; of a softened pair as its potential has it."""
+        if self.softening == 0.0:
+            return self.orbit.speed
+        near = 1.0 / math.hypot(self.orbit.least, self.softening)
+        here = 1.0 / math.hypot(float(np.linalg.norm(self.q)), self.softening)
+        return math.sqrt(float(self.v @ self.v) + 2.0 * self.mu * max(near - here, 0.0))
+
     @property
     def rate(self) -> float:
         """Speed / distance at the pericentre, radians per time."""
         softened = math.hypot(self.orbit.least, self.softening)
-        return self.orbit.speed / softened if softened > 0.0 else math.inf
+        return self.speed / softened if softened > 0.0 else math.inf
 
     def shape(self, h: float) -> tuple[float, float]:
         """Return the eccentricity, and the angle of a step of h at the pericentre, at most 1e6; a softened pair is
         told by its softened distance.
         """
-        e = self.orbit.e
-        if self.softening > 0.0:
-            e = max(math.hypot(self.orbit.least, self.softening) * self.orbit.speed**2 / self.mu - 1.0, 0.0)
-        return e if e < MOST_ECCENTRICITY else MOST_ECCENTRICITY, min(abs(h) * self.rate, MOST_ANGLE)
+        try:
+            e, rate = self.orbit.e, self.rate
+            if self.softening > 0.0:
+                e = max(math.hypot(self.orbit.least, self.softening) * self.speed * self.speed / self.mu - 1.0, 0.0)
+        except ArithmeticError:  # beyond the range of floats
+            return 1.0, MOST_ANGLE
+        return e if e < MOST_ECCENTRICITY else MOST_ECCENTRICITY, min(abs(h) * rate, MOST_ANGLE)
 
     def is_bound(self) -> bool:
         """Whether the two stay together: on an ellipse, and within the Hill radius of the other, where it has one."""
@@ -207,11 +220,14 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
         scale, h = (angle / FINE) ** integrator.order, h * FINE / angle
     half = min(RADIANS / rate, 0.5 * period) if rate > 0.0 else abs(h)
     steps = max(2, math.ceil(half / abs(h)))
-    end = (steps + 1) * h
+    after = steps + 1
+    if scale == 1.0 and left * h > 0.0:  # no farther than the run goes
+        after = max(1, min(after, math.ceil(left / h)))
+    end = after * h
     q, v = _flow(pair.mu, pair.softening, pair.q, pair.v, end)
     try:
         start = _flow(pair.mu, pair.softening, pair.q, pair.v, -steps * h)
-        marched = _march(integrator, pair.mu, pair.softening, *start, h, 2 * steps + 1)
+        marched = _march(integrator, pair.mu, pair.softening, *start, h, steps + after)
         dq, dv = scale * (marched[0] - q), scale * (marched[1] - v)
     except IntegrationError:
         dq, dv = np.zeros(3), -2.0 * v  # as wrong as can be

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.errors import IntegrationError
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.propagation.binding import bound, restore
@@ -28,18 +29,40 @@ SAME = 1.5
 
 class Record(NamedTuple):
     """What a marcher saw: `closest` (4, 2, rows) and `listed` (n, columns), see `orbits.kernels.encounters`; how many
-    passages more there were; the body that dominates the system, in the kernels' rows, or -1.
+    passages more there were; the body that dominates the system, in the kernels' rows, or -1; how close to each
+    massive body flybys are listed; and after how many steps that was.
     """
 
     closest: Array
     listed: Array
     left_out: int
     dominant: int
+    reaches: Array
+    steps: int
 
     @classmethod
-    def of(cls, marcher: Marcher) -> Record:
-        """Return what a marcher has seen up to now."""
-        return cls(marcher.approaches(), *marcher.passages(), marcher.dominant)
+    def of(cls, marcher: Marcher, end: float) -> Record:
+        """Return what a marcher has seen up to now, and what happens from there to the end of the run, less than a step
+        later.
+        """
+        dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.step
+        closest, (listed, left_out) = marcher.approaches(), marcher.passages()
+        rest = end - step * marcher.h
+        if not 0.0 < rest / marcher.h < 1.0:
+            return cls(closest, listed, left_out, dominant, reaches, step)
+        try:
+            part = marcher.part_of_a_step(rest)
+        except IntegrationError:  # where the run itself failed
+            return cls(closest, listed, left_out, dominant, reaches, step)
+        share = rest / marcher.h
+        later, (more, _) = part.approaches(), part.passages()
+        later[TIME] = step + share * later[TIME]
+        nearer = later[DISTANCE2] < closest[DISTANCE2]
+        closest = np.where(nearer, later, closest)
+        more = more.copy()
+        more[:, encounters.STEP] = step
+        more[:, encounters.WHEN] = step + share * more[:, encounters.WHEN]
+        return cls(closest, np.concatenate([listed, more]), left_out, dominant, reaches, step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +111,12 @@ class Passage:
 
 
 class Seen:
-    """All passages of a run that are known, of flybys and of the closest approach of each body; a sequence.
+    """All passages of a run that are known: those that were listed, and the closest approach of each body.
 
+    passages : numbered from 0; errors : what is known of the error at the end that they cause; refined : the numbers of
+        those that are as good as the orbit
     dominant : number of the body that dominates the system, or -1
+    reach : (bodies,), how close to each body flybys are listed; steps : how many the run took
     closest : (bodies, 2) numbers of passages, -1 where there is none: the closest to the dominant body, and to another
     flybys : numbers of the passages that are listed, and of the closest approaches but to the dominant body
     """
@@ -100,7 +126,11 @@ class Seen:
         self._order = np.concatenate([np.flatnonzero(massive), np.flatnonzero(~massive)])
         self._gm = system.values.gm
         self.dominant = int(self._order[record.dominant]) if record.dominant >= 0 else -1
-        self.left_out = record.left_out
+        self.left_out, self.steps = record.left_out, record.steps
+        self.refined: set[int] = set()
+        self.errors: dict[int, float | None] = {}
+        self.reach = np.zeros(len(system))
+        self.reach[massive] = record.reaches
         self.passages = [self._listed(row) for row in record.listed]
         self.closest = np.full((len(system), 2), -1)
         for row, body in enumerate(self._order):
@@ -115,7 +145,7 @@ class Seen:
             assert trajectory.archive is not None
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1)
             restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
-            record = Record.of(marcher)
+            record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
         return cls(trajectory.system, record)
 
     @cached_property

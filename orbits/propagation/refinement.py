@@ -35,6 +35,9 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
     The massive bodies, with the massless ones concerned, are marched from the sample before: one at a step, or one
     between steps, from which a partial step leads back to the grid.
     """
+    numbers = [k for k in numbers if k not in seen.refined]
+    seen.refined.update(numbers)
+    seen.errors = {k: error for k, error in seen.errors.items() if k not in seen.refined}
     h, times = trajectory.step, np.abs(trajectory.times)
     starts: dict[int, list[int]] = {}
     for k in sorted(numbers, key=lambda k: seen.passages[k].step):
@@ -54,17 +57,18 @@ class _Walk:
     def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
         system, h = trajectory.system, trajectory.step
         q, v, time = _state(trajectory, sample)
-        massive = system.massive
-        wanted = massive.copy()
+        self._massive, self._h = system.massive, h
+        self.end = float(trajectory.times[-1]) if len(trajectory) else 0.0
+        wanted = self._massive.copy()
         wanted[list(bodies)] = True
-        self.rows = np.full(len(system), -1)
-        self.rows[wanted] = np.arange(np.count_nonzero(wanted))
+        self._bodies = np.flatnonzero(wanted)
         (step,), (rest,) = split(np.array([time]), h)
         self.step = int(step) + (rest != 0.0)
-        arguments = (newtonian, trajectory.integrator, parameters(system.values.gm[massive], system.values.softening))
-        self.marcher = Marcher(*arguments, massive[wanted], q[wanted], v[wanted], h)
+        strengths = parameters(system.values.gm[self._massive], system.values.softening)
+        self._method = newtonian, trajectory.integrator, strengths
+        self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
         if rest != 0.0:
-            self.marcher = Marcher(*arguments, massive[wanted], *self.marcher.state_after(h - rest), h)
+            self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))
 
     def to(self, step: int) -> None:
         """March on to a step that is not behind."""
@@ -73,10 +77,29 @@ class _Walk:
             self.marcher.advance(count)
             self.step += count
 
+    def pair(self, *pair: int) -> _Pair:
+        """Return the massive bodies with a pair of bodies alone, as they are here."""
+        wanted = self._massive.copy()
+        wanted[list(pair)] = True
+        there = wanted[self._bodies]
+        q, v = self.marcher.state()
+        bodies = self._bodies[there]
+        return _Pair(self._bound(bodies, q[there], v[there]), bodies)
+
+    def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array) -> Marcher:
+        return Marcher(*self._method, self._massive[bodies], q, v, self._h)
+
+
+class _Pair:
+    """The massive bodies, and the massless ones of a pair, at the beginning of a step."""
+
+    def __init__(self, marcher: Marcher, bodies: NDArray[np.intp]) -> None:
+        self._marcher, self._rows = marcher, {int(body): row for row, body in enumerate(bodies)}
+
     def relative(self, body: int, other: int, offset: float = 0.0) -> Array:
         """Return position and velocity of a body relative to another one, (6,), a partial step from here."""
-        q, v = self.marcher.state_after(offset)
-        i, j = self.rows[body], self.rows[other]
+        q, v = self._marcher.state_after(offset)
+        i, j = self._rows[body], self._rows[other]
         return np.concatenate([q[i] - q[j], v[i] - v[j]])
 
 
@@ -89,23 +112,28 @@ class _Least(NamedTuple):
 def _refined(walk: _Walk, seen: Seen, passage: Passage, h: float) -> Passage:
     walk.to(passage.step)
     body, other = passage.body, passage.other
-    state = walk.relative(body, other)
-    about = walk.relative(body, seen.dominant) if seen.dominant >= 0 and body != seen.dominant else np.zeros(6)
+    pair = walk.pair(body, other)
+    state = pair.relative(body, other)
+    about = pair.relative(body, seen.dominant) if seen.dominant >= 0 and body != seen.dominant else np.zeros(6)
     if passage.steps == passage.step:  # where the run begins or ends, or to the bit at a step
         least = _Least(0.0, float(np.linalg.norm(state[:3])), float(np.linalg.norm(state[3:])))
     else:
-        least = _least(walk, passage, seen.gm(passage), h)
+        end = abs(walk.end / h) - passage.step
+        least = _least(pair, passage, seen.gm(passage), h, end if passage.step == seen.steps else 1.0)
     return Passage(
         body, other, passage.step, passage.step + least.part, least.distance, least.speed, state=state, about=about
     )
 
 
-def _least(walk: _Walk, passage: Passage, mu: float, h: float) -> _Least:
-    """Return where in a step the distance is least: Newton's method on r.v, with the acceleration of the pair alone."""
-    low, high, part = 0.0, 1.0, passage.steps - passage.step
+def _least(pair: _Pair, passage: Passage, mu: float, h: float, end: float) -> _Least:
+    """Return where in a step the distance is least: Newton's method on r.v, with the acceleration of the pair alone.
+
+    end : part of the step that there is; where the two still approach each other there, it is the least
+    """
+    low, high, part = 0.0, end, min(passage.steps - passage.step, end)
     x = w = np.zeros(3)
     for _ in range(ROUNDS):
-        state = walk.relative(passage.body, passage.other, part * h)
+        state = pair.relative(passage.body, passage.other, part * h)
         x, w = state[:3], state[3:]
         r2, fall = float(x @ x), float(x @ w) * h
         if fall < 0.0:

@@ -23,6 +23,7 @@ from orbits.errors import (
     IntegrationError,
     Interrupted,
     OrbitsError,
+    StepWarning,
     StorageError,
     UnknownNameError,
 )
@@ -41,7 +42,7 @@ from orbits.propagation.grid import (
     whole_steps,
 )
 from orbits.propagation.guidance import parsed_step
-from orbits.propagation.passages_seen import Record, Seen
+from orbits.propagation.passages_seen import Record
 from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stopping import Condition, Conditions, Stop, asks_to_stop, check_callback
@@ -314,14 +315,21 @@ def _march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
-    trajectory._record = Record.of(marcher)
-    if watch.check_step and len(trajectory._record.listed):
-        seen = Seen(system, trajectory._record)
-        judgement.warn_of(trajectory, seen, judgement.spoiling(trajectory, seen))
+    trajectory._record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+    try:
+        if watch.check_step and len(trajectory._record.listed):
+            with StopRequest() as late:
+                judgement.warn_of(trajectory, trajectory._seen())
+            if late.name:
+                raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
+    except StepWarning as warning:  # an error by the filters that are set: the run is not lost by it
+        warning.trajectory = trajectory
+        if failure is None and not _was_stopped(stop, trajectory, watch):
+            raise
     if failure is not None:
         failure.trajectory = trajectory
         raise failure
-    if stop.name and not trajectory.complete and watch.stopped is None:
+    if _was_stopped(stop, trajectory, watch):
         at = f"{marcher.step * marcher.h:,.6g} of {times[-1]:,.6g} {system.units.time}".rstrip()
         how = (
             f"go on with: orbits resume {writer.path}"
@@ -333,6 +341,11 @@ def _march(
             trajectory=trajectory,
         )
     return trajectory
+
+
+def _was_stopped(stop: StopRequest, trajectory: Trajectory, watch: _Watch) -> bool:
+    """Whether a signal ended a run before its end."""
+    return bool(stop.name) and not trajectory.complete and watch.stopped is None
 
 
 def _result(

@@ -102,6 +102,7 @@ class Trajectory(Tabular):
         self.stopped = stopped
         self.archive: Archive | None = None
         self._record = record
+        self._passages: Seen | None = None
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -301,17 +302,15 @@ class Trajectory(Tabular):
             epoch=self.system.epoch,
         )
 
-    def closest_approaches(self, within: Any = None) -> Approaches:
+    def closest_approaches(self) -> Approaches:
         """Return how close bodies came to one another between the start and the last step, and when: a table of all
-        flybys, each with the error that it causes by the end of the run.
-
-        within : only passages closer than this: a length, a number in the system's unit, or a text with a unit
+        flybys within the reach of a body, each with the error that it causes by the end of the run.
 
         Raises InputError for a trajectory that was not made by `propagate` or `resume`.
         """
         from orbits.propagation.approaches import Approaches
 
-        return Approaches(self, self._seen(), within)
+        return Approaches(self, self._seen())
 
     def unresolved(self) -> list[Approach]:
         """Return the close passages that the step could not resolve, worst first: what comes after is not to be
@@ -323,12 +322,15 @@ class Trajectory(Tabular):
         """
         from orbits.propagation.approaches import Approaches
         from orbits.propagation.judgement import spoiling
+        from orbits.propagation.refinement import refine
 
         seen = self._seen()
         approaches = Approaches(self, seen)
         if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
             approaches.know_all()
-        return [approaches.one(k) for k, _ in spoiling(self, seen)]
+        found = [k for k, _ in spoiling(self, seen)]
+        refine(self, seen, found)
+        return [approaches.one(k) for k in found]
 
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
@@ -415,7 +417,9 @@ class Trajectory(Tabular):
                 f"{self!r} holds samples alone, and closest approaches are found while a run goes on; expected the "
                 "whole run as orbits.propagate or orbits.resume returned it."
             )
-        return Seen.by(self, self._record)
+        if self._passages is None:
+            self._passages = Seen.by(self, self._record)
+        return self._passages
 
     def _gm(self) -> Array:
         return self.system.values.gm[self.system.massive]

@@ -63,6 +63,7 @@ def advance_particles(
         watch.hits,
         watch.bold,
         watch.mild,
+        watch.keen,
         watch.passages,
         watch.listed,
     )
