@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import IntegrationError
+from orbits.errors import ArchiveError, IntegrationError
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.propagation.binding import bound, restore
+from orbits.propagation.grid import whole_steps
 from orbits.propagation.passage_effect import Pair
 
 if TYPE_CHECKING:
@@ -145,6 +146,11 @@ class Seen:
             assert trajectory.archive is not None
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1)
             restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
+            if marcher.step > whole_steps(float(trajectory.archive.times[-1]), marcher.h):
+                raise ArchiveError(
+                    f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies behind "
+                    "the end of the run. Restore it from a copy."
+                )
             record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
         return cls(trajectory.system, record)
 

@@ -17,6 +17,7 @@ import pytest
 import orbits
 from orbits.archive import Archive
 from orbits.errors import ArchiveError, OrbitsError
+from orbits.kernels.encounters import LEAST2, MATE, ROW, STATE, STEP, WHEN
 
 from . import hostile, small
 from .alarm import at_most
@@ -42,6 +43,21 @@ def certificate(text):
         names = json.loads(file.attrs["header_items"])
         hostile.set_text(file, "header_items", json.dumps(sorted({*names, "@certificate"})))
         hostile.reseal(file)
+
+    return change
+
+
+def one_passage(column, value):
+    """Add a passage that says this to the list."""
+
+    def change(array):
+        counts = array.parent["passage_counts"]
+        rows = array[:]
+        rows[0] = 1.0
+        rows[0, [ROW, MATE, STEP, WHEN]] = 0.0, 1.0, 2.0, 2.5
+        rows[0, column] = value
+        array[:] = rows
+        counts[0] = 1
 
     return change
 
@@ -192,6 +208,15 @@ NOT_RESUMED = {
     "checkpoint counts flat": hostile.checkpoint("counts", np.int64(3)),
     "checkpoint counts of floats": hostile.checkpoint("counts", np.array([NAN, 0.0, 0.0])),
     "checkpoint steps negative": hostile.checkpoint("counts", filled(-5)),
+    "passages more than there are": hostile.checkpoint("passage_counts", filled(10**6)),
+    "passages fewer than none": hostile.checkpoint("passage_counts", filled(-2)),
+    "passage far beyond the run": hostile.checkpoint("passages", one_passage(STEP, 1e15)),
+    "passage before the run": hostile.checkpoint("passages", one_passage(STEP, -5.0)),
+    "passage at another time than its step": hostile.checkpoint("passages", one_passage(WHEN, 77.0)),
+    "passage at no distance": hostile.checkpoint("passages", one_passage(LEAST2, -1.0)),
+    "passage of no body": hostile.checkpoint("passages", one_passage(ROW, 1e6)),
+    "passage with half a body": hostile.checkpoint("passages", one_passage(MATE, 0.5)),
+    "passage of no number": hostile.checkpoint("passages", one_passage(STATE, NAN)),
     "checkpoint steps huge": hostile.checkpoint("counts", filled(2**62)),
     "checkpoint steps too few": hostile.checkpoint("counts", filled(0)),
     "checkpoint nan": hostile.checkpoint("q", filled(NAN)),
@@ -212,7 +237,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def uses(run: orbits.Trajectory) -> None:
     """What a person does with an archive that opens."""
     repr(run), run._repr_html_(), run.q, run[-1], run["Sun"], run.at(run.times[-1] / 3)
-    run.energy(), run.drift(), run.closest_approaches(), run.unresolved(), run.elements(primary="Sun")
+    run.energy(), run.drift(), str(run.closest_approaches()), run.unresolved(), run.elements(primary="Sun")
 
 
 def refusals(path: Path) -> list[OrbitsError]:
