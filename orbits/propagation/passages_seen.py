@@ -148,8 +148,8 @@ class Seen:
             restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
             if marcher.step > whole_steps(float(trajectory.archive.times[-1]), marcher.h):
                 raise ArchiveError(
-                    f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies behind "
-                    "the end of the run. Restore it from a copy."
+                    f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
+                    "behind the end of the run. Restore it from a copy."
                 )
             record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
         return cls(trajectory.system, record)
