@@ -286,6 +286,8 @@ def as_epochs(epochs: Any, what: str = "epoch") -> Time:
             time = Time([text + ".0" if text == "J2000" else text for text in texts], scale="tdb")
             time = time[0] if isinstance(epochs, str) else time
         elif isinstance(epochs, np.datetime64 | np.ndarray) and epochs.dtype.kind == "M":
+            if np.isnat(epochs).any():
+                raise ValueError("NaT is no date")
             time = Time(epochs, scale="tdb")
         elif isinstance(epochs, int | float | np.integer | np.floating) and not isinstance(epochs, bool):
             if epochs < SMALLEST_PLAIN_JULIAN_DATE:

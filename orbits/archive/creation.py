@@ -141,6 +141,7 @@ def take_name(storage: Storage, path: Path, overwrite: bool) -> None:
         raise _exists(path) from None
     except OSError as error:
         raise _failure(error, path, storage.size) from error
+    storage.path = path
     sync_folder(path.parent)
 
 

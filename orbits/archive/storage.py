@@ -39,7 +39,10 @@ class Storage:
     """An open file. Reads raise ArchiveError where the file is too short, StorageError where the device fails."""
 
     def __init__(self, path: Path, flags: int, mode: int = 0o666) -> None:
-        """Open `path` with the flags and the mode of os.open; an OSError is the caller's to translate."""
+        """Open `path` with the flags and the mode of os.open; an OSError is the caller's to translate.
+
+        `path` is the name that messages give; a rename has to set it anew.
+        """
         self.path = path
         self._descriptor = os.open(path, flags | getattr(os, "O_CLOEXEC", 0), mode)
         self._closer = weakref.finalize(self, os.close, self._descriptor)

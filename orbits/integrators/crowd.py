@@ -168,7 +168,7 @@ class Team:
                 members.append(self._pool.submit(work, member))
             wait(members)
         except BaseException:
-            # Who waits for somebody that will not come goes on, and ends; only then may others use the arrays.
+            # Members that wait for one that never comes are let go, and end; only then may others use the arrays.
             counters[ABANDONED] = 1
             for future in members:
                 future.cancel()

@@ -35,7 +35,7 @@ PATH_BYTES = 4 * 1024 * 1024
 """Size of the path of massive bodies without particles: written once, read here and there."""
 
 NOWHERE = 1e6
-"""Where the particles that fill the last eight are: finite, and read by nobody."""
+"""Where the particles that fill the last eight are: finite, and never read."""
 
 BOLD_PER_ORDER, LEAST_BOLD, MOST_BOLD = 0.05, 0.1, 0.8
 """The angle of a step from which on passages are listed wherever they are, for each order of a method, and its bounds:
@@ -49,7 +49,7 @@ USUAL = 30.0
 """By this factor a pericentre may add more to the error than a circle, before it counts as a passage."""
 
 LEAST_BLOCK = 16
-"""Steps in one call of a kernel, however many the bodies are: whoever looks for close approaches looks at its ends."""
+"""Steps in one call of a kernel, however many the bodies are: the search for close approaches looks at its ends."""
 
 BLOCK_WORK = 20_000_000
 """Pairs times steps in one call of a kernel: a fraction of a second, after which a signal is seen."""
@@ -331,7 +331,7 @@ class Marcher:
         if status == NOT_CONVERGED:
             self._fail(status, done, self._meeting(state, body))
         if status != OK:
-            # The state is spoilt; who met is seen in the one before the step, when the block is a single step.
+            # The state is spoilt; the bodies that met are found in the one before, if the block is a single step.
             lost = np.flatnonzero(~np.isfinite(state["q"][: 3 * self._bodies] + state["v"][: 3 * self._bodies]))
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0

@@ -54,7 +54,7 @@ class CheckedFiles(caching.IndexDataCacheFile):
         if data is None:
             return None
         if name != self._name_of(data):
-            self._discard(path, "its checksum does not match")
+            self._discard(path, _damaged(path))
             return None
         try:
             return pickle.loads(data)
@@ -82,7 +82,7 @@ class CheckedFiles(caching.IndexDataCacheFile):
             return {}
         body = data[CHECKSUM_BYTES:]
         if data[:CHECKSUM_BYTES] != checksum(body):
-            self._discard(path, "its checksum does not match")
+            self._discard(path, _damaged(path))
             return {}
         version, rest = pickle.loads(body)
         # Compared before the rest is read, which may name what is no longer there.
@@ -103,14 +103,17 @@ class CheckedFiles(caching.IndexDataCacheFile):
             return trust.read(path, self._owners)
         except FileNotFoundError:
             return None
+        except trust.DistrustedError as error:
+            self._discard(path, str(error))
+            return None
         except OSError as error:
             trust.warn(f"the file {path} of kernels cannot be read ({error.strerror}); they are compiled anew.")
             return None
 
-    def _discard(self, path: Path, reason: str) -> None:
-        trust.warn(f"the file {path} of compiled kernels is damaged ({reason}): they are compiled anew.")
+    def _discard(self, path: Path, warning: str) -> None:
         with contextlib.suppress(OSError):
             path.unlink()
+        trust.warn(warning)
 
     def _name_of(self, payload: bytes) -> str:
         return f"{self._base}.{checksum(payload).hex()}.nbc"
@@ -120,6 +123,10 @@ class CheckedFiles(caching.IndexDataCacheFile):
         for path in self._folder.glob(f"{glob.escape(self._base)}.*.nbc"):
             if path.name not in names:
                 path.unlink(missing_ok=True)
+
+
+def _damaged(path: Path) -> str:
+    return f"the file {path} of compiled kernels is damaged (its checksum does not match): they are compiled anew."
 
 
 class _Private:

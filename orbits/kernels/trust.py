@@ -35,17 +35,21 @@ def distrusted(status: os.stat_result, *, owners: frozenset[int] = frozenset(), 
     return None
 
 
-def read(path: Path, owners: frozenset[int] = frozenset()) -> bytes | None:
-    """Return what a file holds; None, with a warning, where someone else may have written it.
+class DistrustedError(Exception):
+    """Someone else may have written a file; the reason, in words."""
 
-    The file that is judged is the one that is read: both go through one descriptor. Raises OSError.
+
+def read(path: Path, owners: frozenset[int] = frozenset()) -> bytes:
+    """Return what a file holds.
+
+    The file that is judged is the one that is read: both go through one descriptor. Raises OSError, and
+    DistrustedError where someone else may have written it.
     """
     with path.open("rb") as file:
         reason = distrusted(os.fstat(file.fileno()), owners=owners)
         if reason is None:
             return file.read()
-    warn(f"{path} {reason}: it is not used, because what it holds would be executed. It is made anew.")
-    return None
+    raise DistrustedError(f"{path} {reason}: it is not used, because what it holds would be executed. It is made anew.")
 
 
 def write(path: Path, data: bytes, *, replace: bool = True) -> None:
@@ -109,5 +113,9 @@ def temporary_folder() -> Path:
 
 @lru_cache(maxsize=256)
 def warn(text: str) -> None:
-    """Warn once of a file or folder of the cache."""
+    """Warn once of a file or folder of the cache.
+
+    Of a file that cannot be used only when it is out of the way: a warning may be an error, which the next process
+    would raise again.
+    """
     warnings.warn(text, OrbitsWarning, stacklevel=3)

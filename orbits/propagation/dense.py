@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from orbits.errors import InputError
 from orbits.propagation.binding import bound
 from orbits.propagation.grid import snapped, split, times_since
-from orbits.propagation.run import MEMORY_SHARE, _memory
+from orbits.propagation.memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -57,7 +57,7 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
             f"{known[0]:.10g} ... {known[-1]:.10g} {unit}".rstrip()
         )
     needed = 48 * len(times) * len(trajectory.names)
-    if needed > MEMORY_SHARE * _memory():
+    if needed > MEMORY_SHARE * memory():
         raise InputError(
             f"{len(times)} states of {len(trajectory.names)} bodies need {needed / 2**30:.1f} GiB of memory, more than "
             "this machine has to give; ask for fewer at a time"

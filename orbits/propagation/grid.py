@@ -252,8 +252,6 @@ def whole_steps(time: float, h: float) -> int:
     return round((time - math.fmod(time, h)) / h)
 
 
-
-
 def checked_progress(value: Any) -> bool | None:
     """Return True, False or None as it was given. Raises InputError for anything else."""
     return None if value is None else checked_flag(value, "progress")

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import inspect
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from os import PathLike
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -42,6 +40,7 @@ from orbits.propagation.grid import (
     whole_steps,
 )
 from orbits.propagation.guidance import parsed_step
+from orbits.propagation.memory import MEMORY_SHARE, memory
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.progress import Progress
 from orbits.propagation.signals import StopRequest
@@ -60,9 +59,6 @@ Callback = Callable[[u.Quantity, System], object]
 
 CHUNK_BYTES = 16 * 1024 * 1024
 """Samples kept in memory before they are written."""
-
-MEMORY_SHARE = 0.8
-"""How much of the machine's memory the samples of a run without an archive may take."""
 
 COMMIT_SECONDS = 10.0
 """An archive is committed at least this often: a lost machine costs no more than this."""
@@ -438,15 +434,6 @@ def _sample(
             keeper.commit(marcher)
 
 
-@cache
-def _memory() -> float:
-    """Return the size of this machine's memory in bytes; infinity where the system does not say."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, ValueError, OSError):
-        return float("inf")
-
-
 class _Keeper:
     """Collects samples; hands them to the archive chunk by chunk, or keeps them all when there is none."""
 
@@ -456,7 +443,7 @@ class _Keeper:
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
         needed = 48 * room * bodies
-        if needed > MEMORY_SHARE * _memory():
+        if needed > MEMORY_SHARE * memory():
             raise InputError(
                 f"{room} samples of {bodies} bodies need {needed / 2**30:.1f} GiB of memory, more than this machine "
                 "has to give; take fewer samples, or give archive=... to write them to a file as they come"

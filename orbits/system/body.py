@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +32,14 @@ class Body:
     q: u.Quantity
     v: u.Quantity
     radius: u.Quantity | None
+
+    def __eq__(self, other: object) -> bool:
+        """Whether another body has the same name and the same values."""
+        if not isinstance(other, Body):
+            return NotImplemented
+        return all(bool(np.all(getattr(self, x.name) == getattr(other, x.name))) for x in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]
 
     def _pairs(self) -> dict[str, str]:
         pairs = {"gm": f"{self.gm:.10g}".rstrip(), "q": _vector(self.q), "v": _vector(self.v)}

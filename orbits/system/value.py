@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits import diagnostics
 from orbits.errors import EpochError, InputError, shown
 from orbits.system import checks, making
-from orbits.system.body import Bodies
+from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.checks import StateValues
 from orbits.system.osculating import OrbitalElements, osculating
@@ -291,8 +291,11 @@ class System(FromCatalogues, Bodies, Tabular):
     def __len__(self) -> int:
         return len(self._names)
 
-    def __contains__(self, name: object) -> bool:
-        return checks.place_of(name, self._names) is not None
+    def __contains__(self, body: object) -> bool:
+        """Whether a body of this name is here; of a `Body`, whether one with this name and these values is."""
+        if isinstance(body, Body):
+            return body.name in self._names and self[body.name] == body
+        return checks.place_of(body, self._names) is not None
 
     def __add__(self, other: System) -> Self:
         """Return this system with the bodies of another at the end; a body that both have with the same values is one.

@@ -233,7 +233,7 @@ class Trajectory(Tabular):
         or those at several times, a `Trajectory` with these as its samples, in the order given.
 
         t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
-            or an array or list of such; many at once cost a tenth of as many calls
+            or an array or list of such; many at once take about a ninth of the time of as many single calls
         Raises InputError outside the samples.
         """
         from orbits.propagation import state_at

@@ -139,6 +139,17 @@ def test_a_device_that_turns_out_full_leaves_nothing_behind(tmp_path):
     assert leftovers(tmp_path) == []
 
 
+def test_messages_name_the_file_as_it_is_called_once_it_is_whole(tmp_path):
+    for overwrite in (False, True):
+        writer = runs.create(tmp_path / "run.h5", 3, overwrite=overwrite)
+        os.truncate(tmp_path / "run.h5", 100)
+        with pytest.raises(ArchiveError, match=r"/run\.h5 is truncated"):
+            writer._storage.read(100, 1)
+        writer.close()
+        with pytest.raises(ArchiveError, match=r"/run\.h5 was closed"):
+            writer._storage.read(0, 1)
+
+
 def test_an_interrupt_while_creating_leaves_nothing_behind(tmp_path, monkeypatch):
     def interrupt(self: Storage) -> None:
         raise KeyboardInterrupt

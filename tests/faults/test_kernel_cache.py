@@ -7,6 +7,7 @@ import py_compile
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -192,6 +193,23 @@ def test_a_full_disk_costs_the_cache_and_not_the_result(kept, tmp_path):
     assert not list(tmp_path.rglob("*.partial"))
 
 
+STRICT = "import warnings\nfrom orbits.errors import OrbitsWarning\nwarnings.simplefilter('error', OrbitsWarning)\n"
+
+
+@pytest.mark.parametrize("unusable", [lambda path: path.write_bytes(b"x" * 100), lambda path: path.chmod(0o666)])
+def test_where_warnings_are_errors_a_file_that_cannot_be_used_ends_one_process_only(kept, tmp_path, unusable):
+    program, right, cache = kept
+    shutil.copytree(cache, tmp_path / "cache")
+    path = next((tmp_path / "cache").rglob("kernels.twice*.nbi"))
+    unusable(path)
+    done = python(STRICT + program, tmp_path / "cache")
+    assert done.returncode == 1
+    assert "OrbitsWarning" in done.stderr.splitlines()[-1]
+    assert path.name in done.stderr
+    done = python(STRICT + program, tmp_path / "cache")
+    assert (done.returncode, done.stdout) == (0, right), done.stderr[-500:]
+
+
 @pytest.fixture
 def formulas(tmp_path, monkeypatch):
     """An empty folder of generated modules, and a function that loads one as a new process would."""
@@ -238,6 +256,17 @@ def test_a_damaged_module_is_named_and_made_anew(formulas, damage):
     with pytest.warns(OrbitsWarning, match=path.name):
         assert load() == 1
     assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("unusable", [lambda path: path.write_bytes(b""), lambda path: path.chmod(0o666)])
+def test_where_warnings_are_errors_a_module_that_cannot_be_used_fails_once(formulas, unusable):
+    path, load = formulas
+    unusable(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(OrbitsWarning, match=path.name):
+            load()
+        assert load() == 1
 
 
 def test_files_of_another_user_are_not_trusted_but_those_of_root_are(monkeypatch):

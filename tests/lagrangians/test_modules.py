@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 import sympy
@@ -41,6 +42,32 @@ def test_processes_that_make_one_module_at_the_same_time_share_one_file(tmp_path
     assert len(said) == 1  # one time stamp: with a second, the code that Numba kept would be stale
     assert said.pop().startswith("1 ")
     assert [path.name for path in tmp_path.glob("orbits/*.*")] == ["orbits_lagrangian_race.py"]
+
+
+DAMAGED, GOOD = b"# damaged\nA = 3\n", modules._signed("A = 2\n")
+
+
+def test_a_damaged_module_keeps_its_place_until_another_is_put_there(tmp_path, monkeypatch):
+    """Removing it first would remove the good one that another process puts there meanwhile."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    path = modules.folder() / "orbits_lagrangian_place.py"
+    path.write_bytes(DAMAGED)
+    there = []
+    with pytest.warns(orbits.OrbitsWarning, match=r"place\.py is damaged"):
+        assert modules.module("place", lambda: there.append(path.exists()) or "A = 1\n").A == 1
+    assert there == [True]
+
+
+@pytest.mark.parametrize("other", [Path.unlink, lambda path: path.write_bytes(GOOD)], ids=["removes it", "mends it"])
+def test_a_damaged_module_that_another_process_deals_with_meanwhile_is_made_all_the_same(tmp_path, monkeypatch, other):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    path, read = modules.folder() / "orbits_lagrangian_meanwhile.py", trust.read
+    path.write_bytes(DAMAGED)
+    monkeypatch.setattr(trust, "read", lambda path: (read(path), other(path))[0])
+    with pytest.warns(orbits.OrbitsWarning, match="damaged"):
+        assert modules.module("meanwhile", lambda: "A = 2\n").A == 2
+    del sys.modules["orbits_lagrangian_meanwhile"]
+    assert path.read_bytes() == GOOD
 
 
 def test_the_first_file_stays(tmp_path):

@@ -261,7 +261,7 @@ def test_what_cannot_be_run_is_refused_in_words(wrong, message):
 def test_more_samples_than_memory_holds_are_refused_before_they_are_computed(monkeypatch):
     from orbits.propagation import run
 
-    monkeypatch.setattr(run, "_memory", lambda: 1e6)
+    monkeypatch.setattr(run, "memory", lambda: 1e6)
     with pytest.raises(InputError, match=r"GiB of memory.*archive="):
         orbits.propagate(binary(), METHODS[0], dt=0.1, duration=1.0, samples=10_000)
 

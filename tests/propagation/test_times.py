@@ -83,6 +83,19 @@ def test_what_is_no_end_and_no_sample_is_refused_in_words(arguments, message):
         orbits.propagate(system(), VERLET, dt=1, **arguments)
 
 
+@pytest.mark.parametrize(
+    ("what", "given"),
+    [
+        ("until", np.datetime64("NaT")),
+        ("samples", np.array(["2022-08-10", "NaT"], dtype="datetime64[D]")),
+        (r"samples\[1\]", ["2022-08-10", np.datetime64("NaT")]),
+    ],
+)
+def test_a_date_that_is_none_is_said_to_be_none(what, given):
+    with pytest.raises(EpochError, match=rf"^{what} is .*NaT.*\(NaT is no date\)\.$"):
+        times_since(system(), given, what.partition("\\")[0])
+
+
 @pytest.mark.parametrize("date", ["2030-01-01", Time("2020-01-01"), np.datetime64("2030-01-01"), ["2030-01-01"]])
 def test_dates_need_an_epoch(date):
     without = system(epoch=None)
@@ -196,7 +209,7 @@ def test_more_states_than_memory_holds_are_refused_before_they_are_computed(monk
     from orbits.propagation import dense
 
     run = orbits.propagate(system(), VERLET, dt=7, duration=400, samples=3)
-    monkeypatch.setattr(dense, "_memory", lambda: 1e5)
+    monkeypatch.setattr(dense, "memory", lambda: 1e5)
     with pytest.raises(InputError, match=r"1000 states of 3 bodies need 0.0 GiB of memory, more than this machine"):
         run.at(np.linspace(0, 400, 1000))
     assert len(run.at(np.linspace(0, 400, 10))) == 10

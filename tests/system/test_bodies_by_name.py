@@ -39,6 +39,25 @@ def test_a_body_of_a_system_is_a_value_with_units() -> None:
     assert plain(["star"])["star"].radius is None
 
 
+def test_bodies_are_equal_where_their_names_and_values_are() -> None:
+    system = plain(["a", "b"], radii=[0.1, 0.1])
+    body = system["a"]
+    assert body == system[0] == plain(["a", "c"], radii=[0.1, 0.1])["a"]
+    assert all(body in system for body in system)
+    others = [
+        system["b"],
+        plain(["a"])["a"],  # no radius is known
+        system.replaced(q=system.values.q + 1e-15)["a"],
+        System(["a"], [1.0], [[1.0, 0, 0]], [[1.0, 0, 0]], units=SOLAR, radii=[0.1])["a"],
+        plain(["A"], radii=[0.1])["A"],
+    ]
+    for other in others:
+        assert body != other
+        assert other != body
+    assert [other in system for other in others] == [True, False, False, False, False]
+    assert body != "a"
+
+
 @pytest.mark.parametrize(("key", "error"), [(2, IndexError), (-3, IndexError), (True, InputError), (None, InputError)])
 def test_what_names_no_body_is_refused(key: object, error: type[Exception]) -> None:
     with pytest.raises(error, match=r"body|give a name"):

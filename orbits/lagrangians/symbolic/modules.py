@@ -44,12 +44,15 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
         if name in sys.modules:
             return sys.modules[name]
         path = folder() / f"{name}.py"
-        text = _kept(path)
+        text, warning = _kept(path)
         if text is None:
             # The first to come is the one that stays: another one would have another time stamp, with which the code
-            # that Numba keeps goes stale.
-            trust.write(path, _signed(write()), replace=False)
+            # that Numba keeps goes stale. A file that cannot be used is replaced, not removed first: what is removed
+            # might be the good one that another process has just put there.
+            trust.write(path, _signed(write()), replace=bool(warning))
             text = path.read_bytes()
+        if warning:
+            trust.warn(warning)
         made = ModuleType(name)
         made.__file__ = str(path)
         sys.modules[name] = made
@@ -62,18 +65,17 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
         return made
 
 
-def _kept(path: Path) -> bytes | None:
-    """Return the text that was kept at `path`; None where there is none, or none that can be used."""
+def _kept(path: Path) -> tuple[bytes | None, str]:
+    """Return the text that was kept at `path`, and nothing; or None and why what is there cannot be used, if it is."""
     try:
         text = trust.read(path)
     except FileNotFoundError:
-        return None
-    if text is not None and text != _signed(text.partition(b"\n")[2].decode(errors="replace")):
-        trust.warn(f"the module {path} is damaged (its checksum does not match): it is made anew.")
-        text = None
-    if text is None:
-        path.unlink()
-    return text
+        return None, ""
+    except trust.DistrustedError as error:
+        return None, str(error)
+    if text != _signed(text.partition(b"\n")[2].decode(errors="replace")):
+        return None, f"the module {path} is damaged (its checksum does not match): it is made anew."
+    return text, ""
 
 
 def _signed(text: str) -> bytes:
