@@ -64,10 +64,9 @@ def met(bodies: int = 3) -> Approaches:
     closest[PARTNER] = np.arange(bodies) - 1.0
     q, v = (np.array([x, x]) for x in start.values[1:3])
     line = orbits.Trajectory(start, [0, bodies], q, v, step=1.0, integrator=orbits.Gauss(stages=2))
-    seen = Seen(start, Record(closest, np.empty((0, COLUMNS)), 0, -1))
-    known = Approaches(line, seen)
-    known._known.update(range(len(seen.passages)))  # there is no orbit to make them better by
-    return known
+    seen = Seen(start, Record(closest, np.empty((0, COLUMNS)), 0, -1, np.zeros(bodies), bodies))
+    seen.refined.update(range(len(seen.passages)))  # there is no orbit to make them better by
+    return Approaches(line, seen)
 
 
 def certificate() -> Certificate:
