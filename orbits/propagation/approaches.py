@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+
 class Approaches:
     """The closest approaches of a run: the flybys within the reach of a body, and the closest one of each body.
 

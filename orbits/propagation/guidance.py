@@ -19,21 +19,22 @@ import numpy as np
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, IntegrationError, StepWarning, shown
 from orbits.integrators.base import Integrator
-from orbits.integrators.marcher import Marcher
 from orbits.integrators.watcher import RULE
 from orbits.kernels.passages import fastest_passage
-from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.propagation.approach import as_error, said
 from orbits.propagation.passage_effect import (
     FINE,
+    GRID,
     GROWTH,
     MOST_ANGLE,
     MOST_ECCENTRICITY,
     NEGLIGIBLE,
     NOT_FOLLOWED,
+    RADIANS,
     Effect,
     Pair,
     effect,
+    march_pair,
 )
 from orbits.units import quantity_from_text
 
@@ -59,10 +60,6 @@ PHASES = (0.1, 0.25, 0.4)
 """Where the pericentre lies within a step, none of them 0 or 1/2: there symmetric methods get the turn right by their
 symmetry alone.
 """
-
-RADIANS = 10.0
-GRID = 8
-"""Angles and eccentricities are rounded up, to so many values an octave: what was tried need not be tried again."""
 
 
 def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> tuple[float, float]:
@@ -96,23 +93,12 @@ def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float
     for shift in PHASES:
         begin = -(steps // 2 + shift) * h
         q, v = state_from_elements(1.0, q=1.0, e=e, T=0.0, t=np.array([begin, begin + steps * h]))
-        march = Marcher(
-            newtonian,
-            integrator,
-            parameters(np.array([0.5, 0.5]), 0.0),
-            np.array([True, True]),
-            np.array([-0.5 * q[0], 0.5 * q[0]]),
-            np.array([-0.5 * v[0], 0.5 * v[0]]),
-            h,
-        )
         turn = float(np.linalg.norm(v[1] - v[0])) / speed
         try:
-            while march.step < steps:
-                march.advance(min(march.block, steps - march.step))
+            _, end = march_pair(integrator, 1.0, 0.0, q[0], v[0], h, steps)
         except IntegrationError:
             return 1.0, turn
-        _, end = march.state()
-        worst = max(worst, float(np.linalg.norm(end[1] - end[0] - v[1])) / speed)
+        worst = max(worst, float(np.linalg.norm(end - v[1])) / speed)
     return min(worst / max(turn, 1e-300), 1.0), turn
 
 
@@ -284,4 +270,3 @@ def _fastest(system: System, span: float) -> tuple[int, int, float, float, float
 def with_unit(x: float, unit: Any, digits: int = 4) -> str:
     """Return a number with its unit, if it has one."""
     return f"{x:.{digits}g} {unit}".rstrip()
-

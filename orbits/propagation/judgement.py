@@ -112,9 +112,7 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
-        "the run is not to be trusted for these bodies:\n"
-        + "\n".join(lines)
-        + f"{more}\n{remedy}.",
+        "the run is not to be trusted for these bodies:\n" + "\n".join(lines) + f"{more}\n{remedy}.",
         StepWarning,
         stacklevel=4,
     )

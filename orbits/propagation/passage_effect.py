@@ -57,7 +57,7 @@ CIRCLE = 20.0
 """How many radians of an undisturbed orbit are marched."""
 
 GRID = 8
-"""Angles are rounded up, to so many values an octave: what was tried need not be tried again."""
+"""Angles and eccentricities are rounded up, to so many values an octave: what was tried need not be tried again."""
 
 TWO_PI = 2.0 * math.pi
 
@@ -227,7 +227,7 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
     q, v = _flow(pair.mu, pair.softening, pair.q, pair.v, end)
     try:
         start = _flow(pair.mu, pair.softening, pair.q, pair.v, -steps * h)
-        marched = _march(integrator, pair.mu, pair.softening, *start, h, steps + after)
+        marched = march_pair(integrator, pair.mu, pair.softening, *start, h, steps + after)
         dq, dv = scale * (marched[0] - q), scale * (marched[1] - v)
     except IntegrationError:
         dq, dv = np.zeros(3), -2.0 * v  # as wrong as can be
@@ -284,13 +284,13 @@ def _circle(integrator: Integrator, angle: float) -> float:
     steps = max(2, math.ceil(CIRCLE / angle))
     q, v = state_from_elements(1.0, a=1.0, M=np.array([0.0, steps * angle]))
     try:
-        end, _ = _march(integrator, 1.0, 0.0, q[0], v[0], angle, steps)
+        end, _ = march_pair(integrator, 1.0, 0.0, q[0], v[0], angle, steps)
     except IntegrationError:
         return 1.0
     return min(float(np.linalg.norm(end - q[1])) / (steps * angle), 1.0)
 
 
-def _march(
+def march_pair(
     integrator: Integrator, mu: float, softening: float, q: Array, v: Array, h: float, steps: int
 ) -> tuple[Array, Array]:
     """Return the relative motion of two bodies, here of equal masses, after some steps of the method."""
@@ -317,7 +317,7 @@ def _flow(mu: float, softening: float, q: Array, v: Array, time: float) -> tuple
     if not steps < MOST_STEPS:
         raise InputError("the orbit of a softened pair is too long to be followed.")
     steps = max(1, math.ceil(steps))
-    return _march(Gauss(stages=8), mu, softening, q, v, time / steps, steps)
+    return march_pair(Gauss(stages=8), mu, softening, q, v, time / steps, steps)
 
 
 def _ratio(dx: Array, x: Array) -> float:

@@ -157,9 +157,7 @@ class Seen:
     @cached_property
     def flybys(self) -> list[int]:
         """Numbers of the passages by others than the dominant body, in the order in which they are known."""
-        return [
-            k for k, passage in enumerate(self.passages) if self.dominant not in (passage.body, passage.other)
-        ]
+        return [k for k, passage in enumerate(self.passages) if self.dominant not in (passage.body, passage.other)]
 
     def _listed(self, row: Array) -> Passage:
         begin, end = encounters.STATE, encounters.ABOUT
