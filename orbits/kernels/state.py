@@ -2,27 +2,46 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
+from orbits.kernels.steps import Particles
 from orbits.kernels.summation import accumulate, add_product
 
 
+class Columns(NamedTuple):
+    """Massless particles, (3, padded) each: as `State`, a particle a column."""
+
+    q: Any
+    q_lo: Any
+    v: Any
+    v_lo: Any
+
+
 @kernel
-def kick(v, v_lo, h, g, size):
-    """Advance (v, v_lo) by h g, component by component; the vectors are padded."""
-    for k in range(0, size, WIDTH):
+def kick(v, v_lo, h, g, start, stop):
+    """Advance components start ... stop - 1 of (v, v_lo) by h g; the vectors are padded, start is a multiple of 8."""
+    for k in range(start, stop, WIDTH):
         hi, lo = accumulate(load(v, k), load(v_lo, k), h * load(g, k))
         store(v, k, hi)
         store(v_lo, k, lo)
 
 
 @kernel
-def drift(q, q_lo, h, v, v_lo, size):
-    """Advance (q, q_lo) by h (v, v_lo), component by component; the vectors are padded."""
-    for k in range(0, size, WIDTH):
+def drift(q, q_lo, h, v, v_lo, start, stop):
+    """Advance components start ... stop - 1 of (q, q_lo) by h (v, v_lo); padded as for `kick`."""
+    for k in range(start, stop, WIDTH):
         hi, lo = add_product(load(q, k), load(q_lo, k), h, load(v, k), load(v_lo, k))
         store(q, k, hi)
         store(q_lo, k, lo)
+
+
+@kernel(inline=True)
+def copied(x, out, start, stop):
+    """Write components start ... stop - 1 of x into `out`; padded as for `kick`."""
+    for k in range(start, stop, WIDTH):
+        store(out, k, load(x, k))
 
 
 @kernel
@@ -45,17 +64,69 @@ def first_not_finite(q, v, start, stop):
 
 
 @kernel(inline=True)
-def load_particles(q, q_lo, p):
-    """Return x, y, z and their low parts of particles p ... p + 7; q, q_lo : (3, padded)."""
-    return load(q[0], p), load(q[1], p), load(q[2], p), load(q_lo[0], p), load(q_lo[1], p), load(q_lo[2], p)
+def kicked(particles, h, g):
+    """Return particles with the velocities advanced by h g, g being (gx, gy, gz)."""
+    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
+    vx, vx_lo = accumulate(vx, vx_lo, h * g[0])
+    vy, vy_lo = accumulate(vy, vy_lo, h * g[1])
+    vz, vz_lo = accumulate(vz, vz_lo, h * g[2])
+    return Particles(x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo)
 
 
 @kernel(inline=True)
-def store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo):
+def drifted(particles, h):
+    """Return particles with the positions advanced by h times the velocities."""
+    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
+    x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
+    y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
+    z, z_lo = add_product(z, z_lo, h, vz, vz_lo)
+    return Particles(x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo)
+
+
+@kernel(inline=True)
+def load_particles(columns, p):
+    """Return particles p ... p + 7 of a `Columns`."""
+    q, q_lo, v, v_lo = columns
+    return Particles(
+        load(q[0], p), load(q[1], p), load(q[2], p),
+        load(q_lo[0], p), load(q_lo[1], p), load(q_lo[2], p),
+        load(v[0], p), load(v[1], p), load(v[2], p),
+        load(v_lo[0], p), load(v_lo[1], p), load(v_lo[2], p),
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def store_particles(columns, p, particles):
     """Write what `load_particles` would read."""
+    q, q_lo, v, v_lo = columns
+    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
     store(q[0], p, x)
     store(q[1], p, y)
     store(q[2], p, z)
     store(q_lo[0], p, x_lo)
     store(q_lo[1], p, y_lo)
     store(q_lo[2], p, z_lo)
+    store(v[0], p, vx)
+    store(v[1], p, vy)
+    store(v[2], p, vz)
+    store(v_lo[0], p, vx_lo)
+    store(v_lo[1], p, vy_lo)
+    store(v_lo[2], p, vz_lo)
+
+
+@kernel(inline=True)
+def load_particle(columns, p):
+    """Return particle p, in float64."""
+    q, q_lo, v, v_lo = columns
+    return Particles(
+        q[0, p], q[1, p], q[2, p], q_lo[0, p], q_lo[1, p], q_lo[2, p],
+        v[0, p], v[1, p], v[2, p], v_lo[0, p], v_lo[1, p], v_lo[2, p],
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def store_particle(columns, p, particle):
+    """Write what `load_particle` would read."""
+    q, q_lo, v, v_lo = columns
+    q[0, p], q[1, p], q[2, p], q_lo[0, p], q_lo[1, p], q_lo[2, p] = particle[:6]
+    v[0, p], v[1, p], v[2, p], v_lo[0, p], v_lo[1, p], v_lo[2, p] = particle[6:]

@@ -1,6 +1,6 @@
 """Threads that go through one compiled loop together: where they wait for each other, and how they share work.
 
-A team's counters are an int64 vector of `COUNTERS` elements, all 0 when the loop begins. They are changed and read as
+The counters are an int64 vector of `COUNTERS` elements, all 0 when the loop begins. They are changed and read as
 atoms, and what a thread wrote before a meeting, all threads read after it.
 """
 
@@ -85,3 +85,18 @@ def claim(counters, team, round_, count):
     """
     piece = _add(counters, CLAIMED) - round_ * (count + team)
     return piece if 0 <= piece < count else count
+
+
+@kernel(inline=True)
+def _accelerate_together(share, model, q, g):
+    """Write the accelerations of all bodies, each thread those of the pieces that it claims."""
+    counters, threads, _, rounds = share.barrier
+    pieces = (bodies(model.tag, model.parameters) + PIECE - 1) // PIECE
+    round_ = rounds[0]
+    rounds[0] = round_ + 1
+    meet(counters, threads, 2 * round_ + 1)
+    piece = claim(counters, threads, round_, pieces)
+    while piece < pieces:
+        accelerate_piece(model, q, g, piece)
+        piece = claim(counters, threads, round_, pieces)
+    meet(counters, threads, 2 * round_ + 2)

@@ -1,0 +1,114 @@
+"""Splittings: chains of kicks and drifts, the exact flows of the potential and of the kinetic energy.
+
+    v <- v + k_0 g(q);   for i = 1 ... s:   q <- q + d_i v,   v <- v + k_i g(q)
+
+The lengths k and d of a step are data: symplectic Euler, Störmer–Verlet and every composition of it are one function.
+A flow of length 0 costs nothing, and the force of a last kick serves the first one of the next step.
+
+Source: Hairer, Lubich & Wanner (2006), sec. II.4, II.5; Blanes & Moan (2002).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orbits.integrators.forms import Form, padded
+from orbits.kernels.barrier import accelerate_shared
+from orbits.kernels.binding import field
+from orbits.kernels.compile import kernel
+from orbits.kernels.state import copied, drift, drifted, kick, kicked
+from orbits.kernels.steps import OK
+
+Array = np.typing.NDArray[np.float64]
+
+
+@kernel(inline=True)
+def begin(method, model, t, h, state, storage):
+    """Find the force of a first kick that follows a last one."""
+    kicks, last = method.coefficients[0], method.coefficients.shape[1] - 1
+    if kicks[0] != 0.0 and kicks[last] != 0.0:
+        accelerate_shared(storage.share, model, state.q, storage.scratch[0])
+
+
+@kernel(inline=True)
+def step(method, model, t, h, state, storage):
+    """Take one step; `storage.stages` (s + 1, padded) receives the positions before it and after each drift."""
+    kicks, drifts, last = method.coefficients[0], method.coefficients[1], method.coefficients.shape[1] - 1
+    q, q_lo, v, v_lo = state
+    g, stages, share = storage.scratch[0], storage.stages, storage.share
+    start, stop = share.start, share.stop
+    evaluations = 0
+    copied(q, stages[0], start, stop)
+    if kicks[0] != 0.0:
+        if kicks[last] == 0.0:
+            accelerate_shared(share, model, q, g)
+            evaluations += 1
+        kick(v, v_lo, kicks[0], g, start, stop)
+    for i in range(last):
+        drift(q, q_lo, drifts[i], v, v_lo, start, stop)
+        copied(q, stages[i + 1], start, stop)
+        if kicks[i + 1] != 0.0:
+            accelerate_shared(share, model, q, g)
+            evaluations += 1
+            kick(v, v_lo, kicks[i + 1], g, start, stop)
+    return OK, 0, evaluations
+
+
+@kernel(inline=True)
+def begin_particles(method, model, particles, storage):
+    """Return the accelerations where the particles are: the carry of this method."""
+    return field(model.tag, model.parameters, storage.stages[0], particles.x, particles.y, particles.z)
+
+
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of eight particles in the field of the bodies' positions before it and after each drift."""
+    kicks, drifts, last = method.coefficients[0], method.coefficients[1], method.coefficients.shape[1] - 1
+    evaluations = 0
+    if kicks[0] != 0.0:
+        if kicks[last] == 0.0:
+            carry = field(model.tag, model.parameters, storage.stages[0], particles.x, particles.y, particles.z)
+            evaluations += 1
+        particles = kicked(particles, kicks[0], carry)
+    for i in range(last):
+        particles = drifted(particles, drifts[i])
+        if kicks[i + 1] != 0.0:
+            carry = field(model.tag, model.parameters, storage.stages[i + 1], particles.x, particles.y, particles.z)
+            evaluations += 1
+            particles = kicked(particles, kicks[i + 1], carry)
+    return particles, carry, OK, evaluations
+
+
+@dataclass(frozen=True)
+class Splitting(Form):
+    """A method of kicks and drifts for separable Lagrangians.
+
+    lengths : returns for a step of h the s + 1 kicks and the s drifts between them
+    drifts : s
+    """
+
+    lengths: Callable[[float], tuple[Array, Array]]
+    drifts: int
+
+    kernels = {
+        "begin": begin,
+        "step": step,
+        "begin_particles": begin_particles,
+        "step_particles": step_particles,
+    }
+
+    def coefficients(self, h: float, before: float) -> Array:
+        """Return the kicks and the drifts, (2, s + 1), the last drift being 0."""
+        kicks, drifts = self.lengths(h)
+        return np.array([kicks, np.append(drifts, 0.0)])
+
+    def stages_shape(self, size: int) -> tuple[int, int]:
+        """Positions before the step and after each drift."""
+        return self.drifts + 1, padded(size)
+
+    def scratch_shape(self, size: int) -> tuple[int, int]:
+        """One vector of accelerations."""
+        return 1, padded(size)

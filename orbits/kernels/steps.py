@@ -1,0 +1,171 @@
+"""The contract of a step: what a method's compiled functions take, and how the driver finds them.
+
+A step is a function of values. It knows nothing of recording, watching, sampling, threads or files; the loop that calls
+it (`orbits.marching.driver`) knows nothing of stages. A method enters compiled code as a tag, as a Lagrangian does (see
+`orbits.kernels.binding`), and each function below is resolved at compile time to the method's own:
+
+    begin(method, model, t, h, state, storage)
+        what can be derived from the state, such as the first force; called when a block of steps begins
+    step(method, model, t, h, state, storage) -> (status, where, evaluations)
+        one step of h from time t, in place. One that fails leaves the state as it was, and says at which body or
+        coordinate. Explicit methods always succeed: whether the state is finite is looked at once a block
+    begin_particles(method, model, particles, storage) -> carry
+    step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
+        the same for massless particles, which are values: eight in lanes, or one with its stages in lanes, as the
+        constant `width` of the method says. `storage.stages` is what the massive bodies' step went through
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from orbits.kernels.binding import kernel_of
+from orbits.kernels.lanes import WIDTH
+
+OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
+"""What became of a step."""
+
+INLINED = {"forceinline": True, "error_model": "numpy"}
+"""Options of what only finds a kernel: without them its arguments pass through memory."""
+
+
+class State(NamedTuple):
+    """Where d coordinates are: vectors padded to whole lanes; (q, q_lo) and (p, p_lo) are numbers of doubled precision.
+
+    In second-order form the velocities stand for the momenta p. Of n bodies all x come first, then all y, all z.
+    """
+
+    q: Any
+    q_lo: Any
+    p: Any
+    p_lo: Any
+
+
+class Particles(NamedTuple):
+    """Positions and velocities of massless particles with their low parts: eight in `Lanes`, or one in float64."""
+
+    x: Any
+    y: Any
+    z: Any
+    x_lo: Any
+    y_lo: Any
+    z_lo: Any
+    vx: Any
+    vy: Any
+    vz: Any
+    vx_lo: Any
+    vy_lo: Any
+    vz_lo: Any
+
+
+class Model(NamedTuple):
+    """What is solved: the tag of a Lagrangian, and its parameters."""
+
+    tag: Any
+    parameters: Any
+
+
+class Method(NamedTuple):
+    """How it is solved: the tag of a form of a method, and its numbers for steps of this length."""
+
+    tag: Any
+    coefficients: Any
+
+
+class Share(NamedTuple):
+    """The coordinates that are one thread's to move, start ... stop - 1, start being a multiple of eight.
+
+    barrier : None for a thread alone; else the counters, the number of threads, which one this is, and (1,) int64, the
+        rounds that it has gone through
+    """
+
+    start: Any
+    stop: Any
+    barrier: Any
+
+
+class Storage(NamedTuple):
+    """What a step finds and leaves beside the state.
+
+    carry : (rows, 8), carried from step to step and into archives; zeros for a cold start
+    scratch : (rows, columns), free to use; explicit methods keep the last force there between `begin` and `step`
+    stages : (rows, columns), where the step goes through: what massless particles feel
+    share : which coordinates to move
+    """
+
+    carry: Any
+    scratch: Any
+    stages: Any
+    share: Any
+
+
+def begin(method, model, t, h, state, storage):
+    """Prepare what is derived from the state; nothing for a method without it."""
+    raise NotImplementedError("begin() is for compiled code only")
+
+
+@overload(begin, jit_options=INLINED)
+def _begin(method, model, t, h, state, storage):
+    compiled = _kernel(method, "begin")
+    if compiled is None:
+        return lambda method, model, t, h, state, storage: None
+    return lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage)
+
+
+def step(method, model, t, h, state, storage):
+    """Take one step. Returns (status, where, evaluations)."""
+    raise NotImplementedError("step() is for compiled code only")
+
+
+@overload(step, jit_options=INLINED)
+def _step(method, model, t, h, state, storage):
+    compiled = _kernel(method, "step")
+    return compiled and (
+        lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage)
+    )
+
+
+def begin_particles(method, model, particles, storage):
+    """Return what particles carry into a block of steps; by default their rows of `storage.carry`."""
+    raise NotImplementedError("begin_particles() is for compiled code only")
+
+
+@overload(begin_particles, jit_options=INLINED)
+def _begin_particles(method, model, particles, storage):
+    compiled = _kernel(method, "begin_particles")
+    if compiled is None:
+        return lambda method, model, particles, storage: storage.carry
+    return lambda method, model, particles, storage: compiled(method, model, particles, storage)
+
+
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of massless particles. Returns (particles, carry, status, evaluations)."""
+    raise NotImplementedError("step_particles() is for compiled code only")
+
+
+@overload(step_particles, jit_options=INLINED)
+def _step_particles(method, model, t, h, particles, carry, storage):
+    compiled = _kernel(method, "step_particles")
+    return compiled and (
+        lambda method, model, t, h, particles, carry, storage: compiled(
+            method, model, t, h, particles, carry, storage
+        )
+    )
+
+
+def width(method):
+    """Return how many particles `step_particles` takes at once: 8 in lanes, or 1 with its stages in lanes."""
+    raise NotImplementedError("width() is for compiled code only")
+
+
+@overload(width, jit_options=INLINED)
+def _width(method):
+    lanes = _kernel(method, "width") or WIDTH
+    return lambda method: lanes
+
+
+def _kernel(method, name):
+    """Return what a method's tag has under a name; `method` is the Numba type of a `Method`."""
+    return kernel_of(method.types[0], name)
