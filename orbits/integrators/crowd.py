@@ -20,7 +20,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import COLUMNS, QUANTITIES, enter_record, follow_row, longest_way, note_rows
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import Watch, record_strip
-from orbits.kernels.state import all_finite, drift, kick
+from orbits.kernels.state import all_finite, copy, drift, kick
 from orbits.kernels.team import ABANDONED, COUNTERS, claim, meet
 
 LEAST_CROWD = 1000
@@ -68,12 +68,12 @@ def march_together(
     for step in range(steps):
         record_strip(path, step, q, v, start, stop)
         record = field_record[step % field_record.shape[0]]
-        record[0, start:stop] = q[start:stop]
+        copy(q, start, stop, record[0])
         if kicks[0] != 0.0:
             kick(w, w_lo, kicks[0], a, stop - start)
         for i in range(drifts.shape[0]):
             drift(x, x_lo, drifts[i], w, w_lo, stop - start)
-            record[i + 1, start:stop] = q[start:stop]
+            copy(q, start, stop, record[i + 1])
             if kicks[i + 1] != 0.0:
                 accelerate_together(counters, team, round_, tag, parameters, q, g)
                 round_ += 1
@@ -112,7 +112,9 @@ def follow_part(watch, track, h, steps, way, record, passages, listed, part):
     into an empty list.
     """
     n = watch.bodies
-    record[:] = watch.record[:, :, : record.shape[2]]
+    for quantity in range(record.shape[0]):
+        for k in range(record.shape[1]):
+            copy(watch.record[quantity, k], 0, record.shape[2], record[quantity, k])
     listed[:] = 0
     own = Watch(
         watch.path,

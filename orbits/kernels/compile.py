@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
-import numba
 from numba.core import config as numba_config
 
-from orbits.kernels.keeping import KernelCache
+from orbits.kernels.dispatcher import Kernel
 
 config: Any = numba_config  # its attributes are set at run time
 
@@ -56,15 +55,15 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
 
     inline : copy the body into every caller (for the few lines inside an inner loop)
     exact : do not even fuse; for error-free transformations
+
+    A kernel writes into arrays that it is given: one that allocates raises InputError when it is compiled.
     """
 
-    def compile_function(function: Callable) -> Any:
+    def compile_function(function: Callable) -> Kernel:
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": inline}
         options["fastmath"] = set() if exact else {"contract"}
-        if not Path(inspect.getfile(function)).is_file() and not function.__code__.co_filename.startswith("<ipython"):
-            return numba.njit(**options)(function)  # typed into a session: there is no file to keep a cache for
-        dispatcher: Any = numba.njit(**options)(function)
-        dispatcher._cache = KernelCache(function, source_stamp())
-        return dispatcher
+        # What is typed into a session has no file to keep a cache for, except where IPython makes one.
+        kept = Path(inspect.getfile(function)).is_file() or function.__code__.co_filename.startswith("<ipython")
+        return Kernel(function, options, source_stamp() if kept else None)
 
     return compile_function if function is None else compile_function(function)

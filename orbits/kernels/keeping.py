@@ -180,13 +180,14 @@ class KernelCache(caching.FunctionCache):
     """The cache of one kernel. Private to Numba; pyproject.toml pins the range in which tests have seen it work.
 
     stamp : text that must agree for an entry to be used, beside the source of the kernel's own file
+    purpose : a word that tells caches of one function apart that is compiled in several ways
     """
 
     _impl_class = _Implementation
 
-    def __init__(self, function: Callable[..., Any], stamp: str) -> None:
+    def __init__(self, function: Callable[..., Any], stamp: str, purpose: str = "") -> None:
         super().__init__(function)
-        module = checksum(function.__module__.encode()).hex()[:8]
+        module = checksum(f"{function.__module__}{purpose}".encode()).hex()[:8]
         base, locator = f"{self._impl.filename_base}.{module}", self._impl.locator
         owners = _owners(inspect.getfile(function))
         self._cache_file = CheckedFiles(self.cache_path, base, locator.get_source_stamp(), owners)
