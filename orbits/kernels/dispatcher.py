@@ -24,19 +24,39 @@ from numba.core.registry import CPUDispatcher
 
 from orbits.errors import InputError
 from orbits.kernels.keeping import KernelCache
+from orbits.kernels.stamp import is_covered
 
 NEEDS_RUNTIME = ("NRT required but not enabled", "Only accept returning of array passed into the function")
 """What Numba says when a function allocates that is compiled without a runtime to allocate with."""
 
-WITHOUT_RUNTIME = {"nopython": True, "_nrt": False, "no_cfunc_wrapper": True}
-FOR_KERNELS = {"no_cpython_wrapper": True}
-
 
 class _Compiled(CPUDispatcher):
-    """A function and what was compiled of it, one entry for each signature."""
+    """A function and what was compiled of it, one entry for each signature.
+
+    options : Numba's
+    stamp : what cached code belongs to; None where nothing can be cached
+    purpose : a word that tells its cache from others of the same function
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None, purpose: str = ""
+    ) -> None:
+        super().__init__(function, targetoptions={"nopython": True, "_nrt": False, "no_cfunc_wrapper": True, **options})
+        self._options, self._stamp, self._purpose = options, stamp, purpose
+        # The size and time of a file of somebody else's must be those that it had when it was read.
+        self._covered = is_covered(inspect.getfile(function))
+        if not self._covered and stamp is not None:
+            self._cache = self.cache
+
+    @cached_property
+    def cache(self) -> KernelCache:
+        """Where compiled code is kept."""
+        return KernelCache(self.py_func, str(self._stamp), covered=self._covered, purpose=self._purpose)
 
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or find it compiled. Raises InputError where the function allocates."""
+        if self._stamp is not None:
+            self._cache = self.cache
         try:
             return super().compile(signature)
         except NumbaError as error:
@@ -46,25 +66,20 @@ class _Compiled(CPUDispatcher):
 
 
 class Kernel(_Compiled):
-    """A kernel as Python calls it; compiled code that calls it has `callee` compiled instead.
-
-    options : Numba's
-    stamp : what cached code belongs to beside its own source file; None where nothing can be cached
-    """
+    """A kernel as Python calls it; compiled code that calls it has `callee` compiled instead."""
 
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> None:
-        super().__init__(function, targetoptions={**WITHOUT_RUNTIME, **options})
-        self._options, self._stamp = options, stamp
-        if stamp is not None:
-            self._cache = KernelCache(function, stamp)
+        super().__init__(function, options, stamp)
+        if not self._covered:
+            vars(self)["callee"] = self._made_callee()
 
     @cached_property
-    def callee(self) -> Any:
+    def callee(self) -> _Compiled:
         """The same function for compiled callers. It has no entry for Python: calling it would end the process."""
-        made: Any = _Compiled(self.py_func, targetoptions={**WITHOUT_RUNTIME, **FOR_KERNELS, **self._options})
-        if self._stamp is not None:
-            made._cache = KernelCache(self.py_func, self._stamp, "callee")
-        return made
+        return self._made_callee()
+
+    def _made_callee(self) -> _Compiled:
+        return _Compiled(self.py_func, {**self._options, "no_cpython_wrapper": True}, self._stamp, "callee")
 
     def _reduce_states(self) -> dict[str, Any]:
         return {"function": self.py_func, "options": self._options, "stamp": self._stamp}
