@@ -9,7 +9,7 @@ import orbits
 from orbits.report.picture import picture
 from tests.plotting import seen
 from tests.plotting.runs import about_a_star
-from tests.regression.test_report import NINE, make
+from tests.regression.reports import NINE, make
 
 PLANETS = {"inner": {"a": 1.0, "e": 0.2}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0}}
 SPANS = {"an hour": 1 / 24, "a year": 365.25, "a century": 36525.0, "a century back": -36525.0, "1e6 years": 3.6525e8}

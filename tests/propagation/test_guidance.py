@@ -10,6 +10,8 @@ from astropy import units as u
 import orbits
 from orbits.propagation.guidance import check_step, passage_error
 
+from ..problems import belt
+
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 
 
@@ -102,7 +104,7 @@ def test_a_passage_that_the_step_did_not_resolve_is_told_after_the_run_and_one_i
 
 
 def test_the_closest_approaches_of_a_run_come_with_names_and_units_and_survive_an_archive(tmp_path):
-    system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(10))
+    system = belt(10)
     path = tmp_path / "run.h5"
     options = {"dt": 6 * u.day, "duration": 6 * u.yr, "samples": 4}
     run = orbits.propagate(system, GAUSS, archive=path, **options)

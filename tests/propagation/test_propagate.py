@@ -11,6 +11,8 @@ from orbits.elements import two_body
 from orbits.errors import ConvergenceError, InputError, SingularityError
 from orbits.propagation.grid import rounded_step, split
 
+from ..problems import belt
+
 METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=4), orbits.ExplicitEuler(), orbits.RungeKutta4()]
 IDS = [m.label for m in METHODS]
 
@@ -84,7 +86,7 @@ def test_times_split_exactly_into_steps_and_rest(h):
 
 
 def test_the_result_does_not_depend_on_the_number_of_threads():
-    system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(60))
+    system = belt(60)
     runs = [
         orbits.propagate(system, m, dt=4 * u.day, duration=200 * u.day, samples=3, threads=t)
         for m in (orbits.Gauss(stages=8), orbits.StormerVerlet())

@@ -15,6 +15,8 @@ from orbits.errors import ConvergenceError, InputError, UnknownNameError
 from orbits.regression.invariants import Invariants
 from orbits.regression.problem import Problem, Sampled
 
+from ..problems import FIGURE_EIGHT
+
 GAUSS = orbits.Gauss(stages=8)
 KEPLER = orbits.System(
     ["star", "circular", "eccentric"],
@@ -28,13 +30,6 @@ GIANTS = orbits.System(
     gm=[8.46e-8, 0.0, 2.959e-4, 2.825e-7],
     q=[[6.4, 6.2, 2.3], [2.6, 0.4, 0.1], [-0.007, -0.003, -0.001], [4.0, 2.9, 1.2]],
     v=[[-0.0043, 0.0035, 0.0016], [-0.002, 0.0103, 0.0007], [5e-6, -7e-6, -3e-6], [-0.0046, 0.0058, 0.0026]],
-)
-FIGURE_EIGHT = orbits.System(
-    ["a", "b", "c"],
-    gm=[1, 1, 1],
-    q=[[0.97000436, -0.24308753, 0], [-0.97000436, 0.24308753, 0], [0, 0, 0]],
-    v=[[0.466203685, 0.43236573, 0], [0.466203685, 0.43236573, 0], [-0.93240737, -0.86473146, 0]],
-    units=orbits.DIMENSIONLESS,
 )
 
 
