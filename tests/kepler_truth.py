@@ -52,25 +52,26 @@ def _anomaly(r0: Any, eta: Any, beta: Any, gm: Any, dt: Any, start: Any) -> Any:
 
 
 def flow(q: Any, v: Any, gm: Any, dt: Any, start: Any = None) -> tuple[list[Any], list[Any], Any]:
-    """Return position, velocity and the universal anomaly after dt, as mpf; `start` is an anomaly near by."""
+    """Return position, velocity and the universal anomaly, int dt/r, after dt, as mpf; `start` is one near by."""
     q, v, gm, dt = [mp.mpf(x) for x in q], [mp.mpf(x) for x in v], mp.mpf(gm), mp.mpf(dt)
     if dt == 0 or gm == 0:
         return [x + dt * u for x, u in zip(q, v, strict=True)], v, None
     r0, eta = norm(q), sum(x * u for x, u in zip(q, v, strict=True))
-    beta = 2 * gm / r0 - sum(x * x for x in v)
+    beta, turns = 2 * gm / r0 - sum(x * x for x in v), mp.mpf(0)
     if beta > 0:
         period = 2 * mp.pi * gm / beta ** mp.mpf(1.5)
+        turns = 2 * mp.pi / mp.sqrt(beta) * mp.nint(dt / period)
         dt -= period * mp.nint(dt / period)
         if dt == 0:
-            return q, v, None
-    s = _anomaly(r0, eta, beta, gm, dt, start)
+            return q, v, turns
+    s = _anomaly(r0, eta, beta, gm, dt, None if start in (None, turns) else start - turns)
     G0, G1, G2, _ = _functions(s, beta)
     r = r0 * G0 + eta * G1 + gm * G2
     f, g, df, dg = 1 - gm * G2 / r0, r0 * G1 + eta * G2, -gm * G1 / (r * r0), 1 - gm * G2 / r
     return (
         [f * x + g * u for x, u in zip(q, v, strict=True)],
         [df * x + dg * u for x, u in zip(q, v, strict=True)],
-        s,
+        s + turns,
     )
 
 
