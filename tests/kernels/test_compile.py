@@ -1,5 +1,6 @@
 """The disk cache: hit across processes, and stale as a whole after an edit in any kernel file."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -49,6 +50,43 @@ def test_the_cache_is_hit_after_an_edit_of_prose_and_an_edit_of_code_in_another_
     after, hits = run(tmp_path)
     assert hits == 0
     assert float.fromhex(after) == pytest.approx(1.01 * float.fromhex(before), rel=1e-15)
+
+
+ALIKE = """
+from orbits import kernel
+
+@kernel
+def scaled(x):
+    return 2.0 * x
+
+double = scaled
+
+@kernel
+def scaled(x):
+    '''Of the same name and the same bytecode.'''
+    return 3.0 * x
+
+def times(factor):
+    @kernel
+    def scaled(x):
+        return factor * x
+    return scaled
+"""
+
+
+def test_kernels_of_one_name_in_one_file_are_not_confused(tmp_path, monkeypatch):
+    """Names of cache files hold no line, so that prose may move kernels: entries tell them apart by what they do."""
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", "")
+    (tmp_path / "alike.py").write_text(ALIKE)
+    hits = []
+    for _ in range(2):
+        spec = importlib.util.spec_from_file_location("alike", tmp_path / "alike.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        all_ = [module.double, module.scaled, module.times(5.0), module.times(7.0)]
+        assert [f(1.0) for f in all_] == [2.0, 3.0, 5.0, 7.0]
+        hits.append([sum(f.stats.cache_hits.values()) for f in all_])
+    assert hits == [[0, 0, 0, 0], [1, 1, 1, 1]]
 
 
 def test_the_stamp_is_part_of_every_cache_entry():
