@@ -5,50 +5,8 @@ Rows are the massive bodies, then the massless particles, of which eight at a ti
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
-
-
-class Watch(NamedTuple):
-    """What is looked at in a block of steps.
-
-    path : flat; n bodies' q and v at the beginning of each step and at the end, each padded to `stride`
-    stride : length of a padded vector
-    bodies : n
-    first : steps taken before this block
-    dominant : the body that rules the motion of the others, or -1
-    mu : its GM
-    annuli : (n, 3), see `encounters.py`
-    reaches : (n + padding,), how close to a body flybys are listed; 0 where no body dominates
-    record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
-    stops : (conditions, 4), see `stopping.py`
-    hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
-        which condition first held for which row and body
-    bold : angle of a step, h x speed / distance, from which on every passage by another than the dominant body is
-        listed
-    mild, keen : eccentricity, and angle of a step, from which on pericentres about the dominant body are listed
-    passages : (room, columns), see `encounters.py`: the passages of this block that are listed
-    listed : (2,) int64; how many are in the list, and how many there were
-    """
-
-    path: Any
-    stride: Any
-    bodies: Any
-    first: Any
-    dominant: Any
-    mu: Any
-    annuli: Any
-    reaches: Any
-    record: Any
-    stops: Any
-    hits: Any
-    bold: Any
-    mild: Any
-    keen: Any
-    passages: Any
-    listed: Any
 
 
 @kernel(inline=True)
@@ -115,7 +73,7 @@ def hermite(s, h, x0, v0, x1, v1):
     return x0 + s * (h * v0 + s * (c2 + s * c3)), velocity, (2.0 * c2 + 6.0 * s * c3) / (h * h)
 
 
-@kernel
+@kernel(inline=True)
 def least_distance(watch, track, row, j, step, h):
     """Return the squared distance, the fraction of the step and the squared speed at the least distance in a step."""
     x0, y0, z0, u0, v0, w0 = relative(watch, track, row, j, step)
