@@ -17,7 +17,7 @@ from orbits.kernels.encounters import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REA
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, sqrt, unit
 from orbits.kernels.observing import call_enter, call_observer, call_search
 from orbits.kernels.paths import hermite
-from orbits.kernels.watch import flat, watch_at, no_particles
+from orbits.kernels.watch import flat, no_particles, watch_at
 
 FRACTION = 0.8
 """How much of the time in which a pair's speed or acceleration covers its distance may pass between two looks."""

@@ -17,7 +17,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, lane, load
 from orbits.kernels.observing import call_enter
 from orbits.kernels.paths import least_distance, relative
-from orbits.kernels.watch import watch_at, no_particles
+from orbits.kernels.watch import no_particles, watch_at
 
 DISTANCE2, TIME, SPEED2, PARTNER = 0, 1, 2, 3
 QUANTITIES = 4

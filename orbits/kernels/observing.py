@@ -14,6 +14,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import lanes
 
 INT64 = ir.IntType(64)
@@ -78,6 +79,12 @@ def call_search(typingctx, address, context, track, h, steps, j, row, valid):
 def call_enter(typingctx, address, context, track, row, j, begin, end, h):
     """Call the kernel at an address that enters a closest approach."""
     return _call(ENTER)
+
+
+@kernel
+def observe(address, context, track, h, steps, start, stop):
+    """Call an observer from Python, unless the address is 0."""
+    call_observer(address, context, track, h, steps, start, stop)
 
 
 def _call(signature):

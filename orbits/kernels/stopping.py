@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from orbits.kernels.compile import kernel
 from orbits.kernels.approach_search import longest_way
+from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import pair_potential
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import least_distance, relative
@@ -71,8 +71,7 @@ def _enter(hits, row, found):
 
 @kernel
 def find_met(context, track, h, steps, start, stop):
-    """Look for met conditions of massive bodies start ... stop - 1 or, where there is a track, of particles: an observer.
-    """
+    """Look for met conditions, as an observer: of massive bodies start ... stop - 1, or of particles if `track` has any."""
     watch = watch_at(context)
     group, row = watch.hits.shape[0] - 1, 0
     if track.shape[0] > 0:
