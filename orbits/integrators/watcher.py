@@ -74,7 +74,8 @@ class Watcher:
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
             self.listed_within[: len(massive)] = self._annuli[:, REACH]
-        self.lists = [BlockList.empty() for _ in range(1 + tasks)]
+        self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
+        self.lists = [BlockList.empty(listed) for listed in self._listed]
         self.contexts = Contexts(1 + tasks)
         self.contexts.enter(
             path=self._path,
@@ -110,8 +111,7 @@ class Watcher:
         if not self._compiled:
             self._compile()
         self.contexts.enter(record=record, first=first)
-        for _, listed in self.lists:
-            listed[:] = 0
+        self._listed[:] = 0
 
     def _compile(self) -> None:
         """Compile, or load from the cache, what observers share."""

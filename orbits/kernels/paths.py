@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
+from orbits.kernels.watch import flat
 
 
 @kernel(inline=True)
@@ -15,24 +16,18 @@ def relative(watch, track, row, j, step):
     n, path = watch.bodies, watch.path
     a = 2 * step * watch.stride + j
     b = a + watch.stride
-    if row < n:
-        c, d = a - j + row, b - j + row
-        return (
-            path[c] - path[a],
-            path[c + n] - path[a + n],
-            path[c + 2 * n] - path[a + 2 * n],
-            path[d] - path[b],
-            path[d + n] - path[b + n],
-            path[d + 2 * n] - path[b + 2 * n],
-        )
-    p, k = (row - n) % WIDTH, 6 * step
+    # The row's own x and v_x, and how far the next component is behind.
+    states, c, d, spacing = path, a - j + row, b - j + row, n
+    if row >= n:
+        first = 6 * WIDTH * step + (row - n) % WIDTH
+        states, c, d, spacing = flat(track), first, first + 3 * WIDTH, WIDTH
     return (
-        track[k, p] - path[a],
-        track[k + 1, p] - path[a + n],
-        track[k + 2, p] - path[a + 2 * n],
-        track[k + 3, p] - path[b],
-        track[k + 4, p] - path[b + n],
-        track[k + 5, p] - path[b + 2 * n],
+        states[c] - path[a],
+        states[c + spacing] - path[a + n],
+        states[c + 2 * spacing] - path[a + 2 * n],
+        states[d] - path[b],
+        states[d + spacing] - path[b + n],
+        states[d + 2 * spacing] - path[b + 2 * n],
     )
 
 

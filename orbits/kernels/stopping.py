@@ -71,7 +71,7 @@ def _enter(hits, row, found):
 
 @kernel
 def find_met(context, track, h, steps, start, stop):
-    """Look for met conditions, as an observer: of massive bodies start ... stop - 1, or of particles if `track` has any."""
+    """Look for met conditions: of massive bodies start ... stop - 1 or, where there is a track, of particles."""
     watch = watch_at(context)
     group, row = watch.hits.shape[0] - 1, 0
     if track.shape[0] > 0:

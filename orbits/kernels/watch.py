@@ -167,16 +167,21 @@ class Contexts:
     def __init__(self, count: int) -> None:
         self._words = np.zeros((count, WORDS), dtype=np.int64)
         self._numbers = self._words.view(np.float64)
-        self._kept: dict[str, list[NDArray[Any]]] = {}
+        self._kept: dict[str, Any] = {}
         self.addresses = [self._words.ctypes.data + 8 * WORDS * k for k in range(count)]
+
+    def __getstate__(self) -> None:
+        """Refuse to be copied or pickled: the addresses would still be those of the arrays of the original."""
+        raise TypeError("contexts hold addresses and cannot be copied or pickled; make new ones and enter the arrays.")
 
     def enter(self, **values: Any) -> None:
         """Enter values into all contexts. Raises TypeError for an array of another kind than kernels read."""
         for name, value in values.items():
             kind, at = _KINDS[name], _PLACES[name]
             if isinstance(kind, types.Array):
-                self._words[:, at : at + 1 + kind.ndim] = _described(name, value)
-                self._kept[name] = [value]
+                if self._kept.get(name) is not value:
+                    self._words[:, at : at + 1 + kind.ndim] = _described(name, value)
+                    self._kept[name] = value
             elif kind == types.float64:
                 self._numbers[:, at] = value
             else:
@@ -195,7 +200,7 @@ class Contexts:
         for name in own:
             shared[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = False
         self._words[:, shared] = others._words[0, shared]
-        self._kept.update({name: arrays[:1] for name, arrays in others._kept.items() if name not in own})
+        self._kept.update({name: arrays for name, arrays in others._kept.items() if name not in own})
 
 
 def _described(name: str, array: NDArray[Any]) -> tuple[int, ...]:
