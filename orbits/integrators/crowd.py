@@ -22,7 +22,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import COLUMNS, QUANTITIES, enter_record, note_rows
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import record_strip
-from orbits.kernels.state import all_finite, drift, kick
+from orbits.kernels.state import all_finite, copy, drift, kick
 from orbits.kernels.team import ABANDONED, COUNTERS, claim, meet
 from orbits.kernels.watch import Contexts, watch_at
 
@@ -71,12 +71,12 @@ def march_together(
     for step in range(steps):
         record_strip(path, step, q, v, start, stop)
         record = field_record[step % field_record.shape[0]]
-        record[0, start:stop] = q[start:stop]
+        copy(q, start, stop, record[0])
         if kicks[0] != 0.0:
             kick(w, w_lo, kicks[0], a, stop - start)
         for i in range(drifts.shape[0]):
             drift(x, x_lo, drifts[i], w, w_lo, stop - start)
-            record[i + 1, start:stop] = q[start:stop]
+            copy(q, start, stop, record[i + 1])
             if kicks[i + 1] != 0.0:
                 accelerate_together(counters, team, round_, tag, parameters, q, g)
                 round_ += 1
@@ -118,8 +118,7 @@ def follow_part(context, own, h, steps, way, part):
     whole, record, listed = watch_at(context).record, watch_at(own).record, watch_at(own).listed
     for quantity in range(record.shape[0]):
         for column in range(record.shape[1]):
-            for row in range(record.shape[2]):
-                record[quantity, column, row] = whole[quantity, column, row]
+            copy(whole[quantity, column], 0, record.shape[2], record[quantity, column])
     listed[0], listed[1] = 0, 0
     for i in range(part, watch_at(context).bodies - 1, PARTS):
         follow_row(own, h, steps, way, i)

@@ -21,7 +21,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
+from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, runge_kutta_4
@@ -38,7 +38,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
         record_state(path, step, q, v, size)
         slot = step % field_record.shape[0]
         Q1, Q2, Q3, Q4 = field_record[slot, 0], field_record[slot, 1], field_record[slot, 2], field_record[slot, 3]
-        Q1[:size] = q[:size]
+        copy(q, 0, size, Q1)
         accelerate(tag, parameters, Q1, g1)
         for k in range(size):
             Q2[k] = q[k] + h / 2 * v[k]

@@ -22,7 +22,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
+from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib
@@ -40,12 +40,12 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     for step in range(steps):
         record_state(path, step, q, v, size)
         record = field_record[step % field_record.shape[0]]
-        record[0, :size] = q[:size]
+        copy(q, 0, size, record[0])
         kick(v, v_lo, h / 2, g, size)
         drift(q, q_lo, h, v, v_lo, size)
         accelerate(tag, parameters, q, g)
         kick(v, v_lo, h / 2, g, size)
-        record[1, :size] = q[:size]
+        copy(q, 0, size, record[1])
     return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, steps
 
 

@@ -7,6 +7,13 @@ from orbits.kernels.lanes import WIDTH, load, store
 from orbits.kernels.summation import accumulate, add_product
 
 
+@kernel(inline=True)
+def copy(source, start, stop, out):
+    """Write elements start ... stop - 1 of a vector into those of another (a slice assignment would allocate)."""
+    for k in range(start, stop):
+        out[k] = source[k]
+
+
 @kernel
 def kick(v, v_lo, h, g, size):
     """Advance (v, v_lo) by h g, component by component; the vectors are padded."""

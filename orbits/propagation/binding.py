@@ -15,7 +15,8 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.integrators import named, registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
-from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
+from orbits.kernels.compile import cpu_features, cpu_name
+from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.propagation.stopping import Conditions
 from orbits.system import System

@@ -15,7 +15,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
+from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 
 
@@ -34,12 +34,12 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     for step in range(steps):
         record_state(path, step, q, v, size)
         record = field_record[step % field_record.shape[0]]
-        record[0, :size] = q[:size]
+        copy(q, 0, size, record[0])
         if coefficients[0, 0] != 0.0:
             kick(v, v_lo, coefficients[0, 0], g, size)
         for i in range(substeps):
             drift(q, q_lo, coefficients[1, i], v, v_lo, size)
-            record[i + 1, :size] = q[:size]
+            copy(q, 0, size, record[i + 1])
             length = coefficients[0, i + 1]
             if length != 0.0:
                 accelerate(tag, parameters, q, g)
