@@ -115,7 +115,7 @@ def longest_way(context, h, steps):
 def search(context, track, h, steps, j, row, valid):
     """Look for closest approaches between body j and eight rows from `row` on, those whose lane is 1 in `valid`.
 
-    Bodies are looked at from lower to higher numbers.
+    The rows are massive bodies behind j, or the particles whose states are in `track`.
     """
     watch = watch_at(context)
     n, P, path, record, dominant = watch.bodies, watch.stride, watch.path, watch.record, watch.dominant
@@ -128,7 +128,7 @@ def search(context, track, h, steps, j, row, valid):
         reach = maximum(load(watch.reaches, row), reach)
     column = DOMINANT if j == dominant else OTHER
     ruled = j == dominant or row <= dominant < row + WIDTH
-    k = last = 0 * steps
+    k = last = 0
     before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
     while True:
         a, c = 2 * k * P + j, begin + k * stride
