@@ -39,7 +39,24 @@ def _advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory,
 
 
 def advance_particles(
-    method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+    method,
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     """March particles in second-order form, as `Integrator.advance_particles`."""
     raise NotImplementedError("advance_particles() is for compiled code only")
@@ -47,7 +64,24 @@ def advance_particles(
 
 @overload(advance_particles)
 def _advance_particles(
-    method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+    method,
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     compiled = kernel_of(method, "advance_particles")
 
@@ -67,11 +101,28 @@ def _advance_particles(
         steps,
         start,
         stop,
-        watch,
+        observer,
+        context,
         track,
     ):
         return compiled(
-            tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+            tag,
+            parameters,
+            coefficients,
+            h,
+            q,
+            q_lo,
+            v,
+            v_lo,
+            memory,
+            work,
+            field,
+            steps,
+            start,
+            stop,
+            observer,
+            context,
+            track,
         )
 
     return compiled and call
