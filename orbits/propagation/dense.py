@@ -37,7 +37,7 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     if one:
         moved: System = trajectory.system.replaced(q=q[0], v=v[0], epoch=trajectory.epoch_at(float(times[0])))
         return moved
-    return type(trajectory)(trajectory.system, times, q, v, step=trajectory.step, integrator=trajectory.integrator)
+    return trajectory.with_samples(times, q, v)
 
 
 def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array]:

@@ -15,8 +15,8 @@ from astropy import units as u
 from astropy.time import Time
 from numpy.typing import NDArray
 
+from orbits.checks import checked_flag
 from orbits.errors import EpochError, InputError, shown
-from orbits.system.checks import checked_flag
 from orbits.units import UnitSystem, as_epochs, quantity_from_text
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import integrators
+from orbits.checks import checked_flag
 from orbits.elsewhere import keyword_hint
 from orbits.errors import (
     ArchiveError,
@@ -43,10 +44,10 @@ from orbits.propagation.guidance import parsed_step
 from orbits.propagation.memory import MEMORY_SHARE, memory
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.progress import Progress
+from orbits.propagation.replay import REPLAY, seen_by
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stopping import Condition, Conditions, Stop, asks_to_stop, check_callback
 from orbits.system import System
-from orbits.system.checks import checked_flag
 from orbits.trajectory import Statistics, Trajectory
 
 if TYPE_CHECKING:
@@ -205,7 +206,7 @@ def resume(
         times = old.times if target is None else _extended_times(old, target)
         if old.committed == len(times):
             old.release()
-            return Trajectory.of_archive(old, path=str(path))
+            return Trajectory.of_archive(old, path=str(path), again=REPLAY)
         marcher = bound(system, integrator, h, threads)
         restore(marcher, old.checkpoint(), path)
         _check_place(marcher, times, old.committed, path)
@@ -311,11 +312,11 @@ def _march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
-    trajectory._record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+    trajectory.record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
     try:
-        if watch.check_step and len(trajectory._record.listed):
+        if watch.check_step and len(trajectory.record.listed):
             with StopRequest() as late:
-                judgement.warn_of(trajectory, trajectory._seen())
+                judgement.warn_of(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
     except StepWarning as warning:  # an error by the filters that are set: the run is not lost by it
@@ -356,7 +357,7 @@ def _result(
     if writer is not None:
         # Through the file that was written, whatever its path leads to by now.
         path = str(writer.path) if writer.in_place else None
-        return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics)
+        return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
     q, v = keeper.arrays()
     return Trajectory(
         system,
@@ -367,6 +368,7 @@ def _result(
         integrator=integrator,
         statistics=statistics,
         complete=len(q) == len(times),
+        again=REPLAY,
     )
 
 

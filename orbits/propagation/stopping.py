@@ -12,10 +12,10 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.body_names import index_of
 from orbits.errors import InputError, shown
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.grid import single_number
-from orbits.system.checks import index_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
+from orbits.body_names import few
 from orbits.errors import ArchiveError, EpochError, InputError, OrbitsWarning, shown
 from orbits.regression import snapshot as snapshots
 from orbits.regression.peers import Start, simulation
 from orbits.regression.snapshot import Array, Particles
 from orbits.system import System
-from orbits.system.checks import few
 from orbits.trajectory import Trajectory
 from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem, as_epoch
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Any
 
+from orbits.body_names import place_of
 from orbits.errors import InputError, UnknownNameError, shown
-from orbits.system.checks import place_of
 from orbits.units import UnitSystem
 
 _SCALARS = {"energy": "max |dE/E|", "angular_momentum": "max |dL/L|"}

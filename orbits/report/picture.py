@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.plotting import below, figure, fitting_time, look, method_words, save, style
-from orbits.report.values import Report, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from orbits.report.values import Report, Row
 
 Array = NDArray[np.float64]
 

@@ -6,14 +6,18 @@ import math
 import re
 from collections.abc import Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from orbits.report.values import Report, Row, summarize
+from orbits.report.summary import summarize
 from orbits.tables import html_table
+
+if TYPE_CHECKING:
+    from orbits.report.values import Report, Row
 
 BODIES_IN_FULL = 12
 """Up to this many bodies each gets a line of its own."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.report.json_text import json_text
+from orbits.report.summary import summarize
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -187,18 +188,6 @@ class Report:
         target = Path(path)
         _writable(path, lambda: draw(self, target))
         return target
-
-
-def summarize(positions: Mapping[str, float], names: Sequence[str]) -> dict[str, Any]:
-    """Median, 99th percentile and worst of the errors of `names`, with the name of the worst."""
-    values = np.array([positions[name] for name in names])
-    worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
-    return {
-        "median": float(np.median(values)),
-        "p99": float(np.percentile(values, 99)),
-        "worst": float(values[worst]),
-        "name": names[worst],
-    }
 
 
 def _finite(x: Any) -> Any:

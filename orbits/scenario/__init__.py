@@ -10,6 +10,8 @@ files        which files of a results folder may be replaced
 command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
 """
 
+from __future__ import annotations
+
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, angular_momentum_checks
 from orbits.scenario.loading import Listed, bundled, load
 from orbits.scenario.performing import perform
@@ -30,3 +32,14 @@ __all__ = [
     "load",
     "perform",
 ]
+
+
+def main(self: Scenario | Study) -> None:
+    """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
+    from orbits.scenario import command
+
+    command.main(self)
+
+
+# A scenario knows nothing of the command line; what leads there is put on it here.
+Scenario.main = Study.main = main  # type: ignore[assignment]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from orbits.errors import InputError, shown
 
@@ -98,6 +98,9 @@ class Scenario:
     checks: Callable[[Outcome], Iterable[Check]] | None = None
     draw: Callable[[Outcome], Figure | Mapping[str, Figure]] | None = None
 
+    if TYPE_CHECKING:  # set by the package: it lives with the command line
+        main: ClassVar[Callable[[], None]]
+
     def __post_init__(self) -> None:
         check_label(self.name, self.title)
         peers = self.against if isinstance(self.against, Iterable) and not isinstance(self.against, str) else (None,)
@@ -168,12 +171,6 @@ class Scenario:
 
         mine = {name for method in self.integrators for name in (method.name, method.label)}
         return {key: value for key, value in self.tolerances.items() if key not in registry() or key in mine}
-
-    def main(self) -> None:
-        """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
-        from orbits.scenario.command import main
-
-        main(self)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
+from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
 from orbits.system import checks, making
 from orbits.system.body import Bodies, Body
@@ -69,7 +70,7 @@ class System(FromCatalogues, Bodies, Tabular):
             raise EpochError(
                 f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
             )
-        names = checks.checked_names(names)
+        names = checked_names(names)
         for attribute, value in (
             ("_names", names),
             ("_values", checks.checked_values(names, gm, q, v, softening, units)),
@@ -192,7 +193,7 @@ class System(FromCatalogues, Bodies, Tabular):
         Raises UnknownNameError for a primary or an element that does not exist, and InputError, naming the body, for
         anything that is not an orbit or not a system.
         """
-        names = checks.checked_names([name] if isinstance(name, str) else name)
+        names = checked_names([name] if isinstance(name, str) else name)
         if not names:
             raise InputError("add() got no names; expected a name, or several, such as 'Ceres'.")
         gm_new = making.masses(names, gm, mass, self.units)
@@ -286,7 +287,7 @@ class System(FromCatalogues, Bodies, Tabular):
 
     def index(self, name: str) -> int:
         """Return the place of a body. Raises UnknownNameError, with the names that come close."""
-        return checks.index_of(name, self._names)
+        return index_of(name, self._names)
 
     def __len__(self) -> int:
         return len(self._names)
@@ -295,7 +296,7 @@ class System(FromCatalogues, Bodies, Tabular):
         """Whether a body of this name is here; of a `Body`, whether one with this name and these values is."""
         if isinstance(body, Body):
             return body.name in self._names and self[body.name] == body
-        return checks.place_of(body, self._names) is not None
+        return place_of(body, self._names) is not None
 
     def __add__(self, other: System) -> Self:
         """Return this system with the bodies of another at the end; a body that both have with the same values is one.
@@ -411,4 +412,4 @@ class System(FromCatalogues, Bodies, Tabular):
         particles = int(np.count_nonzero(~self.massive))
         kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
         epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
-        return f"System({checks.few(self.names)}; {kinds}; {epoch}; units {self.units.name})"
+        return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name})"

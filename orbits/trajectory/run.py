@@ -8,18 +8,18 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
+from orbits.body_names import few, index_of
 from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
 from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.system import OrbitalElements, System, osculating
-from orbits.system.checks import few, index_of
 from orbits.system.making import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.tables import Labelled, Tabular, html_pairs
@@ -33,9 +33,10 @@ if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
-    from orbits.propagation.passages_seen import Record, Seen
+    from orbits.propagation.passages_seen import Record
     from orbits.propagation.stopping import Stop
     from orbits.spk import SpkFile
+    from orbits.trajectory.again import March, MarchesAgain
 
 Array = NDArray[np.float64]
 
@@ -55,11 +56,18 @@ class Trajectory(Tabular):
     path, archive : the archive it reads from, if it does
     certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
     stopped : why and where a condition or a callback ended the run, or None
+    record : what was seen of the passages on the way, for what marches it again
+    again : what marches it again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
+        `orbits.propagation`
 
     run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample, run[10:20]
     a `Trajectory` of some of the samples.
     Raises InputError for q and v of another shape, for times that are not finite, and for what is no system or method.
     """
+
+    marched_again_by: ClassVar[MarchesAgain | None] = None
+    """What marches those again that are opened or made by hand. `orbits.propagation`, which stands above this file,
+    sets it when it loads, as it does with `orbits.Trajectory`."""
 
     def __init__(
         self,
@@ -76,6 +84,7 @@ class Trajectory(Tabular):
         certificate: Certificate | None = None,
         stopped: Stop | None = None,
         record: Record | None = None,
+        again: MarchesAgain | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         if not isinstance(system, System):
@@ -101,8 +110,9 @@ class Trajectory(Tabular):
         self.certificate = certificate
         self.stopped = stopped
         self.archive: Archive | None = None
-        self._record = record
-        self._passages: Seen | None = None
+        self.record = record
+        self.passages: Any = None
+        self._again = self.marched_again_by if again is None else again
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -116,10 +126,17 @@ class Trajectory(Tabular):
         return cls.of_archive(Archive.open(path), path=str(path), statistics=statistics)
 
     @classmethod
-    def of_archive(cls, archive: Archive, *, path: str | None, statistics: Statistics | None = None) -> Trajectory:
+    def of_archive(
+        cls,
+        archive: Archive,
+        *,
+        path: str | None,
+        statistics: Statistics | None = None,
+        again: MarchesAgain | None = None,
+    ) -> Trajectory:
         """Return the trajectory in an open archive, which is closed with it, or at once where this fails.
 
-        path : where it can be opened again, or None where it cannot
+        path : where it can be opened again, or None where it cannot; again : what marches it again
         Raises ArchiveError for a method that is not known, and for a certificate that is none.
         """
         try:
@@ -135,6 +152,7 @@ class Trajectory(Tabular):
                 complete=archive.complete,
                 path=path,
                 certificate=certificate,
+                again=again,
                 close=archive.close,
             )
         except BaseException:
@@ -236,10 +254,8 @@ class Trajectory(Tabular):
             or an array or list of such; many at once take about a ninth of the time of as many single calls
         Raises InputError outside the samples.
         """
-        from orbits.propagation import state_at
-
         self._require_method("run.at")
-        return state_at(self, t)
+        return self._marches_again("run.at").at(self, t)
 
     def energy(self) -> u.Quantity:
         """Return the energy of the massive bodies, shape (n,)."""
@@ -308,9 +324,7 @@ class Trajectory(Tabular):
 
         Raises InputError for a trajectory that was not made by `propagate` or `resume`.
         """
-        from orbits.propagation.approaches import Approaches
-
-        return Approaches(self, self._seen())
+        return self._marches_again("run.closest_approaches").closest_approaches(self)
 
     def unresolved(self) -> list[Approach]:
         """Return the close passages that the step could not resolve, worst first: what comes after is not to be
@@ -320,17 +334,11 @@ class Trajectory(Tabular):
         distance from the primary and a hundred times what the method makes of an undisturbed orbit with this step in
         this time; on an open orbit without a primary, if more than a tenth of its turn is wrong.
         """
-        from orbits.propagation.approaches import Approaches
-        from orbits.propagation.judgement import spoiling
-        from orbits.propagation.refinement import refine
+        return self._marches_again("run.unresolved").unresolved(self)
 
-        seen = self._seen()
-        approaches = Approaches(self, seen)
-        if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
-            approaches.know_all()
-        found = [k for k, _ in spoiling(self, seen)]
-        refine(self, seen, found)
-        return [approaches.one(k) for k in found]
+    def begun(self) -> March:
+        """Return a march of the run from its initial state, with its method and its step."""
+        return self._marches_again("run.begun").begun(self)
 
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
@@ -350,14 +358,21 @@ class Trajectory(Tabular):
             times = self.times[samples]
         except (TypeError, ValueError) as error:
             raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
+        return self.with_samples(
+            times, _as_array(self._q)[samples], _as_array(self._v)[samples], certificate=self.certificate
+        )
+
+    def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
+        """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), as floats."""
         return Trajectory(
             self.system,
             times,
-            _as_array(self._q)[samples],
-            _as_array(self._v)[samples],
+            q,
+            v,
             step=self.step,
             integrator=self.integrator,
-            certificate=self.certificate,
+            certificate=certificate,
+            again=self._again,
         )
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -372,7 +387,7 @@ class Trajectory(Tabular):
         """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known = {"stopped": self.stopped, "_record": self._record}
+        known = {"stopped": self.stopped, "record": self.record, "_again": self._again}
         return _reopened, (self._place, len(self), self.statistics, _identity(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
@@ -409,17 +424,13 @@ class Trajectory(Tabular):
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
         return self._q[k], self._v[k]
 
-    def _seen(self) -> Seen:
-        from orbits.propagation.passages_seen import Seen
-
-        if self._record is None and self.archive is None:
+    def _marches_again(self, what: str) -> MarchesAgain:
+        if self._again is None:
             raise InputError(
-                f"{self!r} holds samples alone, and closest approaches are found while a run goes on; expected the "
-                "whole run as orbits.propagate or orbits.resume returned it."
+                f"{what} marches the run again, and nothing was given that can; expected a run of orbits.propagate or "
+                "orbits.Trajectory, or orbits.propagation imported before."
             )
-        if self._passages is None:
-            self._passages = Seen.by(self, self._record)
-        return self._passages
+        return self._again
 
     def _gm(self) -> Array:
         return self.system.values.gm[self.system.massive]

@@ -10,7 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
-from orbits.system.checks import few
+from orbits.body_names import few
 from orbits.system.presenting import span
 from orbits.tables import html_table
 
