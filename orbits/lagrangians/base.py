@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import finite_number
 from orbits.errors import InputError, SingularityError, shown
 from orbits.lagrangians.symmetry import Symmetry
 
@@ -99,7 +100,8 @@ class Lagrangian:
             raise InputError(f"'{self.name}': coordinates must be different names, one for each, got {list(names)}")
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"'{self.name}': parameters must be values by name, got {shown(self.parameters)}")
-        object.__setattr__(self, "parameters", {key: real(value, key) for key, value in self.parameters.items()})
+        values = {key: finite_number(value, f"parameter {key}") for key, value in self.parameters.items()}
+        object.__setattr__(self, "parameters", values)
         if self.example is not None:
             self.vector(self.example.q, "the example's q")
             self.vector(self.example.v, "the example's v")
@@ -322,19 +324,6 @@ def require_name(name: Any) -> None:
     """Raise InputError unless `name` can be a Lagrangian's."""
     if not isinstance(name, str) or not name.strip():
         raise InputError(f"a Lagrangian's name must be a word, got {shown(name)}")
-
-
-def real(value: Any, what: str) -> float:
-    """Return the value of a parameter as a float. Raises InputError for what is not a finite real number."""
-    try:
-        if isinstance(value, str) or np.iscomplexobj(value):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"parameter {what} must be a real number; got {shown(value)}") from None
-    if not np.isfinite(number):
-        raise InputError(f"parameter {what} must be finite; got {shown(value)}")
-    return number
 
 
 def show(x: Array) -> str:

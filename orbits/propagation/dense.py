@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.propagation.binding import bound
-from orbits.propagation.grid import snapped, split, times_since
 from orbits.propagation.memory import MEMORY_SHARE, memory
+from orbits.time_grid import snapped, split, times_since
 
 if TYPE_CHECKING:
     from orbits.system import System

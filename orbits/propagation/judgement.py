@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orbits.errors import StepWarning
+from orbits.errors import StepWarning, level_of_caller
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.guidance import UNRESOLVED, passage_error, step_that_resolves, with_unit
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
@@ -114,7 +114,7 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
         "the run is not to be trusted for these bodies:\n" + "\n".join(lines) + f"{more}\n{remedy}.",
         StepWarning,
-        stacklevel=4,
+        stacklevel=level_of_caller(),
     )
 
 

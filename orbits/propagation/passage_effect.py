@@ -25,8 +25,8 @@ from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
-from orbits.integrators.marcher import Marcher
-from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.point_masses import PointMasses
+from orbits.propagation.binding import march_of
 
 Array = NDArray[np.float64]
 
@@ -294,15 +294,8 @@ def march_pair(
     integrator: Integrator, mu: float, softening: float, q: Array, v: Array, h: float, steps: int
 ) -> tuple[Array, Array]:
     """Return the relative motion of two bodies, here of equal masses, after some steps of the method."""
-    marcher = Marcher(
-        newtonian,
-        integrator,
-        parameters(np.array([0.5 * mu, 0.5 * mu]), softening),
-        np.array([True, True]),
-        np.array([-0.5 * q, 0.5 * q]),
-        np.array([-0.5 * v, 0.5 * v]),
-        h,
-    )
+    halves = np.array([0.5 * mu, 0.5 * mu]), np.array([-0.5 * q, 0.5 * q]), np.array([-0.5 * v, 0.5 * v])
+    marcher = march_of(PointMasses(*halves, softening), integrator, h)
     while marcher.step < steps:
         marcher.advance(min(marcher.block, steps - marcher.step))
     end_q, end_v = marcher.state()

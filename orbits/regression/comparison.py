@@ -6,7 +6,7 @@ import contextlib
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,7 @@ from orbits import integrators as methods
 from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import available_threads
-from orbits.propagation import propagate
-from orbits.propagation.grid import checked_duration, sample_times, signed_step
+from orbits.propagation.run import propagated
 from orbits.regression import peers
 from orbits.regression import tolerances as tolerance
 from orbits.regression import yardstick as rod
@@ -26,6 +25,7 @@ from orbits.regression.invariants import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
 from orbits.report import Report, Row, YardstickNote
 from orbits.system import System
+from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
     from astropy.units import Quantity
@@ -88,12 +88,39 @@ def compare(
     Raises InputError and its kin for a wrong use, before the long runs; IntegrationError when all of ours fail;
     Interrupted for Ctrl-C.
     """
+    return compared(
+        system,
+        integrators,
+        TimeGrid.of(_checked(system), dt, duration=duration, samples=samples),
+        against=against,
+        tolerances=tolerances,
+        yardstick=yardstick,
+        title=title,
+        runs=runs,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def compared(
+    system: System,
+    integrators: Any,
+    grid: TimeGrid,
+    *,
+    against: str | Sequence[str] = ("whfast", "ias15"),
+    tolerances: Mapping[str, Any] | None = None,
+    yardstick: str | Quantity | float = "auto",
+    title: str | None = None,
+    runs: Sequence[Trajectory] = (),
+    threads: int | None = None,
+    progress: bool | None = None,
+) -> Report:
+    """Compare on a grid of steps and samples that was made before; otherwise as `compare`."""
     ours = _ours(integrators)
     if not isinstance(against, Iterable):
         raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {shown(against)}")
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
-    grid = _Grid.of(system, dt, duration, samples)
     kind = _yardstick(system, yardstick, problem, grid)
     wanted = tolerance.parse(
         tolerances,
@@ -118,7 +145,7 @@ def compare(
         raise
     except KeyboardInterrupt:
         raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
-    invariants = Invariants(problem.gm, problem.q, problem.v, problem.softening)
+    invariants = Invariants(problem.start)
     rows = [
         _judged(method.measured(problem, invariants, reference), bounds, note, problem)
         for method, bounds in zip(sampled, wanted, strict=True)
@@ -139,23 +166,13 @@ def compare(
     )
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Times of the samples since the epoch, end of the run and step (> 0): floats in the unit of time."""
-
-    times: Array
-    duration: float
-    dt: float
-
-    @classmethod
-    def of(cls, system: System, dt: Any, duration: Any, samples: Any) -> _Grid:
-        """The very times and step that `propagate` will use; InputError for what it refuses."""
-        length = checked_duration(system.units, duration)
-        step = signed_step(system.units, dt, length)
-        return cls(sample_times(system, samples, length), length, abs(step))
-
-
 _Say = Callable[[str], None]
+
+
+def _checked(system: Any) -> System:
+    if isinstance(system, System):
+        return system
+    raise InputError(f"system must be an orbits.System, got a {type(system).__name__}")
 
 
 def _ours(integrators: Any) -> list[Integrator]:
@@ -170,27 +187,27 @@ def _ours(integrators: Any) -> list[Integrator]:
     return out
 
 
-def _yardstick(system: System, yardstick: Any, problem: Problem, grid: _Grid) -> str | float:
+def _yardstick(system: System, yardstick: Any, problem: Problem, grid: TimeGrid) -> str | float:
     """What to measure positions against: "exact", "none", or the step of the converged runs."""
     if not isinstance(yardstick, str):
-        return abs(signed_step(system.units, system.units.time_value(yardstick, "yardstick"), grid.duration))
+        return grid.with_step(system, yardstick, "yardstick").dt
     if yardstick == "step-halved":
         raise InputError("yardstick='step-halved' is called 'converged' now, and its two runs differ in their stages.")
     if yardstick not in _YARDSTICKS:
         raise InputError(f"yardstick is {shown(yardstick)}; expected {', '.join(_YARDSTICKS)} or a step (a time).")
-    exact = rod.exact_applies(problem.gm, problem.q, problem.v, problem.softening)
+    exact = rod.exact_applies(problem.start)
     if yardstick == "exact" and not exact:
         raise InputError(
             "yardstick='exact' needs one massive body with massless ones, or two massive bodies alone, without "
             "softening; this system has no exact solution. Use 'auto' or 'converged'."
         )
-    affordable = len(problem.gm) * len(grid.times) <= EXACT_SOLVES
+    affordable = len(problem.names) * len(grid.times) <= EXACT_SOLVES
     if yardstick == "exact" or (yardstick == "auto" and exact and affordable):
         return "exact"
     return "none" if yardstick == "none" else rod.power_of_two(grid.dt / 2)
 
 
-def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: _Grid) -> dict[str, Trajectory]:
+def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: TimeGrid) -> dict[str, Trajectory]:
     """Finished runs by their method's label; InputError for one that is not a run of this comparison."""
     out = {}
     for run in runs:
@@ -212,29 +229,19 @@ def _teller(progress: bool | None) -> _Say:
 
 
 def _run(
-    system: System, method: Integrator, grid: _Grid, threads: int | None, progress: bool | None, say: _Say
+    system: System, method: Integrator, grid: TimeGrid, threads: int | None, progress: bool | None, say: _Say
 ) -> Sampled:
     """Compile in a run of a few steps, then run for real. A failing step makes a result that says so."""
     say(method.label)
     started = perf_counter()
-    short = np.copysign((_WARM_UP_STEPS + 0.5) * grid.dt, grid.duration)
+    short = grid.begun(_WARM_UP_STEPS + 0.5)
     with contextlib.suppress(IntegrationError):  # the run itself fails in the same way, and says so
-        propagate(
-            system, method, dt=grid.dt, duration=short, samples=2, threads=threads, progress=False, check_step=False
-        )
+        propagated(system, method, short, threads=threads, progress=False, check_step=False)
     compile_s = perf_counter() - started
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", StepWarning)
-            run = propagate(
-                system,
-                method,
-                dt=grid.dt,
-                duration=grid.duration,
-                samples=grid.times,
-                threads=threads,
-                progress=progress,
-            )
+            run = propagated(system, method, grid, threads=threads, progress=progress)
     except IntegrationError as error:
         return Sampled(method.label, "ours", compile_s=compile_s, note=str(error))
     note = " ".join(str(warning.message) for warning in caught)
@@ -256,34 +263,32 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
 
 
 def _reference(
-    system: System, problem: Problem, grid: _Grid, kind: str | float, threads: int | None, say: _Say
+    system: System, problem: Problem, grid: TimeGrid, kind: str | float, threads: int | None, say: _Say
 ) -> tuple[Array | None, YardstickNote | None, tuple[str, ...]]:
     """Reference positions, the note about them, and remarks where there are none."""
     if kind == "none":
         return None, None, ("No yardstick: positions are not measured.",)
     if kind == "exact":
         say("the exact solution")
-        made = rod.exact(problem.gm, problem.q, problem.v, grid.times)
+        made = rod.exact(problem.start, grid.times)
     else:
         say("the yardstick")
         try:
-            made = rod.converged(system, grid.times, float(kind), threads)
+            made = rod.converged(system, grid.with_step(system, float(kind)), threads)
         except IntegrationError as error:
             return None, None, (f"The yardstick failed, so positions are not measured: {error}",)
     errors = dict(zip(problem.names, (made.error * problem.length).tolist(), strict=True))
     return made.q, YardstickNote(made.kind, made.description, errors), (_BLIND,) if made.kind == "converged" else ()
 
 
-def _peer(problem: Problem, peer: peers.Peer, grid: _Grid, say: _Say) -> Sampled:
+def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Sampled:
     """A peer's samples, or why it has none."""
-    reason = peers.unsuited(peer, problem.gm, problem.softening)
+    reason = peers.unsuited(peer, problem.start.gm, problem.start.softening)
     if reason:
         return Sampled(peer.label, "peer", note=reason + ".")
     say(peer.label)
     try:
-        run = peers.run(
-            peer.name, problem.gm, problem.q, problem.v, times=grid.times, dt=grid.dt, softening=problem.softening
-        )
+        run = peers.run(peer.name, problem.start, times=grid.times, dt=grid.dt)
     except IntegrationError as error:
         return Sampled(peer.label, "peer", note=str(error))
     return Sampled(peer.label, "peer", run.q, run.v, run.steps, run.wall_s, note=" ".join(run.warnings))
@@ -319,7 +324,7 @@ def _in_days(system: System) -> float | None:
 
 
 def _settings(
-    system: System, problem: Problem, grid: _Grid, ours: list[Integrator], wanted: Any, title: str | None
+    system: System, problem: Problem, grid: TimeGrid, ours: list[Integrator], wanted: Any, title: str | None
 ) -> dict[str, Any]:
     """What was compared, ready for JSON."""
     from orbits._version import __version__

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from orbits.body_names import place_of
+from orbits.checks import number_not_below_zero
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.units import UnitSystem
 
@@ -143,13 +144,7 @@ def _positions(key: str, value: Any, convert: Any, names: Sequence[str], massive
 
 
 def _bound(key: str, value: Any) -> float:
-    try:
-        bound = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"tolerances[{key!r}] is {shown(value)}; expected a number >= 0.") from None
-    if not (math.isfinite(bound) and bound >= 0):
-        raise InputError(f"tolerances[{key!r}] is {shown(bound)}; expected a finite number >= 0.")
-    return bound
+    return number_not_below_zero(value, f"tolerances[{key!r}]")
 
 
 def _unknown(where: str, key: Any, known: Sequence[str]) -> UnknownNameError:

@@ -102,6 +102,8 @@ class Scenario:
         main: ClassVar[Callable[[], None]]
 
     def __post_init__(self) -> None:
+        from orbits.checks import whole_number  # with it comes NumPy, which the start of the command line does without
+
         check_label(self.name, self.title)
         peers = self.against if isinstance(self.against, Iterable) and not isinstance(self.against, str) else (None,)
         if not all(isinstance(peer, str) for peer in peers):
@@ -119,10 +121,7 @@ class Scenario:
                     f"scenario {self.name!r}: integrators holds {shown(method)}, which is not a method; "
                     "expected values such as orbits.Gauss(stages=8)."
                 )
-        if isinstance(self.samples, bool) or not isinstance(self.samples, int) or self.samples < 2:
-            raise InputError(
-                f"scenario {self.name!r}: samples must be a whole number >= 2 (both ends); got {shown(self.samples)}."
-            )
+        whole_number(self.samples, f"scenario {self.name!r}: samples (both ends included)", least=2)
         if not isinstance(self.tolerances, Mapping) or not all(isinstance(key, str) for key in self.tolerances):
             raise InputError(
                 f"scenario {self.name!r}: tolerances must be a mapping such as {{'energy': 1e-12}}; got "

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from orbits import ephemeris
 from orbits.body_names import few, index_of
+from orbits.checks import is_whole
 from orbits.errors import InputError, UnknownNameError, shown
 
 PLANETS = dict(zip(ephemeris.BODIES, (10, 1, 2, 3, 399, 301, 4, 5, 6, 7, 8, 9), strict=True))
@@ -38,7 +39,7 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
         number = given[name] if name in given else _known(name)
         if number is None:
             missing.append(name)
-        elif isinstance(number, bool) or not isinstance(number, int) or not -(2**31) < number < 2**31 or number == 0:
+        elif not is_whole(number) or not -(2**31) < number < 2**31 or number == 0:
             raise InputError(
                 f"ids[{name!r}] is {shown(number)}; expected a whole number of 32 bits, such as -1001, and not 0, "
                 "which is the barycentre of the Solar System."

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from orbits._version import __version__
 from orbits.body_names import chosen, index_of, place_of
+from orbits.checks import positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
@@ -172,8 +173,7 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
         raise EpochError("the system has no epoch, so an SPK file has no dates for it; give System(..., epoch=...).")
     if len(run) < 2:
         raise InputError(f"{run!r} covers no span of time; expected a run with at least two samples.")
-    if not (isinstance(tolerance_km, int | float) and math.isfinite(tolerance_km) and tolerance_km > 0.0):
-        raise InputError(f"tolerance_km is {shown(tolerance_km)}; expected a number of kilometres > 0, such as 0.001.")
+    positive_number(tolerance_km, "tolerance_km")
 
 
 def _fitted(

@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.errors import InputError, shown
+from orbits.point_masses import PointMasses
 from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
 
 
-class StateValues(NamedTuple):
-    """The floats of a system in its own units: read-only, C-contiguous float64.
+def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any, units: UnitSystem) -> PointMasses:
+    """Return the floats of a system in `units`, read-only and C-contiguous.
 
-    gm (n,), q and v (n, 3), softening a length; length, time and GM in the units of the system
+    Raises InputError for what cannot be one, naming body and value.
     """
-
-    gm: Floats
-    q: Floats
-    v: Floats
-    softening: float
-
-
-def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any, units: UnitSystem) -> StateValues:
-    """Return the floats of a system in `units`; raise InputError for what cannot be one, naming body and value."""
-    values = StateValues(
+    values = PointMasses(
         gm=checked_array("gm", units.gm_value(gm, "gm"), names, None, units.gm),
         q=checked_array("q", units.length_value(q, "q"), names, 3, units.length),
         v=checked_array("v", units.speed_value(v, "v"), names, 3, units.speed),

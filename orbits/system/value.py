@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from orbits import diagnostics
 from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
+from orbits.point_masses import PointMasses
 from orbits.system import checks, making
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
-from orbits.system.checks import StateValues
 from orbits.system.osculating import OrbitalElements, osculating
 from orbits.system.presenting import labelled_state, state_html
 from orbits.tables import Labelled, Tabular
@@ -49,7 +49,7 @@ class System(FromCatalogues, Bodies, Tabular):
     __slots__ = ("_epoch", "_names", "_radii", "_units", "_values")
 
     _names: tuple[str, ...]
-    _values: StateValues
+    _values: PointMasses
     _epoch: Time | None
     _units: UnitSystem
     _radii: Floats | None
@@ -275,7 +275,7 @@ class System(FromCatalogues, Bodies, Tabular):
         return self._units
 
     @property
-    def values(self) -> StateValues:
+    def values(self) -> PointMasses:
         """The floats (gm, q, v, softening) in the units of the system, for what works without units."""
         return self._values
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics
 from orbits.body_names import few, index_of
+from orbits.checks import is_whole
 from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
 from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
@@ -237,7 +238,7 @@ class Trajectory(Tabular):
             return BodyTrajectory(self.names[i], self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
         if isinstance(key, slice):
             return self._some(key)
-        if isinstance(key, bool | np.timedelta64) or not isinstance(key, int | np.integer):
+        if not is_whole(key):
             raise InputError(
                 f'run[{shown(key)}]: give a name, run["Sun"], the number of a sample, run[-1], or a slice, run[10:20].'
             )

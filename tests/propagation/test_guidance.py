@@ -70,6 +70,14 @@ def test_a_pericentre_that_lies_beyond_the_end_of_the_run_is_no_reason_to_warn()
     assert len(caught(system, VERLET, period / 400, -0.6 * period)[1]) == 2
 
 
+def test_warnings_point_to_the_line_that_asked_for_the_run():
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        orbits.propagate(two_bodies(0.9, f=2.0), VERLET, dt=0.5, duration=20.0, samples=2)
+    assert len(found) == 2  # before the run, and of what was seen on its way
+    assert {warning.filename for warning in found} == {__file__}
+
+
 def test_check_step_false_says_nothing():
     assert caught(two_bodies(), VERLET, 1.0, 20.0, check_step=False)[1] == []
 

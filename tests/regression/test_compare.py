@@ -120,11 +120,11 @@ def test_a_tolerance_that_is_exceeded_fails_the_report_and_says_which():
 
 def test_errors_are_the_largest_over_the_samples_not_the_last():
     problem = Problem.of(GIANTS)
-    reference, v = (np.repeat(x[None], 3, axis=0) for x in (problem.q, problem.v))
+    reference, v = (np.repeat(x[None], 3, axis=0) for x in problem.start[1:3])
     q = reference.copy()
     q[1, 3, 1] += 2.0**-20  # Jupiter, in the middle only
     q[1, 1, 2] -= 2.0**-19  # and the massless body, twice as far
-    invariants = Invariants(problem.gm, problem.q, problem.v, 0.0)
+    invariants = Invariants(problem.start)
     row = Sampled("a method", "peer", q, v, steps=2, wall_s=0.1).measured(problem, invariants, reference)
     km = u.au.to(u.km)
     assert row.worst_body == "a rock"
@@ -249,7 +249,7 @@ def test_the_report_of_a_comparison_is_strict_json_with_its_settings(tmp_path):
 def test_a_wrong_use_is_refused_before_anything_runs(change, error, message, monkeypatch):
     from orbits.regression import comparison
 
-    monkeypatch.setattr(comparison, "propagate", lambda *_, **__: pytest.fail("ran before it was checked"))
+    monkeypatch.setattr(comparison, "propagated", lambda *_, **__: pytest.fail("ran before it was checked"))
     arguments = {"integrators": GAUSS, "dt": 20.0, "duration": 400.0, "samples": 3, **change}
     with pytest.raises(error, match=message):
         orbits.compare(GIANTS, arguments.pop("integrators"), **arguments)

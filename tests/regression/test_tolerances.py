@@ -77,7 +77,7 @@ def test_a_yardstick_worse_than_the_bound_cannot_vouch_for_it():
         ({"position_km": {"Eart": 1.0}}, SOLAR, UnknownNameError, "Did you mean 'Earth'"),
         ({"energy": -1.0}, SOLAR, InputError, ">= 0"),
         ({"energy": math.nan}, SOLAR, InputError, "finite"),
-        ({"energy": "small"}, SOLAR, InputError, "expected a number"),
+        ({"energy": "small"}, SOLAR, InputError, "must be a real number"),
         ({"position_km": [1.0, 2.0]}, SOLAR, InputError, "position_km"),
         ({"position": 1 * u.day}, SOLAR, InputError, "position"),
         ({"position_km": 1.0}, DIMENSIONLESS, InputError, "use 'position'"),

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import orbits
 from orbits import integrators
 from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
-from orbits.propagation import run as run_module
+from orbits.propagation import sample_store
 from orbits.scenario import bundled, load, perform
 from orbits.scenario.values import quantity
 
@@ -112,13 +112,13 @@ def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
 
 @pytest.mark.parametrize("changes", [{}, {"dt": 0.025}], ids=["the same", "with another step"])
 def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_another(tmp_path, changes, monkeypatch):
-    add = run_module._Keeper.add
+    add = sample_store.SampleStore.add
 
     def add_then_stop(self, q, v):
         add(self, q, v)
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
     with pytest.raises(Interrupted):
         perform(pair(), out=tmp_path / "stopped")
     monkeypatch.undo()

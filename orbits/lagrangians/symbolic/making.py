@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from orbits.checks import finite_number
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
-from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, Symmetries, real, require_name
+from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, Symmetries, require_name
 from orbits.lagrangians.symbolic.generation import Formula, module_text, name_of
 from orbits.lagrangians.symbolic.modules import digest, module
 
@@ -144,7 +145,7 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
     if len(set(names)) < len(names):
         raise InputError(f"'{name}': two parameters have the same name: {', '.join(sorted(names))}")
     for key, value in parameters.items():
-        number = real(value, str(key))
+        number = finite_number(value, f"parameter {key}")
         signs = ((key.is_positive, number > 0), (key.is_negative, number < 0), (key.is_nonnegative, number >= 0))
         if any(assumed and not so for assumed, so in signs):
             raise InputError(
