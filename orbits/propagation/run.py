@@ -172,7 +172,7 @@ def resume(
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
     from orbits.archive import Archive, ArchiveWriter, extended
-    from orbits.trajectory.run import made_by
+    from orbits.trajectory.archived import made_by
 
     progress = checked_choice(progress, "progress")
     # All that follows is read behind the lock: a second resume cannot add to the file after this one has looked.

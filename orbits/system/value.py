@@ -16,8 +16,8 @@ from orbits.point_masses import PointMasses
 from orbits.system import checks, making
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
-from orbits.system.osculating import OrbitalElements, osculating
 from orbits.system.presenting import labelled_state, state_html
+from orbits.system.questions import Questions
 from orbits.tables import Labelled, Tabular
 from orbits.units import SOLAR, UnitSystem, as_epoch
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class System(FromCatalogues, Bodies, Tabular):
+class System(FromCatalogues, Bodies, Questions, Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -310,45 +310,6 @@ class System(FromCatalogues, Bodies, Tabular):
                 "catalogue's with system.add_particles(catalogue)."
             )
         return self.replaced(**making.united(self, other))
-
-    # ----------------------------------------------------------------------------------------------------- questions
-
-    def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies. Source: `orbits.diagnostics.energy`, divided by G."""
-        gm, q, v, softening = self.values
-        return u.Quantity(diagnostics.energy(gm, q, v, softening) / self.units.G, self.units.energy)
-
-    def linear_momentum(self) -> u.Quantity:
-        """Return the momentum of the massive bodies, shape (3,)."""
-        gm, _, v, _ = self.values
-        return u.Quantity(diagnostics.linear_momentum(gm, v) / self.units.G, self.units.momentum)
-
-    def angular_momentum(self) -> u.Quantity:
-        """Return the angular momentum of the massive bodies about the origin, shape (3,)."""
-        gm, q, v, _ = self.values
-        return u.Quantity(diagnostics.angular_momentum(gm, q, v) / self.units.G, self.units.angular_momentum)
-
-    def centre_of_mass(self) -> u.Quantity:
-        """Return the centre of mass of the massive bodies, shape (3,)."""
-        gm, q, _, _ = self.values
-        return u.Quantity(diagnostics.centre_of_mass(gm, q), self.units.length)
-
-    def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
-        """Return the osculating elements of all other bodies; see `OrbitalElements`.
-
-        primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi": each body goes around
-            the centre of mass of those before it. The two-body GM is that of the body and of all it goes around. May
-            be left out where only one body has mass
-        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `add`
-
-        Raises UnknownNameError for a primary or frame that does not exist, InputError, naming the body, for a state
-        without elements: at the primary's place, or moving straight towards or away from it.
-        """
-        gm, q, v, _ = self.values
-        primary = making.primary_name(self.names, gm, primary)
-        return osculating(
-            self.names, gm, q, v, units=self.units, primary=primary, frame=frame, epoch=self.epoch
-        )
 
     def plot(self, **options: Any) -> Any:
         """Draw the system and the orbits it osculates; see `orbits.plotting.plot_system`."""

@@ -1,4 +1,4 @@
-"""What a `Trajectory` is made of and gives out: samples, what a run cost, what it keeps, the path of one body."""
+"""What a `Trajectory` is made of and gives out: samples, what a run cost, the path of one body."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits import diagnostics
-from orbits.body_names import few
 from orbits.system.presenting import span
-from orbits.tables import html_table
 
 Array = NDArray[np.float64]
 
@@ -46,61 +43,6 @@ class Statistics:
     particle_evaluations: int
     wall_time: float
     compile_time: float
-
-
-@dataclass(frozen=True)
-class ConservedQuantities:
-    """How far each quantity that gravity conserves strays from its first value; `diagnostics.Drift` values.
-
-    Energy is compared with its own size, angular momentum with the size of its vector (where these vanish by
-    cancellation, below a millionth of their terms: with sum m v^2 / 2 and sum m |q| |v|), linear momentum with
-    sum m |v| and the centre of mass, whose uniform motion is taken off, with the largest distance from it.
-
-    massive : the bodies that these are the quantities of
-    particles : how many massless ones the run has, whose orbits nothing here judges
-    """
-
-    energy: diagnostics.Drift
-    angular_momentum: diagnostics.Drift
-    linear_momentum: diagnostics.Drift
-    centre_of_mass: diagnostics.Drift
-    massive: tuple[str, ...] = ()
-    particles: int = 0
-
-    @property
-    def covers(self) -> str:
-        """What these quantities are those of, in words, and what they say nothing of."""
-        if not self.particles:
-            return f"of {few(self.massive)}"
-        some = "one massless particle" if self.particles == 1 else f"{self.particles:,} massless particles"
-        unseen = f"nothing here judges the orbits of the {some}"
-        if len(self.massive) == 1:
-            return f"of {self.massive[0]} alone, which nothing disturbs; {unseen}"
-        return f"of {few(self.massive)} only; {unseen}"
-
-    def __str__(self) -> str:
-        rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
-        for name, d in self._drifts.items():
-            rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
-        rows += [self.covers] if self.particles else []
-        return "\n".join(rows)
-
-    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        printer.text(str(self))
-
-    def _repr_html_(self) -> str:
-        head = ["", "max change", "in ulps", "at the end"]
-        rows = [
-            [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"]
-            for name, d in self._drifts.items()
-        ]
-        covers = f"; {self.covers}" if self.particles else ""
-        return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
-
-    @property
-    def _drifts(self) -> dict[str, diagnostics.Drift]:
-        names = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
-        return {name.replace("_", " "): getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, repr=False)

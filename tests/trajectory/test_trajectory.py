@@ -164,7 +164,7 @@ def test_whole_runs_are_reduced_block_by_block_reading_massive_bodies_only(tmp_p
         return read(self, samples, first, end)
 
     monkeypatch.setattr(Samples, "_read", watched)
-    monkeypatch.setattr("orbits.trajectory.run.BLOCK_BYTES", 2 * 48 * len(NAMES))
+    monkeypatch.setattr("orbits.trajectory.conservation.BLOCK_BYTES", 2 * 48 * len(NAMES))
     assert np.array_equal(run.energy(), whole.energy())
     assert np.array_equal(run.angular_momentum(), whole.angular_momentum())
     # Two samples at a time; from the Sun to Saturn, without Ceres.

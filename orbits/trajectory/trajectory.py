@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits import diagnostics
 from orbits.body_names import few, index_of
 from orbits.checks import is_whole
-from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
 from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.making import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.tables import Labelled, Tabular, html_pairs
-from orbits.trajectory.values import BodyTrajectory, ConservedQuantities, Samples, Statistics
+from orbits.trajectory.again import MarchedAgain
+from orbits.trajectory.archived import identity_of, made_by
+from orbits.trajectory.conservation import Conservation
+from orbits.trajectory.values import BodyTrajectory, Samples, Statistics
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -32,20 +31,14 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
-    from orbits.propagation.approach import Approach
-    from orbits.propagation.approaches import Approaches
     from orbits.propagation.passages_seen import Record
     from orbits.propagation.stopping import Stop
-    from orbits.spk import SpkFile
-    from orbits.trajectory.again import March, MarchesAgain
+    from orbits.trajectory.again import MarchesAgain
 
 Array = NDArray[np.float64]
 
-BLOCK_BYTES = 32 * 1024 * 1024
-"""How much of a run is in memory at a time while a quantity of all samples is computed."""
 
-
-class Trajectory(Tabular):
+class Trajectory(MarchedAgain, Conservation, Tabular):
     """The samples of a run.
 
     system : the initial state, which also gives names, GM, units and epoch
@@ -65,10 +58,6 @@ class Trajectory(Tabular):
     a `Trajectory` of some of the samples.
     Raises InputError for q and v of another shape, for times that are not finite, and for what is no system or method.
     """
-
-    marched_again_by: ClassVar[MarchesAgain | None] = None
-    """What marches those again that are opened or made by hand. `orbits.propagation`, which stands above this file,
-    sets it when it loads, as it does with `orbits.Trajectory`."""
 
     def __init__(
         self,
@@ -247,58 +236,6 @@ class Trajectory(Tabular):
         k = int(key) % len(self)
         return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
 
-    def at(self, t: Any) -> Any:
-        """Return the state at any time within the run, by the run's own method from the sample before it: a `System`;
-        or those at several times, a `Trajectory` with these as its samples, in the order given.
-
-        t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
-            or an array or list of such; many at once take about a ninth of the time of as many single calls
-        Raises InputError outside the samples.
-        """
-        self._require_method("run.at")
-        return self._marches_again("run.at").at(self, t)
-
-    def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies, shape (n,)."""
-        gm, softening = self._gm(), self.system.values.softening
-        values = self._of_massive(lambda q, v: diagnostics.energy(gm, q, v, softening))
-        return u.Quantity(values / self.system.units.G, self.system.units.energy)
-
-    def linear_momentum(self) -> u.Quantity:
-        """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
-        values = self._of_massive(lambda q, v: diagnostics.linear_momentum(self._gm(), v))
-        return u.Quantity(values / self.system.units.G, self.system.units.momentum)
-
-    def angular_momentum(self) -> u.Quantity:
-        """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
-        values = self._of_massive(lambda q, v: diagnostics.angular_momentum(self._gm(), q, v))
-        return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
-
-    def centre_of_mass(self) -> u.Quantity:
-        """Return the centre of mass of the massive bodies, shape (n, 3)."""
-        values = self._of_massive(lambda q, v: diagnostics.centre_of_mass(self._gm(), q))
-        return u.Quantity(values, self.system.units.length)
-
-    def drift(self) -> ConservedQuantities:
-        """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
-
-        They are those of the massive bodies: a massless particle moves in their field and carries no charge of the
-        whole, so nothing here judges its orbit. Raises InputError for a run without samples.
-        """
-        if not len(self):
-            raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
-        gm, start, massive = self._gm(), self.system.values, self.system.massive
-        q, v = start.q[massive], start.v[massive]
-        energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
-        return ConservedQuantities(
-            energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
-            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)),
-            linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
-            centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
-            massive=tuple(name for name, has_mass in zip(self.names, massive, strict=True) if has_mass),
-            particles=int(np.count_nonzero(~massive)),
-        )
-
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
 
@@ -319,40 +256,11 @@ class Trajectory(Tabular):
             epoch=self.system.epoch,
         )
 
-    def closest_approaches(self) -> Approaches:
-        """Return how close bodies came to one another between the start and the last step, and when: a table of all
-        flybys within the reach of a body, each with the error that it causes by the end of the run.
-
-        Raises InputError for a trajectory that was not made by `propagate` or `resume`.
-        """
-        return self._marches_again("run.closest_approaches").closest_approaches(self)
-
-    def unresolved(self) -> list[Approach]:
-        """Return the close passages that the step could not resolve, worst first: what comes after is not to be
-        trusted. `propagate` warns of them.
-
-        A passage counts if the position error at the end of the run that it causes (`.error`) is more than 1e-9 of the
-        distance from the primary and a hundred times what the method makes of an undisturbed orbit with this step in
-        this time; on an open orbit without a primary, if more than a tenth of its turn is wrong.
-        """
-        return self._marches_again("run.unresolved").unresolved(self)
-
-    def begun(self) -> March:
-        """Return a march of the run from its initial state, with its method and its step."""
-        return self._marches_again("run.begun").begun(self)
-
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
         from orbits.plotting import plot_trajectory
 
         return plot_trajectory(self, **options)
-
-    def to_spk(self, path: str | PathLike[str], **options: Any) -> SpkFile:
-        """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""
-        from orbits.spk import write
-
-        self._require_method("run.to_spk")
-        return write(self, path, **options)
 
     def _some(self, samples: slice) -> Trajectory:
         try:
@@ -389,7 +297,7 @@ class Trajectory(Tabular):
         if self._place is None:
             return super().__reduce__()
         known = {"stopped": self.stopped, "record": self.record, "_again": self._again}
-        return _reopened, (self._place, len(self), self.statistics, _identity(self, len(self))), known
+        return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the open file behind: the samples themselves are copied where no path leads to it."""
@@ -411,81 +319,13 @@ class Trajectory(Tabular):
         what = f"{len(self.names)} bodies, {len(self)} samples, {span(self.t)}"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
 
-    def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield (samples, q, v) of the massive bodies block by block, so that memory stays bounded."""
-        massive = np.flatnonzero(self.system.massive)
-        contiguous = massive[-1] - massive[0] + 1 == len(massive)
-        columns: Any = slice(massive[0], massive[-1] + 1) if contiguous else massive
-        rows = max(1, BLOCK_BYTES // (48 * len(self.names)))
-        for start in range(0, len(self), rows):
-            block = slice(start, min(start + rows, len(self)))
-            yield block, self._q[block, columns], self._v[block, columns]
-
     def sample(self, k: int) -> tuple[Array, Array]:
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
         return self._q[k], self._v[k]
 
-    def _marches_again(self, what: str) -> MarchesAgain:
-        if self._again is None:
-            raise InputError(
-                f"{what} marches the run again, and nothing was given that can; expected a run of orbits.propagate or "
-                "orbits.Trajectory, or orbits.propagation imported before."
-            )
-        return self._again
-
-    def _gm(self) -> Array:
-        return self.system.values.gm[self.system.massive]
-
-    def _of_massive(self, function: Callable[[Array, Array], Array]) -> Array:
-        nothing = np.empty((0, int(self.system.massive.sum()), 3))
-        return np.concatenate([function(nothing, nothing), *(function(q, v) for _, q, v in self.blocks())])
-
-    def _drift(self, values: Array, terms: Callable[[Array, Array], Array], first: Any = None) -> diagnostics.Drift:
-        """The drift of a quantity; `terms` (of q and v) are the sizes of what it is the sum of, times G."""
-        start, massive, G = self.system.values, self.system.massive, self.system.units.G
-        begin = float(terms(start.q[massive], start.v[massive])) / G
-        scale = own_scale(
-            values[0] if first is None else first, begin, lambda: float(self._of_massive(terms).max()) / G
-        )
-        return diagnostics.drift(values, scale)
-
-    def _require_method(self, what: str) -> None:
-        if not hasattr(self.integrator, "declares"):
-            raise InputError(
-                f"{what} marches from sample to sample with the run's own method, and {self.integrator.label} is none "
-                "of this package. Take a sample, run[k], or march from one: orbits.propagate(run[k], ...)."
-            )
-
     def _epoch(self) -> None:
         if self.system.epoch is None:
             raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
-
-
-def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
-    """Return the method that the run in an archive was made with, and what was measured of it before, if it was.
-
-    Raises ArchiveError for a method that is not known, and for a certificate that is none.
-    """
-    from orbits import integrators
-    from orbits.certificate import Certificate
-
-    try:
-        text = archive.certificate_text
-        return integrators.build(archive.integrator), Certificate.from_record(json.loads(text)) if text else None
-    except InputError as error:
-        raise ArchiveError(
-            f"{archive.path}: {str(error).rstrip('.')}. Read the samples themselves with orbits.Archive.open(path), or "
-            "get a version of orbits that knows this method."
-        ) from error
-
-
-def _identity(run: Trajectory, samples: int) -> str:
-    """Return a digest of what a run began from, how it was made, and its first so many times."""
-    values = run.system.values
-    digest = hashlib.sha256(repr((run.names, run.integrator.label, run.step, values.softening)).encode())
-    for array in (values.gm, values.q, values.v, run.times[:samples]):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
 
 
 def _reopened(path: str, samples: int, statistics: Statistics | None, identity: str) -> Trajectory:
@@ -494,7 +334,7 @@ def _reopened(path: str, samples: int, statistics: Statistics | None, identity: 
     try:
         if len(run) < samples:
             raise ArchiveError(f"{path} holds {len(run)} samples; expected the {samples} of the run that was copied.")
-        if _identity(run, samples) != identity:
+        if identity_of(run, samples) != identity:
             raise ArchiveError(f"{path} holds another run by now; expected the one that was copied.")
     except BaseException:
         run.close()
