@@ -23,7 +23,7 @@ from orbits.regression import tolerances as tolerance
 from orbits.regression import yardstick as rod
 from orbits.regression.invariants import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
-from orbits.report import Report, Row, YardstickNote
+from orbits.regression.report import Report, Row, YardstickNote
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 

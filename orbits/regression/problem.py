@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orbits.point_masses import PointMasses
 from orbits.regression.invariants import Invariants
-from orbits.report import Row, Series
+from orbits.regression.report import Row, Series
 from orbits.system import System
 
 Array = NDArray[np.float64]

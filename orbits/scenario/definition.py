@@ -13,7 +13,7 @@ from orbits.errors import InputError, shown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from orbits.report import Report
+    from orbits.regression.report import Report
     from orbits.system import System
     from orbits.trajectory import Trajectory
 

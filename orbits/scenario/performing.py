@@ -91,7 +91,7 @@ def perform(
 
 def to_json(outcome: Outcome | StudyOutcome) -> str:
     """Return an outcome as JSON text."""
-    from orbits.report.json_text import json_text
+    from orbits.json_text import json_text
 
     return json_text(to_record(outcome))
 

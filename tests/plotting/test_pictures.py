@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.report.picture import picture
+from orbits.regression.report_picture import picture
 from tests.plotting import seen
 from tests.plotting.runs import about_a_star
 from tests.regression.test_report import NINE, make

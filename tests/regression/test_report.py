@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from orbits.errors import InputError
-from orbits.report import Report, Row, Series, YardstickNote
-from orbits.report.json_text import json_text
+from orbits.json_text import json_text
+from orbits.regression.report import Report, Row, Series, YardstickNote
 
 TIMES = np.linspace(0.0, 100.0, 11)
 

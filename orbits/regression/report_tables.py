@@ -13,11 +13,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from orbits.report.summary import summarize
+from orbits.regression.summary import summarize
 from orbits.tables import html_table
 
 if TYPE_CHECKING:
-    from orbits.report.values import Report, Row
+    from orbits.regression.report import Report, Row
 
 BODIES_IN_FULL = 12
 """Up to this many bodies each gets a line of its own."""

@@ -1,4 +1,7 @@
-"""The values a report is made of, and their JSON."""
+"""What a comparison found: rows, a table to read, JSON for machines, a picture for a talk, and a verdict.
+
+A `Report` is a value made by `orbits.compare`; it knows numbers and names only, not how they were computed.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
-from orbits.report.json_text import json_text
-from orbits.report.summary import summarize
+from orbits.json_text import json_text
+from orbits.regression.summary import summarize
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -129,12 +132,12 @@ class Report:
         return f"Report({self.settings.get('title') or 'comparison'}; {methods}; {'ok' if self.ok else 'FAIL'})"
 
     def _repr_html_(self) -> str:
-        from orbits.report.tables import html
+        from orbits.regression.report_tables import html
 
         return html(self)
 
     def __rich__(self) -> RenderableType:
-        from orbits.report.tables import render
+        from orbits.regression.report_tables import render
 
         return render(self)
 
@@ -183,7 +186,7 @@ class Report:
 
         Raises InputError when `path` cannot be written.
         """
-        from orbits.report.picture import draw
+        from orbits.regression.report_picture import draw
 
         target = Path(path)
         _writable(path, lambda: draw(self, target))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.report.values import Report, Row
+    from orbits.regression.report import Report, Row
 
 Array = NDArray[np.float64]
 
