@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.propagation import Trajectory, propagate, resume
-    from orbits.propagation.stopping import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
+    from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
@@ -155,7 +155,7 @@ _HOME = {
     "lagrangians.symmetry": ["Symmetry"],
     "propagation": ["Trajectory", "propagate", "resume"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
-    "propagation.stopping": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
+    "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],

@@ -88,7 +88,7 @@ def resume(
     """
     with guarded():
         from orbits.propagation import resume as go_on
-        from orbits.scenario.values import number_or_text
+        from orbits.scenario.typed import number_or_text
 
         done = go_on(file, until=None if until is None else number_or_text(until), same_bits=not any_bits)
         if until is None and done.statistics is None:

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.elements.checks import shaped
 from orbits.elements.kepler import Floats
+from orbits.elements.refusals import shaped
 from orbits.errors import UnknownNameError, shown
 from orbits.units import UnitSystem
 

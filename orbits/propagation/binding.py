@@ -19,7 +19,7 @@ from orbits.integrators.marcher import Marcher, available_threads
 from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.point_masses import PointMasses
-from orbits.propagation.stopping import Conditions
+from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")

@@ -19,7 +19,7 @@ from orbits.propagation.progress import Progress
 from orbits.propagation.replay import REPLAY, seen_by
 from orbits.propagation.sample_store import SampleStore
 from orbits.propagation.signals import StopRequest
-from orbits.propagation.stopping import Condition, Conditions, Stop, asks_to_stop
+from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Statistics, Trajectory

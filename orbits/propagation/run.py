@@ -16,7 +16,7 @@ from orbits.propagation import guidance
 from orbits.propagation.binding import bound, differences, provenance, restore
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.replay import REPLAY
-from orbits.propagation.stopping import Condition, Conditions, check_callback
+from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory

@@ -5,7 +5,7 @@ study        the same for an experiment that is not a system and its runs: `Stud
 loading      find a scenario by path or by the name of a bundled one
 performing   integrate, compare, check, draw, and write the results folder
 certifying   the methods of a scenario, measured on its own problems
-values       quantities and methods as they are typed on a command line
+typed        quantities and methods as they are typed on a command line
 files        which files of a results folder may be replaced
 command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
 """

@@ -13,7 +13,7 @@ from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
 from orbits.body_names import checked_names, few
 from orbits.errors import EpochError, InputError, UnknownNameError, shown
-from orbits.system import checks
+from orbits.system import state_checks
 from orbits.units import UnitSystem, as_epoch
 
 if TYPE_CHECKING:
@@ -61,8 +61,8 @@ def masses(names: Sequence[str], gm: Any, mass: Any, units: UnitSystem) -> Float
         gm = per_body(units.G * units.mass_value(mass, f"mass of {who}"), "mass", names)
     else:
         gm = per_body(units.gm_value(0.0 if gm is None else gm, f"gm of {who}"), "gm", names)
-    values = checks.checked_array("gm", gm, names, None, units.gm)
-    checks.check_not_negative("gm", values, names, units.gm)
+    values = state_checks.checked_array("gm", gm, names, None, units.gm)
+    state_checks.check_not_negative("gm", values, names, units.gm)
     return values
 
 
@@ -112,7 +112,7 @@ def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[flo
     if given.get("radius") is None:
         return gm, None
     what = f"radius of {shown(name)}"
-    return gm, checks.scalar(units.length_value(given["radius"], what), what, units.length)
+    return gm, state_checks.scalar(units.length_value(given["radius"], what), what, units.length)
 
 
 def primary_name(names: Sequence[str], gm: Floats, name: str | None) -> str:

@@ -13,7 +13,7 @@ from orbits import diagnostics
 from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
 from orbits.point_masses import PointMasses
-from orbits.system import checks, making
+from orbits.system import making, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.presenting import labelled_state, state_html
@@ -65,7 +65,7 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
         radii: Any = None,
         softening: Any = 0.0,
     ) -> None:
-        checks.checked_units(units)
+        state_checks.checked_units(units)
         if epoch is not None and not units.is_physical:
             raise EpochError(
                 f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
@@ -73,10 +73,10 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
         names = checked_names(names)
         for attribute, value in (
             ("_names", names),
-            ("_values", checks.checked_values(names, gm, q, v, softening, units)),
+            ("_values", state_checks.checked_values(names, gm, q, v, softening, units)),
             ("_epoch", None if epoch is None else as_epoch(epoch)),
             ("_units", units),
-            ("_radii", checks.checked_radii(names, radii, units)),
+            ("_radii", state_checks.checked_radii(names, radii, units)),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -129,7 +129,7 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
         Raises InputError and UnknownNameError as `add` does.
         """
         first, rest = making.split_mapping(bodies)
-        gm, radius = making.primary(first, bodies[first], checks.checked_units(units))
+        gm, radius = making.primary(first, bodies[first], state_checks.checked_units(units))
         radii = None if radius is None else [radius]
         zero = np.zeros((1, 3))
         system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)

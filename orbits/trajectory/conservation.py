@@ -18,7 +18,7 @@ from orbits.tables import html_table
 
 if TYPE_CHECKING:
     from orbits.system import System
-    from orbits.trajectory.values import Samples
+    from orbits.trajectory.parts import Samples
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from orbits.tables import Labelled, Tabular, html_pairs
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of, made_by
 from orbits.trajectory.conservation import Conservation
-from orbits.trajectory.values import BodyTrajectory, Samples, Statistics
+from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
     from orbits.propagation.passages_seen import Record
-    from orbits.propagation.stopping import Stop
+    from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory.again import MarchesAgain
 
 Array = NDArray[np.float64]

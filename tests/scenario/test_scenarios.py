@@ -21,7 +21,7 @@ from orbits import integrators
 from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
 from orbits.propagation import sample_store
 from orbits.scenario import bundled, load, perform
-from orbits.scenario.values import quantity
+from orbits.scenario.typed import quantity
 
 STUDIES = [
     *("arenstorf", "brouwer", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum"),
