@@ -117,7 +117,7 @@ class Catalogue:
         )
 
     def _repr_html_(self) -> str:
-        from orbits.tables import MOST_ROWS, html_table
+        from orbits.export import MOST_ROWS, html_table
 
         head = ("body", "a [au]", "e", "inc [deg]", "Omega [deg]", "omega [deg]", "M [deg]", "epoch [MJD]", "H")
         angles = np.degrees([self.inc, self.Omega, self.omega, self.M])

@@ -13,8 +13,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from orbits.export import html_table
 from orbits.regression.summary import summarize
-from orbits.tables import html_table
 
 if TYPE_CHECKING:
     from orbits.regression.report import Report, Row

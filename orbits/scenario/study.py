@@ -36,7 +36,7 @@ class Table:
 
 
     def _repr_html_(self) -> str:
-        from orbits.tables import html_table  # with it comes astropy, which the start of the command line does without
+        from orbits.export import html_table  # with it comes astropy, which the start of the command line does without
 
         text = [all(isinstance(row[k], str | None) for row in self.rows) for k in range(len(self.columns))]
         words = text.index(False) if False in text else len(text)

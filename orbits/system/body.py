@@ -11,7 +11,7 @@ from astropy import units as u
 
 from orbits.checks import is_whole
 from orbits.errors import InputError, shown
-from orbits.tables import html_pairs
+from orbits.export import html_pairs
 
 if TYPE_CHECKING:
     from orbits.system.value import System

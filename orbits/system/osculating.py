@@ -16,8 +16,8 @@ from orbits.body_names import chosen, few, index_of
 from orbits.elements import default_frame, elements_from_state, to_frame
 from orbits.elements.kepler import positive_angle
 from orbits.errors import InputError
+from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
 from orbits.system import making, presenting
-from orbits.tables import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:

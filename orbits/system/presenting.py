@@ -10,7 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen
-from orbits.tables import MOST_ROWS, Labelled, Variable, headed, html_table
+from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
 
 if TYPE_CHECKING:
     from orbits.system.value import System

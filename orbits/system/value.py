@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from orbits import diagnostics
 from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
+from orbits.export import Labelled, Tabular
 from orbits.point_masses import PointMasses
 from orbits.system import making, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
-from orbits.tables import Labelled, Tabular
 from orbits.units import SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from orbits import diagnostics
 from orbits.body_names import few
 from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
 from orbits.errors import InputError
-from orbits.tables import html_table
+from orbits.export import html_table
 
 if TYPE_CHECKING:
     from orbits.system import System

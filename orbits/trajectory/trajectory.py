@@ -16,10 +16,10 @@ from orbits.body_names import few, index_of
 from orbits.checks import is_whole
 from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
+from orbits.export import Labelled, Tabular, html_pairs
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.making import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
-from orbits.tables import Labelled, Tabular, html_pairs
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of, made_by
 from orbits.trajectory.conservation import Conservation
