@@ -10,9 +10,9 @@ import numpy as np
 
 from orbits.errors import StepWarning, level_of_caller
 from orbits.propagation.approach import Approach, as_error, said
-from orbits.propagation.guidance import UNRESOLVED, passage_error, step_that_resolves, with_unit
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
+from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen

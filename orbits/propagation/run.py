@@ -12,7 +12,7 @@ from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import keyword_hint
 from orbits.errors import ArchiveError, InputError, UnknownNameError
 from orbits.integrators.base import Integrator
-from orbits.propagation import guidance
+from orbits.propagation import step_check
 from orbits.propagation.binding import bound, differences, provenance, restore
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.replay import REPLAY
@@ -123,7 +123,7 @@ def propagated(
     progress = checked_choice(progress, "progress")
     marcher = bound(system, integrator, grid.h, threads, conditions)
     if checked_flag(check_step, "check_step"):
-        guidance.check_step(system, integrator, grid.h, grid.end)
+        step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step)
     if archive is None:
         if certificate is not None and certificate is not False:

@@ -8,7 +8,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.propagation.guidance import check_step, passage_error
+from orbits.propagation.step_check import passage_error, warn_if_too_long
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 
@@ -54,7 +54,7 @@ def test_the_step_that_is_named_passes_every_phase_of_the_orbit_without_a_report
         bodies = {"star": {"gm": 1.0}, "planet": {"gm": 0.0, "a": 1.0, "e": e, "M": M}}
         system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
         with pytest.warns(orbits.StepWarning) as found:
-            check_step(system, method, 3.0, 13.0)
+            warn_if_too_long(system, method, 3.0, 13.0)
         enough = float(str(found[0].message).split("dt <= ")[1].split()[0])
         run, said = caught(system, method, 0.99 * enough, 13.0)
         assert said == []

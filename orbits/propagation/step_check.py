@@ -100,7 +100,7 @@ def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float
     return min(worst / max(turn, 1e-300), 1.0), turn
 
 
-def check_step(system: System, integrator: Integrator, h: float, span: float) -> None:
+def warn_if_too_long(system: System, integrator: Integrator, h: float, span: float) -> None:
     """Warn, with `StepWarning`, if steps of h are too long for the fastest passage within `span` from now on."""
     row, partner, distance, speed, e = fastest_passage_of(system, span)[:5]
     if row < 0:
@@ -136,7 +136,7 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
         off = said(as_error(system, caused.error))
         what = f"that puts {name} about {off} off by the end of the run"
     if pair is None:
-        enough = angle_enough(integrator, e, angle) * abs(h) / angle
+        enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
     else:
         enough = step_that_resolves(integrator, h, pair, span - start, span)
     remedy = f"dt <= {with_unit(enough, units.time, 2)} would resolve it"
@@ -158,7 +158,7 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
     """
     ahead = pair.ahead
     e, angle = pair.shape(h)
-    longest = abs(h) * angle_enough(integrator, e, angle) / angle if angle > 0.0 else abs(h)
+    longest = abs(h) * largest_resolved_angle(integrator, e, angle) / angle if angle > 0.0 else abs(h)
     for k in range(TRIALS if longest > 0.0 else 0):
         shorter = math.copysign(longest * SHORTER**k, h)
         if abs(shorter) >= abs(h):
@@ -184,7 +184,7 @@ def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, 
     return first._replace(error=min(max(first.error, later), max(first.error, 2.0 * first.distance)))
 
 
-def angle_enough(integrator: Integrator, eccentricity: float, angle: float) -> float:
+def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:
     """Return an angle, at most `angle`, with which at most `TOO_LONG` of the turn is wrong; 0 if none is found."""
     trials = (angle * SHORTER**k for k in range(TRIALS))
     return next((trial for trial in trials if passage_error(integrator, eccentricity, trial)[0] <= TOO_LONG), 0.0)
@@ -198,7 +198,7 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
     if values.gm[row] > values.gm[partner]:
         row, partner = partner, row
     heaviest = int(values.gm.argmax())
-    ruled = values.gm[heaviest] > RULE * values.gm.sum()
+    dominated = values.gm[heaviest] > RULE * values.gm.sum()
     mu = float(values.gm[row] + values.gm[partner])
     zero = np.zeros(3)
     pair = Pair(
@@ -207,9 +207,9 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
         values.q[row] - values.q[partner],
         values.v[row] - values.v[partner],
         values.softening,
-        float(values.gm[heaviest]) if ruled else 0.0,
-        values.q[partner] - values.q[heaviest] if ruled and partner != heaviest else zero,
-        values.v[partner] - values.v[heaviest] if ruled and partner != heaviest else zero,
+        float(values.gm[heaviest]) if dominated else 0.0,
+        values.q[partner] - values.q[heaviest] if dominated and partner != heaviest else zero,
+        values.v[partner] - values.v[heaviest] if dominated and partner != heaviest else zero,
     )
     try:
         ahead, period = pair.ahead, pair.orbit.period
