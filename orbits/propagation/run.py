@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
-from orbits.elsewhere import keyword_hint
-from orbits.errors import ArchiveError, InputError, UnknownNameError
+from orbits.elsewhere import NoOthers, unknown_argument
+from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.propagation import step_check
 from orbits.propagation.binding import bound, differences, provenance, restore
@@ -27,10 +26,6 @@ if TYPE_CHECKING:
     from orbits.integrators.marcher import Marcher
 
 Path = str | PathLike[str]
-
-
-class NoOthers(TypedDict):
-    """No further arguments: what is given all the same is answered with what there is instead."""
 
 
 def propagate(
@@ -83,8 +78,7 @@ def propagate(
     SIGTERM or SIGHUP; all but the first two with the samples so far as `.trajectory`.
     """
     for name in others:
-        known = (key for key in inspect.signature(propagate).parameters if key != "others")
-        raise UnknownNameError(f"propagate() has no argument {name!r}: {keyword_hint(name, known)}")
+        raise unknown_argument(propagate, name)
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
     integrator = integrators.named(integrator)

@@ -8,22 +8,23 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits import integrators as methods
+from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import available_threads
 from orbits.propagation.run import propagated
 from orbits.regression import peers
+from orbits.regression import reference as solutions
 from orbits.regression import tolerances as tolerance
-from orbits.regression import yardstick as rod
 from orbits.regression.invariants import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
-from orbits.regression.report import Report, Row, YardstickNote
+from orbits.regression.report import ReferenceNote, Report, Row
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 
@@ -35,11 +36,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT_SOLVES = 200_000
-"""With yardstick="auto" the exact solution is used up to this many bodies times samples (up to a minute)."""
+"""With reference="auto" the exact solution is used up to this many bodies times samples (up to a minute)."""
 
-_YARDSTICKS = ("auto", "exact", "converged", "none")
+_REFERENCES = ("auto", "exact", "converged", "none")
 _BLIND = (
-    "The yardstick is collocation with the forces of ours: what all of these do wrong alike, it does not see. "
+    "The reference solution is collocation with the forces of ours: what all of these do wrong alike, it does not see. "
     "Peers share no code with it."
 )
 _WARM_UP_STEPS = 3
@@ -54,11 +55,12 @@ def compare(
     samples: Any = 101,
     against: str | Sequence[str] = ("whfast", "ias15"),
     tolerances: Mapping[str, Any] | None = None,
-    yardstick: str | Quantity | float = "auto",
+    reference: str | Quantity | float = "auto",
     title: str | None = None,
     runs: Sequence[Trajectory] = (),
     threads: int | None = None,
     progress: bool | None = None,
+    **others: Unpack[NoOthers],
 ) -> Report:
     """Run our methods and REBOUND's from the same floats, at the same step, and judge ours.
 
@@ -71,7 +73,7 @@ def compare(
     tolerances : what ours must keep, as largest values over the samples: {"energy": 1e-12, "angular_momentum": 1e-14,
         "position_km": 1.0}; positions also by body, {"position_km": {"Mercury": 0.1, "particles": 100}}, or as a length
         in the system's unit, {"position": 1e-9}; for one method alone, {"gauss": {"energy": 1e-13}}
-    yardstick : what positions are measured against. "auto": the exact solution where there is one, otherwise
+    reference : what positions are measured against. "auto": the exact solution where there is one, otherwise
         "converged": Gauss collocation with 8 stages at the largest power of two up to dt/2; the largest difference to
         the same with 7 and with 6 stages is its own error, which is printed. A time is their step instead. "exact"
         insists on the exact solution; "none" measures no positions
@@ -88,13 +90,15 @@ def compare(
     Raises InputError and its kin for a wrong use, before the long runs; IntegrationError when all of ours fail;
     Interrupted for Ctrl-C.
     """
+    for name in others:
+        raise unknown_argument(compare, name)
     return compared(
         system,
         integrators,
         TimeGrid.of(_checked(system), dt, duration=duration, samples=samples),
         against=against,
         tolerances=tolerances,
-        yardstick=yardstick,
+        reference=reference,
         title=title,
         runs=runs,
         threads=threads,
@@ -109,7 +113,7 @@ def compared(
     *,
     against: str | Sequence[str] = ("whfast", "ias15"),
     tolerances: Mapping[str, Any] | None = None,
-    yardstick: str | Quantity | float = "auto",
+    reference: str | Quantity | float = "auto",
     title: str | None = None,
     runs: Sequence[Trajectory] = (),
     threads: int | None = None,
@@ -121,7 +125,7 @@ def compared(
         raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {shown(against)}")
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
-    kind = _yardstick(system, yardstick, problem, grid)
+    kind = _kind_of_reference(system, reference, problem, grid)
     wanted = tolerance.parse(
         tolerances,
         methods=[(method.name, method.label) for method in ours],
@@ -139,7 +143,7 @@ def compared(
             else _run(system, method, grid, threads, progress, say)
             for method in ours
         ]
-        reference, note, remarks = _reference(system, problem, grid, kind, threads, say)
+        positions, note, remarks = _reference(system, problem, grid, kind, threads, say)
         others = [_peer(problem, peer, grid, say) for peer in theirs]
     except Interrupted:  # it says more than the next lines could
         raise
@@ -147,10 +151,10 @@ def compared(
         raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
     invariants = Invariants(problem.start)
     rows = [
-        _judged(method.measured(problem, invariants, reference), bounds, note, problem)
+        _judged(method.measured(problem, invariants, positions), bounds, note, problem)
         for method, bounds in zip(sampled, wanted, strict=True)
     ]
-    rows += [other.measured(problem, invariants, reference) for other in others]
+    rows += [other.measured(problem, invariants, positions) for other in others]
     times, time_unit = time_axis(grid.times, _in_days(system))
     return Report(
         rows=tuple(rows),
@@ -160,7 +164,7 @@ def compared(
         names=problem.names,
         massive=problem.massive_names,
         followed="worst of the massive bodies" if np.count_nonzero(problem.massive) > 1 else "worst of the bodies",
-        yardstick=note,
+        reference=note,
         settings=_settings(system, problem, grid, ours, tolerances, title),
         notes=(*invariants.notes, *remarks, *_threads_note(problem, threads)),
     )
@@ -187,24 +191,24 @@ def _ours(integrators: Any) -> list[Integrator]:
     return out
 
 
-def _yardstick(system: System, yardstick: Any, problem: Problem, grid: TimeGrid) -> str | float:
+def _kind_of_reference(system: System, reference: Any, problem: Problem, grid: TimeGrid) -> str | float:
     """What to measure positions against: "exact", "none", or the step of the converged runs."""
-    if not isinstance(yardstick, str):
-        return grid.with_step(system, yardstick, "yardstick").dt
-    if yardstick == "step-halved":
-        raise InputError("yardstick='step-halved' is called 'converged' now, and its two runs differ in their stages.")
-    if yardstick not in _YARDSTICKS:
-        raise InputError(f"yardstick is {shown(yardstick)}; expected {', '.join(_YARDSTICKS)} or a step (a time).")
-    exact = rod.exact_applies(problem.start)
-    if yardstick == "exact" and not exact:
+    if not isinstance(reference, str):
+        return grid.with_step(system, reference, "reference").dt
+    if reference == "step-halved":
+        raise InputError("reference='step-halved' is called 'converged' now, and its two runs differ in their stages.")
+    if reference not in _REFERENCES:
+        raise InputError(f"reference is {shown(reference)}; expected {', '.join(_REFERENCES)} or a step (a time).")
+    exact = solutions.exact_applies(problem.start)
+    if reference == "exact" and not exact:
         raise InputError(
-            "yardstick='exact' needs one massive body with massless ones, or two massive bodies alone, without "
+            "reference='exact' needs one massive body with massless ones, or two massive bodies alone, without "
             "softening; this system has no exact solution. Use 'auto' or 'converged'."
         )
     affordable = len(problem.names) * len(grid.times) <= EXACT_SOLVES
-    if yardstick == "exact" or (yardstick == "auto" and exact and affordable):
+    if reference == "exact" or (reference == "auto" and exact and affordable):
         return "exact"
-    return "none" if yardstick == "none" else rod.power_of_two(grid.dt / 2)
+    return "none" if reference == "none" else solutions.power_of_two(grid.dt / 2)
 
 
 def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: TimeGrid) -> dict[str, Trajectory]:
@@ -264,21 +268,21 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
 
 def _reference(
     system: System, problem: Problem, grid: TimeGrid, kind: str | float, threads: int | None, say: _Say
-) -> tuple[Array | None, YardstickNote | None, tuple[str, ...]]:
+) -> tuple[Array | None, ReferenceNote | None, tuple[str, ...]]:
     """Reference positions, the note about them, and remarks where there are none."""
     if kind == "none":
-        return None, None, ("No yardstick: positions are not measured.",)
+        return None, None, ("No reference solution: positions are not measured.",)
     if kind == "exact":
         say("the exact solution")
-        made = rod.exact(problem.start, grid.times)
+        made = solutions.exact(problem.start, grid.times)
     else:
-        say("the yardstick")
+        say("the reference solution")
         try:
-            made = rod.converged(system, grid.with_step(system, float(kind)), threads)
+            made = solutions.converged(system, grid.with_step(system, float(kind)), threads)
         except IntegrationError as error:
-            return None, None, (f"The yardstick failed, so positions are not measured: {error}",)
+            return None, None, (f"The reference solution failed, so positions are not measured: {error}",)
     errors = dict(zip(problem.names, (made.error * problem.length).tolist(), strict=True))
-    return made.q, YardstickNote(made.kind, made.description, errors), (_BLIND,) if made.kind == "converged" else ()
+    return made.q, ReferenceNote(made.kind, made.description, errors), (_BLIND,) if made.kind == "converged" else ()
 
 
 def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Sampled:
@@ -294,7 +298,7 @@ def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Samp
     return Sampled(peer.label, "peer", run.q, run.v, run.steps, run.wall_s, note=" ".join(run.warnings))
 
 
-def _judged(row: Row, bounds: tolerance.Bounds, note: YardstickNote | None, problem: Problem) -> Row:
+def _judged(row: Row, bounds: tolerance.Bounds, note: ReferenceNote | None, problem: Problem) -> Row:
     """The row of one of ours with its verdict."""
     if row.verdict == "n/a":
         return replace(row, verdict="FAIL", failures=(row.note,), note="")

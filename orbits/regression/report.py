@@ -44,7 +44,7 @@ class Row:
     verdict : "ok", "FAIL", "not judged" (no tolerance was given) for ours; "peer" or "n/a" for the others
     steps, wall_s, compile_s : steps taken, seconds of integration alone, seconds of compiling and first use
     energy, angular_momentum : largest |dE/E| and |dL/L| over the samples, relative to the initial value
-    position : largest distance to the yardstick over samples and bodies, in the report's length unit
+    position : largest distance to the reference solution over samples and bodies, in the report's length unit
     worst_body : the body it belongs to; positions : the same for each body by name
     failures : which tolerances were exceeded, in words
     """
@@ -66,7 +66,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class YardstickNote:
+class ReferenceNote:
     """What positions were measured against, and its own largest error per body (in the report's length unit)."""
 
     kind: str
@@ -101,9 +101,14 @@ class Report:
     names: tuple[str, ...]
     massive: tuple[str, ...]
     followed: str
-    yardstick: YardstickNote | None
+    reference: ReferenceNote | None
     settings: Mapping[str, Any]
     notes: tuple[str, ...] = ()
+
+    def __getattr__(self, name: str) -> Any:
+        """Say what an attribute is called now."""
+        hint = "; it is called reference now." if name == "yardstick" else ""
+        raise AttributeError(f"a Report has no {name!r}{hint}")
 
     @property
     def ok(self) -> bool:
@@ -148,20 +153,20 @@ class Report:
         """
         record = {
             "format": "orbits-report",
-            "version": 1,
+            "version": 2,
             "ok": self.ok,
             "failures": self.failures,
             "settings": self.settings,
             "length_unit": self.length_unit,
             "time_unit": self.time_unit,
             "massive": self.massive,
-            "yardstick": None
-            if self.yardstick is None
+            "reference": None
+            if self.reference is None
             else {
-                "kind": self.yardstick.kind,
-                "description": self.yardstick.description,
-                "error": self.yardstick.error,
-                "errors": self.yardstick.errors,
+                "kind": self.reference.kind,
+                "description": self.reference.description,
+                "error": self.reference.error,
+                "errors": self.reference.errors,
             },
             "notes": self.notes,
             "rows": [self._row_record(row) for row in self.rows],

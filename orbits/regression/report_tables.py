@@ -84,10 +84,10 @@ def _bodies(report: Report, bodies: Sequence[str]) -> Table:
     table.add_column("body", overflow="fold")
     for row in rows:
         table.add_column(_stacked(row.method), justify="right", overflow="fold", min_width=8)
-    if report.yardstick is not None:
-        table.add_column("yardstick\nitself", justify="right", overflow="fold", min_width=8)
+    if report.reference is not None:
+        table.add_column("reference\nitself", justify="right", overflow="fold", min_width=8)
     for body in bodies:
-        own = [] if report.yardstick is None else [short(report.yardstick.errors.get(body))]
+        own = [] if report.reference is None else [short(report.reference.errors.get(body))]
         table.add_row(Text(body), *(short(row.positions.get(body)) for row in rows), *own)
     return table
 
@@ -113,9 +113,10 @@ def _particles(report: Report) -> Table:
 
 def _footer(report: Report) -> list[str]:
     lines = []
-    if report.yardstick is not None:
+    if report.reference is not None:
         unit = f" {report.length_unit}" if report.length_unit else ""
-        lines.append(f"Yardstick: {report.yardstick.description}; its own error {short(report.yardstick.error)}{unit}.")
+        own = f"its own error {short(report.reference.error)}{unit}"
+        lines.append(f"Reference solution: {report.reference.description}; {own}.")
     return [*lines, *report.notes, *(_note(row) for row in report.rows if row.note)]
 
 

@@ -37,7 +37,7 @@ class Bounds:
         self,
         reached: Mapping[str, float],
         positions: Mapping[str, float],
-        yardstick_errors: Mapping[str, float],
+        reference_errors: Mapping[str, float],
         unit: str,
     ) -> tuple[str, ...]:
         """Every bound that is not kept, in words. What could not be measured (NaN, or absent) keeps no bound."""
@@ -47,9 +47,10 @@ class Bounds:
             if not reached.get(key, math.nan) <= bound
         ]
         for body, bound in self.positions.items():
-            if yardstick_errors.get(body, 0.0) > bound:
-                own = yardstick_errors[body]
-                found.append(f"position of {body}: the yardstick's own error {own:.2e}{unit} exceeds {bound:.2e}{unit}")
+            if reference_errors.get(body, 0.0) > bound:
+                own = reference_errors[body]
+                its = f"the reference solution's own error {own:.2e}{unit}"
+                found.append(f"position of {body}: {its} exceeds {bound:.2e}{unit}")
             elif not positions.get(body, math.nan) <= bound:
                 found.append(f"position of {body}: {positions.get(body, math.nan):.2e}{unit} exceeds {bound:.2e}{unit}")
         return tuple(found)

@@ -255,7 +255,7 @@ def _report(
         return None
     from orbits.regression.comparison import compared
 
-    peers = ", ".join(scenario.against) or "the yardstick alone"
+    peers = ", ".join(scenario.against) or "the reference solution alone"
     say(f"{name + ', ' if name else ''}comparing with {peers}")
     return compared(
         system,

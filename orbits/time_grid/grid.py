@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST_STEPS = 2**53
+"""Of a run: the number of a step is then exact as a float."""
+
 MOST_SAMPLES = 10**8
+"""Of a run."""
 
 SLACK = 1e-9
 """Part of the spacing of samples by which an extension may miss the next one, and still ends with it."""

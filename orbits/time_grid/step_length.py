@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 STEP_BITS = 24
+"""Of the mantissa of a step, so that k h is exact."""
 
 
 def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from orbits import diagnostics
 from orbits.errors import IntegrationError, Interrupted, UnknownNameError
 from orbits.point_masses import PointMasses
-from orbits.regression import peers, yardstick
+from orbits.regression import peers, reference
 
 # Jupiter, a massless body, the Sun, another one, Saturn: in no order that REBOUND could use as it is. au, day.
 GM = np.array([2.825e-7, 0.0, 2.959e-4, 0.0, 8.46e-8])
@@ -100,7 +100,7 @@ def test_ias15_runs_backwards_and_stops_exactly_at_the_samples():
     times = -np.linspace(0, 30, 41)
     run = peers.run("ias15", PointMasses(gm, q, v), times=times, dt=0.1)
     # 1e-13: IAS15's own error over five orbits. A sample missed by 1e-12 in time would show tenfold.
-    np.testing.assert_allclose(run.q, yardstick.exact(PointMasses(gm, q, v), times).q, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(run.q, reference.exact(PointMasses(gm, q, v), times).q, rtol=0, atol=1e-13)
 
 
 def test_massless_bodies_leave_the_massive_ones_alone():

@@ -10,7 +10,7 @@ import pytest
 
 from orbits.errors import InputError
 from orbits.json_text import json_text
-from orbits.regression.report import Report, Row, Series, YardstickNote
+from orbits.regression.report import ReferenceNote, Report, Row, Series
 
 TIMES = np.linspace(0.0, 100.0, 11)
 
@@ -37,7 +37,7 @@ def make(names, massive, *, rows=None, length_unit="km"):
         names=tuple(names),
         massive=tuple(massive),
         followed="worst of the massive bodies",
-        yardstick=YardstickNote("converged", "Gauss(stages=8) at dt = 1 d", dict.fromkeys(names, 2e-4)),
+        reference=ReferenceNote("converged", "Gauss(stages=8) at dt = 1 d", dict.fromkeys(names, 2e-4)),
         settings={"title": "A test", "dt": 6.0},
         notes=("A remark.",),
     )
@@ -88,7 +88,10 @@ def test_json_is_strict_and_holds_every_number(tmp_path):
     assert ours["energy"] == 1e-15
     assert ours["series"]["position"] == report.rows[0].series.position.tolist()
     assert ours["particles"]["name"] == "300 Asteroid of some length"
-    assert record["yardstick"]["error"] == 2e-4
+    assert record["version"] == 2  # of version 1 the key was "yardstick"
+    assert record["reference"]["error"] == 2e-4
+    with pytest.raises(AttributeError, match="it is called reference now"):
+        _ = report.yardstick
     assert len(record["times"]) == 11
 
 

@@ -83,8 +83,8 @@ def test_another_step_keeps_the_samples_and_the_direction():
     assert np.array_equal(finer.times, back.times)
     assert not finer.is_that_of(back)
     assert back.is_that_of(TimeGrid(-0.5, [0.0, -1.0]))
-    with pytest.raises(InputError, match="yardstick must be finite and not zero"):
-        back.with_step(planet(), 0.0, "yardstick")
+    with pytest.raises(InputError, match="reference must be finite and not zero"):
+        back.with_step(planet(), 0.0, "reference")
 
 
 def test_a_run_its_archive_and_its_comparison_have_the_same_grid(tmp_path):
@@ -95,6 +95,6 @@ def test_a_run_its_archive_and_its_comparison_have_the_same_grid(tmp_path):
     run = orbits.propagate(system, method, **given, archive=tmp_path / "run.h5")
     assert run.step == grid.h
     assert run.archive.grid.is_that_of(grid)
-    report = orbits.compare(system, method, **given, against=[], yardstick="none", runs=[run])
+    report = orbits.compare(system, method, **given, against=[], reference="none", runs=[run])
     assert report.settings["dt"] == grid.dt
     assert np.array_equal(report.times, grid.times)

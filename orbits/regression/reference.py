@@ -39,11 +39,11 @@ _SERIES_BELOW = 1e-10  # of theta^2 = beta X^2: beneath it four terms of the ser
 
 
 @dataclass(frozen=True)
-class Yardstick:
+class ReferenceSolution:
     """Reference positions and how far they can be trusted.
 
     q : (samples, bodies, 3) float64, in the caller's length unit
-    error : (bodies,) float64, the yardstick's own largest error per body, same unit
+    error : (bodies,) float64, its own largest error per body, same unit
     kind : "exact" or "converged"
     description : one sentence for the foot of a table
     """
@@ -72,7 +72,7 @@ def exact_applies(start: PointMasses) -> bool:
     return bool(np.all(np.any(areal != 0.0, axis=1)))
 
 
-def exact(start: PointMasses, times: Array) -> Yardstick:
+def exact(start: PointMasses, times: Array) -> ReferenceSolution:
     """The exact positions at `times` of a system for which `exact_applies`.
 
     times : (samples,) float64
@@ -84,7 +84,7 @@ def exact(start: PointMasses, times: Array) -> Yardstick:
     with mpmath.workprec(PRECISION):
         out = _two_massive(gm, q, v, times) if np.count_nonzero(gm) == 2 else _one_massive(gm, q, v, times)
     error = np.spacing(np.abs(out)).max(axis=(0, 2)) / 2
-    return Yardstick(out, error, "exact", "exact two-body solution, 200-bit arithmetic, rounded to float64")
+    return ReferenceSolution(out, error, "exact", "exact two-body solution, 200-bit arithmetic, rounded to float64")
 
 
 def _one_massive(gm: Array, q: Array, v: Array, times: Array) -> Array:
@@ -233,7 +233,7 @@ def power_of_two(step: float) -> float:
     return float(2.0 ** np.floor(np.log2(step)))
 
 
-def converged(system: System, grid: TimeGrid, threads: int | None = None) -> Yardstick:
+def converged(system: System, grid: TimeGrid, threads: int | None = None) -> ReferenceSolution:
     """Positions by Gauss collocation with 8 stages at the step and the samples of `grid`.
 
     The largest difference to the same with 7 or 6 stages over the samples, per body, is its error. Where round-off is
@@ -252,4 +252,4 @@ def converged(system: System, grid: TimeGrid, threads: int | None = None) -> Yar
     error = np.max([np.linalg.norm(q - check, axis=-1).max(axis=0) for check in checks], axis=0)
     named = f"{grid.dt:.6g} {system.units.time}".strip()
     description = f"Gauss(stages=8) at dt = {named}, compared with 7 and 6 stages"
-    return Yardstick(q, error, "converged", description)
+    return ReferenceSolution(q, error, "converged", description)
