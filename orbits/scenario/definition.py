@@ -57,7 +57,7 @@ class Scenario:
     system : a `System`, or a function without arguments that makes one; for several related problems a mapping from a
         short name to a `System` (or a function that makes such a mapping): each is a *case*, run and judged alike
     integrators : methods of this package; the first one's run goes into the archive
-    dt, duration : Quantity, or a number in the system's time unit; dt > 0, the sign of `duration` gives the direction
+    dt, duration : as `orbits.propagate` takes them; the sign of `duration` gives the direction
     samples : how many, both ends included
     against : peers to compare with, such as "whfast" and "ias15"; an empty sequence leaves the comparison out
     tolerances : what the comparison demands, as in `orbits.compare`

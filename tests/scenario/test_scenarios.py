@@ -21,6 +21,7 @@ from orbits import integrators
 from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
 from orbits.propagation import sample_store
 from orbits.scenario import bundled, load, perform
+from orbits.scenario.certifying import certify_scenario
 from orbits.scenario.typed import quantity
 
 STUDIES = [
@@ -100,6 +101,16 @@ def test_a_scenario_file_runs_as_a_program_of_its_own(tmp_path):
     assert json.loads(done.stdout)["ok"]
     assert (tmp_path / "results" / "kepler" / "run-e-0.9.h5").exists()
     assert not list(tmp_path.rglob("*.png"))
+
+
+def test_steps_and_durations_in_words_are_the_same_for_run_comparison_and_certificate(tmp_path):
+    scenario = pair(dt="P/100", duration="2", against=("ias15",), tolerances={"energy": 1e-9})
+    outcome = perform(scenario, out=tmp_path, plot=False)
+    assert outcome.ok
+    assert outcome.run.dt.value == pytest.approx(2 * np.pi / 100, rel=0.02)  # the star has a mass of its own
+    assert outcome.report.settings["dt"] == outcome.run.dt.value
+    (one,) = certify_scenario(scenario, out=tmp_path).certified
+    assert one.certificate.dt == outcome.run.dt.value
 
 
 def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
