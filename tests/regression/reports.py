@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orbits.report import Report, Row, Series, YardstickNote
+from orbits.regression.report import ReferenceNote, Report, Row, Series
 
 NINE = [f"Planet {i}" for i in range(9)]
 TIMES = np.linspace(0.0, 100.0, 11)
@@ -34,7 +34,7 @@ def make(names, massive, *, rows=None, length_unit="km"):
         names=tuple(names),
         massive=tuple(massive),
         followed="worst of the massive bodies",
-        yardstick=YardstickNote("converged", "Gauss(stages=8) at dt = 1 d", dict.fromkeys(names, 2e-4)),
+        reference=ReferenceNote("converged", "Gauss(stages=8) at dt = 1 d", dict.fromkeys(names, 2e-4)),
         settings={"title": "A test", "dt": 6.0},
         notes=("A remark.",),
     )

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from orbits.errors import InputError
-from orbits.report import Row, Series
-from orbits.report.json_text import json_text
+from orbits.json_text import json_text
+from orbits.regression.report import Row, Series
 
 from .reports import NINE, TIMES, make
 
@@ -57,7 +57,10 @@ def test_json_is_strict_and_holds_every_number(tmp_path):
     assert ours["energy"] == 1e-15
     assert ours["series"]["position"] == report.rows[0].series.position.tolist()
     assert ours["particles"]["name"] == "300 Asteroid of some length"
-    assert record["yardstick"]["error"] == 2e-4
+    assert record["version"] == 2  # of version 1 the key was "yardstick"
+    assert record["reference"]["error"] == 2e-4
+    with pytest.raises(AttributeError, match="it is called reference now"):
+        _ = report.yardstick
     assert len(record["times"]) == 11
 
 

@@ -23,8 +23,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.point_masses import PointMasses
+
 if TYPE_CHECKING:
     from orbits.system import System
+    from orbits.time_grid import TimeGrid
 
 Array = NDArray[np.float64]
 
@@ -36,11 +39,11 @@ _SERIES_BELOW = 1e-10  # of theta^2 = beta X^2: beneath it four terms of the ser
 
 
 @dataclass(frozen=True)
-class Yardstick:
+class ReferenceSolution:
     """Reference positions and how far they can be trusted.
 
     q : (samples, bodies, 3) float64, in the caller's length unit
-    error : (bodies,) float64, the yardstick's own largest error per body, same unit
+    error : (bodies,) float64, its own largest error per body, same unit
     kind : "exact" or "converged"
     description : one sentence for the foot of a table
     """
@@ -51,12 +54,13 @@ class Yardstick:
     description: str
 
 
-def exact_applies(gm: Array, q: Array, v: Array, softening: float) -> bool:
+def exact_applies(start: PointMasses) -> bool:
     """Whether the exact solution is known: unsoftened, and one attractor, or two massive bodies with nothing else.
 
     A body that falls straight into the attractor (no angular momentum about it) is not integrable through the
     collision by anyone, so it does not count.
     """
+    gm, q, v, softening = start
     massive = np.flatnonzero(gm > 0)
     if softening != 0.0 or not (len(massive) == 1 or (len(massive) == 2 and len(gm) == 2)):
         return False
@@ -68,18 +72,19 @@ def exact_applies(gm: Array, q: Array, v: Array, softening: float) -> bool:
     return bool(np.all(np.any(areal != 0.0, axis=1)))
 
 
-def exact(gm: Array, q: Array, v: Array, times: Array) -> Yardstick:
+def exact(start: PointMasses, times: Array) -> ReferenceSolution:
     """The exact positions at `times` of a system for which `exact_applies`.
 
-    gm (bodies,), q and v (bodies, 3), times (samples,) : float64, G absorbed in gm
+    times : (samples,) float64
     A few tenths of a millisecond per moving body and sample.
     """
     import mpmath
 
+    gm, q, v, _ = start
     with mpmath.workprec(PRECISION):
         out = _two_massive(gm, q, v, times) if np.count_nonzero(gm) == 2 else _one_massive(gm, q, v, times)
     error = np.spacing(np.abs(out)).max(axis=(0, 2)) / 2
-    return Yardstick(out, error, "exact", "exact two-body solution, 200-bit arithmetic, rounded to float64")
+    return ReferenceSolution(out, error, "exact", "exact two-body solution, 200-bit arithmetic, rounded to float64")
 
 
 def _one_massive(gm: Array, q: Array, v: Array, times: Array) -> Array:
@@ -228,8 +233,8 @@ def power_of_two(step: float) -> float:
     return float(2.0 ** np.floor(np.log2(step)))
 
 
-def converged(system: System, times: Array, step: float, threads: int | None = None) -> Yardstick:
-    """Positions by Gauss collocation with 8 stages at `step`, in the system's time unit.
+def converged(system: System, grid: TimeGrid, threads: int | None = None) -> ReferenceSolution:
+    """Positions by Gauss collocation with 8 stages at the step and the samples of `grid`.
 
     The largest difference to the same with 7 or 6 stages over the samples, per body, is its error. Where round-off is
     all that is left, each difference is that of two random walks, and may be small by chance: hence two of them.
@@ -237,18 +242,14 @@ def converged(system: System, times: Array, step: float, threads: int | None = N
     Raises IntegrationError when the stages do not converge.
     """
     from orbits.integrators.gauss import Gauss
-    from orbits.propagation import propagate
+    from orbits.propagation.run import propagated
 
-    unit = system.units.time
     judge, *others = (
-        propagate(
-            system, Gauss(stages=stages), dt=step * unit, duration=times[-1] * unit, samples=times * unit,
-            threads=threads, progress=False, check_step=False,
-        )
+        propagated(system, Gauss(stages=stages), grid, threads=threads, progress=False, check_step=False)
         for stages in (8, 7, 6)
-    )  # fmt: skip
+    )
     q, *checks = (np.asarray(run.q.to_value(system.units.length)) for run in (judge, *others))
     error = np.max([np.linalg.norm(q - check, axis=-1).max(axis=0) for check in checks], axis=0)
-    named = f"{float(judge.dt.to_value(unit)):.6g} {unit}".strip()
+    named = f"{grid.dt:.6g} {system.units.time}".strip()
     description = f"Gauss(stages=8) at dt = {named}, compared with 7 and 6 stages"
-    return Yardstick(q, error, "converged", description)
+    return ReferenceSolution(q, error, "converged", description)

@@ -8,7 +8,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.propagation.guidance import check_step, passage_error
+from orbits.propagation.step_check import passage_error, warn_if_too_long
 
 from ..problems import belt
 
@@ -56,7 +56,7 @@ def test_the_step_that_is_named_passes_every_phase_of_the_orbit_without_a_report
         bodies = {"star": {"gm": 1.0}, "planet": {"gm": 0.0, "a": 1.0, "e": e, "M": M}}
         system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
         with pytest.warns(orbits.StepWarning) as found:
-            check_step(system, method, 3.0, 13.0)
+            warn_if_too_long(system, method, 3.0, 13.0)
         enough = float(str(found[0].message).split("dt <= ")[1].split()[0])
         run, said = caught(system, method, 0.99 * enough, 13.0)
         assert said == []
@@ -70,6 +70,14 @@ def test_a_pericentre_that_lies_beyond_the_end_of_the_run_is_no_reason_to_warn()
     assert caught(system, VERLET, period / 400, 0.2 * period)[1] == []
     assert len(caught(system, VERLET, period / 400, 0.6 * period)[1]) == 2  # before and after
     assert len(caught(system, VERLET, period / 400, -0.6 * period)[1]) == 2
+
+
+def test_warnings_point_to_the_line_that_asked_for_the_run():
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        orbits.propagate(two_bodies(0.9, f=2.0), VERLET, dt=0.5, duration=20.0, samples=2)
+    assert len(found) == 2  # before the run, and of what was seen on its way
+    assert {warning.filename for warning in found} == {__file__}
 
 
 def test_check_step_false_says_nothing():

@@ -1,9 +1,12 @@
-"""The values a report is made of, and their JSON."""
+"""What a comparison found: rows, a table to read, JSON for machines, a picture for a talk, and a verdict.
+
+A `Report` is a value made by `orbits.compare`; it knows numbers and names only, not how they were computed.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -13,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
-from orbits.report.json_text import json_text
+from orbits.json_text import json_text
+from orbits.regression.summary import summarize
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -40,7 +44,7 @@ class Row:
     verdict : "ok", "FAIL", "not judged" (no tolerance was given) for ours; "peer" or "n/a" for the others
     steps, wall_s, compile_s : steps taken, seconds of integration alone, seconds of compiling and first use
     energy, angular_momentum : largest |dE/E| and |dL/L| over the samples, relative to the initial value
-    position : largest distance to the yardstick over samples and bodies, in the report's length unit
+    position : largest distance to the reference solution over samples and bodies, in the report's length unit
     worst_body : the body it belongs to; positions : the same for each body by name
     failures : which tolerances were exceeded, in words
     """
@@ -62,7 +66,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class YardstickNote:
+class ReferenceNote:
     """What positions were measured against, and its own largest error per body (in the report's length unit)."""
 
     kind: str
@@ -97,9 +101,14 @@ class Report:
     names: tuple[str, ...]
     massive: tuple[str, ...]
     followed: str
-    yardstick: YardstickNote | None
+    reference: ReferenceNote | None
     settings: Mapping[str, Any]
     notes: tuple[str, ...] = ()
+
+    def __getattr__(self, name: str) -> Any:
+        """Say what an attribute is called now."""
+        hint = "; it is called reference now." if name == "yardstick" else ""
+        raise AttributeError(f"a Report has no {name!r}{hint}")
 
     @property
     def ok(self) -> bool:
@@ -128,12 +137,12 @@ class Report:
         return f"Report({self.settings.get('title') or 'comparison'}; {methods}; {'ok' if self.ok else 'FAIL'})"
 
     def _repr_html_(self) -> str:
-        from orbits.report.tables import html
+        from orbits.regression.report_tables import html
 
         return html(self)
 
     def __rich__(self) -> RenderableType:
-        from orbits.report.tables import render
+        from orbits.regression.report_tables import render
 
         return render(self)
 
@@ -144,20 +153,20 @@ class Report:
         """
         record = {
             "format": "orbits-report",
-            "version": 1,
+            "version": 2,
             "ok": self.ok,
             "failures": self.failures,
             "settings": self.settings,
             "length_unit": self.length_unit,
             "time_unit": self.time_unit,
             "massive": self.massive,
-            "yardstick": None
-            if self.yardstick is None
+            "reference": None
+            if self.reference is None
             else {
-                "kind": self.yardstick.kind,
-                "description": self.yardstick.description,
-                "error": self.yardstick.error,
-                "errors": self.yardstick.errors,
+                "kind": self.reference.kind,
+                "description": self.reference.description,
+                "error": self.reference.error,
+                "errors": self.reference.errors,
             },
             "notes": self.notes,
             "rows": [self._row_record(row) for row in self.rows],
@@ -182,23 +191,11 @@ class Report:
 
         Raises InputError when `path` cannot be written.
         """
-        from orbits.report.picture import draw
+        from orbits.regression.report_picture import draw
 
         target = Path(path)
         _writable(path, lambda: draw(self, target))
         return target
-
-
-def summarize(positions: Mapping[str, float], names: Sequence[str]) -> dict[str, Any]:
-    """Median, 99th percentile and worst of the errors of `names`, with the name of the worst."""
-    values = np.array([positions[name] for name in names])
-    worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
-    return {
-        "median": float(np.median(values)),
-        "p99": float(np.percentile(values, 99)),
-        "worst": float(values[worst]),
-        "name": names[worst],
-    }
 
 
 def _finite(x: Any) -> Any:

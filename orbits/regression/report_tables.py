@@ -6,14 +6,18 @@ import math
 import re
 from collections.abc import Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from orbits.report.values import Report, Row, summarize
-from orbits.tables import html_table
+from orbits.export import html_table
+from orbits.regression.summary import summarize
+
+if TYPE_CHECKING:
+    from orbits.regression.report import Report, Row
 
 BODIES_IN_FULL = 12
 """Up to this many bodies each gets a line of its own."""
@@ -80,10 +84,10 @@ def _bodies(report: Report, bodies: Sequence[str]) -> Table:
     table.add_column("body", overflow="fold")
     for row in rows:
         table.add_column(_stacked(row.method), justify="right", overflow="fold", min_width=8)
-    if report.yardstick is not None:
-        table.add_column("yardstick\nitself", justify="right", overflow="fold", min_width=8)
+    if report.reference is not None:
+        table.add_column("reference\nitself", justify="right", overflow="fold", min_width=8)
     for body in bodies:
-        own = [] if report.yardstick is None else [short(report.yardstick.errors.get(body))]
+        own = [] if report.reference is None else [short(report.reference.errors.get(body))]
         table.add_row(Text(body), *(short(row.positions.get(body)) for row in rows), *own)
     return table
 
@@ -109,9 +113,10 @@ def _particles(report: Report) -> Table:
 
 def _footer(report: Report) -> list[str]:
     lines = []
-    if report.yardstick is not None:
+    if report.reference is not None:
         unit = f" {report.length_unit}" if report.length_unit else ""
-        lines.append(f"Yardstick: {report.yardstick.description}; its own error {short(report.yardstick.error)}{unit}.")
+        own = f"its own error {short(report.reference.error)}{unit}"
+        lines.append(f"Reference solution: {report.reference.description}; {own}.")
     return [*lines, *report.notes, *(_note(row) for row in report.rows if row.note)]
 
 

@@ -9,7 +9,6 @@ the passage turns the velocity by.
 from __future__ import annotations
 
 import math
-import re
 import warnings
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -17,10 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from orbits.elements import state_from_elements
-from orbits.errors import InputError, IntegrationError, StepWarning, shown
+from orbits.errors import IntegrationError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.integrators.watcher import RULE
-from orbits.kernels.passages import fastest_passage
 from orbits.propagation.approach import as_error, said
 from orbits.propagation.passage_effect import (
     FINE,
@@ -36,7 +34,7 @@ from orbits.propagation.passage_effect import (
     effect,
     march_pair,
 )
-from orbits.units import quantity_from_text
+from orbits.time_grid import fastest_passage_of
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -102,9 +100,9 @@ def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float
     return min(worst / max(turn, 1e-300), 1.0), turn
 
 
-def check_step(system: System, integrator: Integrator, h: float, span: float) -> None:
+def warn_if_too_long(system: System, integrator: Integrator, h: float, span: float) -> None:
     """Warn, with `StepWarning`, if steps of h are too long for the fastest passage within `span` from now on."""
-    row, partner, distance, speed, e = _fastest(system, span)[:5]
+    row, partner, distance, speed, e = fastest_passage_of(system, span)[:5]
     if row < 0:
         return
     softening = system.values.softening
@@ -123,7 +121,7 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
         warnings.warn(
             f"{name} falls straight into {other}: no step resolves that. Give a softening, or other starting values.",
             StepWarning,
-            stacklevel=3,
+            stacklevel=level_of_caller(),
         )
         return
     share, turn = passage_error(integrator, e, angle)
@@ -138,7 +136,7 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
         off = said(as_error(system, caused.error))
         what = f"that puts {name} about {off} off by the end of the run"
     if pair is None:
-        enough = angle_enough(integrator, e, angle) * abs(h) / angle
+        enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
     else:
         enough = step_that_resolves(integrator, h, pair, span - start, span)
     remedy = f"dt <= {with_unit(enough, units.time, 2)} would resolve it"
@@ -149,7 +147,7 @@ def check_step(system: System, integrator: Integrator, h: float, span: float) ->
         f"{with_unit(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
         f"{what}; {remedy}.",
         StepWarning,
-        stacklevel=3,
+        stacklevel=level_of_caller(),
     )
 
 
@@ -160,7 +158,7 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
     """
     ahead = pair.ahead
     e, angle = pair.shape(h)
-    longest = abs(h) * angle_enough(integrator, e, angle) / angle if angle > 0.0 else abs(h)
+    longest = abs(h) * largest_resolved_angle(integrator, e, angle) / angle if angle > 0.0 else abs(h)
     for k in range(TRIALS if longest > 0.0 else 0):
         shorter = math.copysign(longest * SHORTER**k, h)
         if abs(shorter) >= abs(h):
@@ -186,7 +184,7 @@ def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, 
     return first._replace(error=min(max(first.error, later), max(first.error, 2.0 * first.distance)))
 
 
-def angle_enough(integrator: Integrator, eccentricity: float, angle: float) -> float:
+def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:
     """Return an angle, at most `angle`, with which at most `TOO_LONG` of the turn is wrong; 0 if none is found."""
     trials = (angle * SHORTER**k for k in range(TRIALS))
     return next((trial for trial in trials if passage_error(integrator, eccentricity, trial)[0] <= TOO_LONG), 0.0)
@@ -200,7 +198,7 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
     if values.gm[row] > values.gm[partner]:
         row, partner = partner, row
     heaviest = int(values.gm.argmax())
-    ruled = values.gm[heaviest] > RULE * values.gm.sum()
+    dominated = values.gm[heaviest] > RULE * values.gm.sum()
     mu = float(values.gm[row] + values.gm[partner])
     zero = np.zeros(3)
     pair = Pair(
@@ -209,9 +207,9 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
         values.q[row] - values.q[partner],
         values.v[row] - values.v[partner],
         values.softening,
-        float(values.gm[heaviest]) if ruled else 0.0,
-        values.q[partner] - values.q[heaviest] if ruled and partner != heaviest else zero,
-        values.v[partner] - values.v[heaviest] if ruled and partner != heaviest else zero,
+        float(values.gm[heaviest]) if dominated else 0.0,
+        values.q[partner] - values.q[heaviest] if dominated and partner != heaviest else zero,
+        values.v[partner] - values.v[heaviest] if dominated and partner != heaviest else zero,
     )
     try:
         ahead, period = pair.ahead, pair.orbit.period
@@ -225,30 +223,6 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
         return None, 0.0
 
 
-def parsed_step(system: System, dt: Any, span: float) -> Any:
-    """Return dt, where a text such as "P/20" or "6 d" is turned into a number or a quantity; P is the shortest period.
-
-    Raises InputError for a text that is neither, and for "P/..." where nothing is bound.
-    """
-    if not isinstance(dt, str):
-        return dt
-    match = re.fullmatch(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*", dt)
-    if match is None:
-        expected = (
-            f'a quantity (6 * u.day), a number in {system.units.time or "units of time"}, a text with a unit ("6 d"), '
-            'or a fraction of the shortest period ("P/20")'
-        )
-        return quantity_from_text(dt, "dt", expected)
-    period, parts = _fastest(system, span)[5], float(match[1])
-    if not (math.isfinite(period) and period > 0.0):
-        raise InputError(
-            f"dt = {shown(dt)}: P is the shortest orbital period, and no body is bound to another. Give a time."
-        )
-    if not parts > 0.0:
-        raise InputError(f"dt = {shown(dt)}; expected P divided by a number above 0.")
-    return period / parts
-
-
 def percent(share: float) -> str:
     """Return a share in percent."""
     return f"{100 * share:.2g} %" if share < 0.995 else "all"
@@ -257,14 +231,6 @@ def percent(share: float) -> str:
 def _round(count: float) -> str:
     """Return a count to two digits, without a power of ten while it can be read."""
     return f"{float(f'{count:.2g}'):,g}"
-
-
-def _fastest(system: System, span: float) -> tuple[int, int, float, float, float, float]:
-    values = system.values
-    found: tuple[int, int, float, float, float, float] = fastest_passage(
-        values.gm, values.softening, values.q, values.v, (values.gm > 0.0).nonzero()[0], span
-    )
-    return found
 
 
 def with_unit(x: float, unit: Any, digits: int = 4) -> str:

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.plotting import below, figure, fitting_time, look, method_words, save, style
-from orbits.report.values import Report, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from orbits.regression.report import Report, Row
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,8 @@ def picture(report: Report) -> Figure:
     factor, time_unit = fitting_time(span, report.time_unit)
     times = np.abs(report.times) * factor
     unit = f" [{report.length_unit}]" if report.length_unit else ""
-    headline = f"position error{unit}, {report.followed}" if report.yardstick else "position error (no yardstick)"
+    measured = f"position error{unit}, {report.followed}"
+    headline = measured if report.reference else "position error (no reference solution)"
     of = "" if set(report.massive) == set(report.names) else " of the massive bodies"
     _panel(axes["position"], times, rows, "position", headline)
     _panel(axes["energy"], times, rows, "energy", f"energy{of}, |ΔE/E|")
@@ -52,9 +54,9 @@ def picture(report: Report) -> Figure:
     for name in ("energy", "momentum"):
         line = _floor(axes[name], _ROUND_OFF, ":")
     handles, labels = [*handles, line], [*labels, "round-off, 2⁻⁵³"]
-    if report.yardstick is not None and report.yardstick.error > 0:
-        handles.append(_floor(axes["position"], report.yardstick.error, "-."))
-        labels.append("the yardstick's own error")
+    if report.reference is not None and report.reference.error > 0:
+        handles.append(_floor(axes["position"], report.reference.error, "-."))
+        labels.append("the reference solution's own error")
     when = f"time {'before' if span < 0 else 'since'} the start"
     for axis in (axes["position"], axes["momentum"]):
         axis.set_xlabel(when + (f" [{time_unit}]" if time_unit else ""))

@@ -12,10 +12,10 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.body_names import index_of
+from orbits.checks import positive_number
 from orbits.errors import InputError, shown
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
-from orbits.propagation.grid import single_number
-from orbits.system.checks import index_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class EnergyErrorAbove:
     fraction: float
 
     def __post_init__(self) -> None:
-        _bound(self.fraction, "EnergyErrorAbove.fraction")
+        positive_number(self.fraction, "EnergyErrorAbove.fraction")
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Conditions:
         self.stops: NDArray[np.float64] = np.empty((len(self._distances), 4))
         for row, condition in enumerate(self._distances):
             self.stops[row] = self._row(condition)
-        self.energy = math.inf if self._energy is None else _bound(self._energy.fraction, "EnergyErrorAbove.fraction")
+        self.energy = math.inf if self._energy is None else float(self._energy.fraction)
         self.seconds = math.inf if self._clock is None else _seconds(self._clock.duration)
 
     def met(self, condition: int, row: int, body: int) -> tuple[str, Condition]:
@@ -146,7 +146,7 @@ class Conditions:
 
     def _row(self, condition: CloserThan | FartherThan) -> tuple[float, float, float, float]:
         system, what = self._system, type(condition).__name__
-        bound = _bound(single_number(system.units.length_value(condition.distance, what), what), what)
+        bound = positive_number(system.units.length_value(condition.distance, what), what)
         rows = [ANY if n is None else index_of(n, system.names, "body") for n in (condition.body, condition.other)]
         named = [row for row in rows if row != ANY]
         if len(named) == 2:
@@ -203,23 +203,16 @@ def _check_pair(condition: CloserThan | FartherThan) -> None:
     expected = "a quantity, a number, or a text with a unit, such as '0.1 AU'"
     distance = quantity_from_text(condition.distance, f"{what}.distance", expected)
     object.__setattr__(condition, "distance", distance)
-    _bound(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
+    positive_number(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
     for name in (condition.body, condition.other):
         if not isinstance(name, str | None):
             raise InputError(f"{what} of {shown(name)}; expected the name of a body, or None for any.")
 
 
-def _bound(value: Any, what: str) -> float:
-    number = single_number(value, what)
-    if not (math.isfinite(number) and number > 0.0):
-        raise InputError(f"{what} is {shown(value)}; expected a finite number above 0.")
-    return number
-
-
 def _seconds(value: Any) -> float:
     value = quantity_from_text(value, "WallTimeOver.duration", "a time, such as 60 * u.s")
     try:
-        return _bound(u.Quantity(value, u.s).value, "WallTimeOver.duration")
+        return positive_number(u.Quantity(value, u.s).value, "WallTimeOver.duration")
     except InputError:
         raise
     except (u.UnitConversionError, TypeError, ValueError, OverflowError) as error:

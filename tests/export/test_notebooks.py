@@ -14,7 +14,7 @@ from orbits.certificate.values import Certificate, Finding
 from orbits.kernels.encounters import COLUMNS, DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.propagation.approaches import Approaches
 from orbits.propagation.passages_seen import Record, Seen
-from orbits.report import Report, Row
+from orbits.regression.report import Report, Row
 
 NASTY = "<script>alert('&\"')</script>"
 

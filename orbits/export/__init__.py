@@ -3,9 +3,9 @@
 Nothing here knows a System or a run: what is to be shown is handed over as named arrays with units (`Labelled`).
 """
 
-from orbits.tables.html import MOST_ROWS, html_pairs, html_table
-from orbits.tables.labelled import Labelled, Variable
-from orbits.tables.tabular import Tabular
-from orbits.tables.text import headed, text_table
+from orbits.export.html import MOST_ROWS, html_pairs, html_table
+from orbits.export.labelled import Labelled, Variable
+from orbits.export.tabular import Tabular
+from orbits.export.text import headed, text_table
 
 __all__ = ["MOST_ROWS", "Labelled", "Tabular", "Variable", "headed", "html_pairs", "html_table", "text_table"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from orbits.tables.labelled import Labelled
+from orbits.export.labelled import Labelled
 
 if TYPE_CHECKING:
     import pandas

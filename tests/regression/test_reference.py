@@ -1,5 +1,6 @@
-"""The exact yardstick is exact: every digit of it, on every conic, against formulas it does not use. The converged one
-is as good as it says.
+"""The exact reference solution is exact: every digit of it, on every conic, against formulas it does not use.
+
+The converged one is as good as it says.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ import pytest
 from mpmath import mpf
 
 import orbits
-from orbits.regression import yardstick
+from orbits.point_masses import PointMasses
+from orbits.regression import reference
 from orbits.resources import data_path
+from orbits.time_grid import TimeGrid
 
 TIMES = np.concatenate([np.linspace(-400.0, 400.0, 21), [1e-9, 1e6, -1e9]])
 
@@ -38,7 +41,7 @@ def test_elliptic_orbits_agree_with_keplers_equation_in_every_bit(e):
             E = mpmath.findroot(lambda E, M=M: E - e * mpmath.sin(E) - M, (-7, 7), solver="anderson", tol=1e-120)
             expected.append([a * (mpmath.cos(E) - e), a * mpmath.sqrt(1 - e * e) * mpmath.sin(E)])
         expected = np.array(expected, dtype=float)
-    measured = yardstick.exact(gm, q, v, TIMES)
+    measured = reference.exact(PointMasses(gm, q, v), TIMES)
     np.testing.assert_array_equal(measured.q[:, 1, :2], expected)
     np.testing.assert_array_equal(measured.q[:, 0], 0.0)
 
@@ -55,7 +58,7 @@ def test_hyperbolic_orbits_agree_with_keplers_equation_in_every_bit(e):
                 H -= (e * mpmath.sinh(H) - H - M) / (e * mpmath.cosh(H) - 1)
             expected.append([a * (mpmath.cosh(H) - e), -a * mpmath.sqrt(e * e - 1) * mpmath.sinh(H)])
         expected = np.array(expected, dtype=float)
-    np.testing.assert_array_equal(yardstick.exact(gm, q, v, TIMES).q[:, 1, :2], expected)
+    np.testing.assert_array_equal(reference.exact(PointMasses(gm, q, v), TIMES).q[:, 1, :2], expected)
 
 
 def test_the_parabola_agrees_with_barkers_equation_in_every_bit():
@@ -68,8 +71,8 @@ def test_the_parabola_agrees_with_barkers_equation_in_every_bit():
             D = mpmath.sign(W) * (y - 1 / y)
             expected.append([1 - D * D, 2 * D])
         expected = np.array(expected, dtype=float)
-    measured = yardstick.exact(gm, q, v, TIMES)
-    # y - 1/y cancels where t is small: the closed form, not the yardstick, is then wrong in the 60th digit only.
+    measured = reference.exact(PointMasses(gm, q, v), TIMES)
+    # y - 1/y cancels where t is small: the closed form, not what is tested, is then wrong in the 60th digit only.
     np.testing.assert_array_equal(measured.q[:, 1, :2], expected)
 
 
@@ -90,7 +93,7 @@ def test_two_massive_bodies_agree_with_a_taylor_integration_of_their_equations()
         expected = np.array(
             [[float(x) for x in (forwards(t) if t >= 0 else backwards(-t))[:6]] for t in times.tolist()]
         )
-    np.testing.assert_array_equal(yardstick.exact(gm, q, v, times).q.reshape(-1, 6), expected)
+    np.testing.assert_array_equal(reference.exact(PointMasses(gm, q, v), times).q.reshape(-1, 6), expected)
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1 - 1e-9, 1.0, 1 + 1e-9, 4.0])
@@ -98,16 +101,16 @@ def test_more_digits_change_no_bit(e, monkeypatch):
     gm, q, v, _, _ = start_at_pericentre(e, r=0.7)
     q += [0.3, -5.0, 2.0]
     v += [1e-3, 2e-3, 0.1]
-    ours = yardstick.exact(gm, q, v, TIMES)
-    monkeypatch.setattr(yardstick, "PRECISION", 500)
-    monkeypatch.setattr(yardstick, "_CONVERGED", 2.0**-240)
-    monkeypatch.setattr(yardstick, "_SERIES_BELOW", 1e-30)
-    np.testing.assert_array_equal(ours.q, yardstick.exact(gm, q, v, TIMES).q)
+    ours = reference.exact(PointMasses(gm, q, v), TIMES)
+    monkeypatch.setattr(reference, "PRECISION", 500)
+    monkeypatch.setattr(reference, "_CONVERGED", 2.0**-240)
+    monkeypatch.setattr(reference, "_SERIES_BELOW", 1e-30)
+    np.testing.assert_array_equal(ours.q, reference.exact(PointMasses(gm, q, v), TIMES).q)
 
 
-def test_the_exact_yardstick_states_its_rounding_as_its_error():
+def test_the_exact_reference_solution_states_its_rounding_as_its_error():
     gm, q, v, _, _ = start_at_pericentre(0.3)
-    measured = yardstick.exact(gm, q, v, TIMES)
+    measured = reference.exact(PointMasses(gm, q, v), TIMES)
     assert measured.kind == "exact"
     assert measured.error.tolist() == [np.spacing(0.0) / 2, 2.0**-53]
 
@@ -125,7 +128,7 @@ def test_the_exact_yardstick_states_its_rounding_as_its_error():
 def test_the_exact_solution_is_claimed_only_where_there_is_one(gm, v_last, softening, known):
     q = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0]])
     v = np.array([[0.0, 0, 0], [0, 1, 0], [v_last, 0, 0]])
-    assert yardstick.exact_applies(np.array(gm), q, v, softening) is known
+    assert reference.exact_applies(PointMasses(np.array(gm), q, v, softening)) is known
 
 
 @pytest.fixture(scope="module")
@@ -140,10 +143,10 @@ def ten_bodies():
     return system, days, high, low
 
 
-def test_the_converged_yardstick_is_as_good_as_it_says_against_quadruple_precision(ten_bodies):
+def test_the_converged_reference_solution_is_as_good_as_it_says_against_quadruple_precision(ten_bodies):
     system, days, high, low = ten_bodies
     times = np.append(0.0, days)
-    made = yardstick.converged(system, times, 2.0)
+    made = reference.converged(system, TimeGrid(2.0, times))
     error = np.linalg.norm((made.q[1:] - high) - low, axis=-1).max(axis=0)
     # Random walks: the stated error is the larger of two distances between them, at most half of what one has done.
     assert np.all(error < 2 * made.error), error / made.error
@@ -151,5 +154,5 @@ def test_the_converged_yardstick_is_as_good_as_it_says_against_quadruple_precisi
 
 
 @pytest.mark.parametrize(("step", "expected"), [(3.0, 2.0), (4.0, 4.0), (0.99, 0.5), (1e-300, 2.0**-997)])
-def test_the_step_of_the_converged_yardstick_is_a_power_of_two(step, expected):
-    assert yardstick.power_of_two(step) == expected
+def test_the_step_of_the_converged_reference_solution_is_a_power_of_two(step, expected):
+    assert reference.power_of_two(step) == expected

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -14,16 +12,18 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits import diagnostics
-from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
+from orbits.body_names import few, index_of
+from orbits.checks import is_whole
 from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
+from orbits.export import Labelled, Tabular, html_pairs
 from orbits.system import OrbitalElements, System, osculating
-from orbits.system.checks import few, index_of
 from orbits.system.making import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
-from orbits.tables import Labelled, Tabular, html_pairs
-from orbits.trajectory.values import BodyTrajectory, ConservedQuantities, Samples, Statistics
+from orbits.trajectory.again import MarchedAgain
+from orbits.trajectory.archived import identity_of, made_by
+from orbits.trajectory.conservation import Conservation
+from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -31,19 +31,14 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
-    from orbits.propagation.approach import Approach
-    from orbits.propagation.approaches import Approaches
-    from orbits.propagation.passages_seen import Record, Seen
-    from orbits.propagation.stopping import Stop
-    from orbits.spk import SpkFile
+    from orbits.propagation.passages_seen import Record
+    from orbits.propagation.stop_conditions import Stop
+    from orbits.trajectory.again import MarchesAgain
 
 Array = NDArray[np.float64]
 
-BLOCK_BYTES = 32 * 1024 * 1024
-"""How much of a run is in memory at a time while a quantity of all samples is computed."""
 
-
-class Trajectory(Tabular):
+class Trajectory(MarchedAgain, Conservation, Tabular):
     """The samples of a run.
 
     system : the initial state, which also gives names, GM, units and epoch
@@ -55,6 +50,9 @@ class Trajectory(Tabular):
     path, archive : the archive it reads from, if it does
     certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
     stopped : why and where a condition or a callback ended the run, or None
+    record : what was seen of the passages on the way, for what marches it again
+    again : what marches it again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
+        `orbits.propagation`
 
     run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample, run[10:20]
     a `Trajectory` of some of the samples.
@@ -76,6 +74,7 @@ class Trajectory(Tabular):
         certificate: Certificate | None = None,
         stopped: Stop | None = None,
         record: Record | None = None,
+        again: MarchesAgain | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         if not isinstance(system, System):
@@ -101,8 +100,9 @@ class Trajectory(Tabular):
         self.certificate = certificate
         self.stopped = stopped
         self.archive: Archive | None = None
-        self._record = record
-        self._passages: Seen | None = None
+        self.record = record
+        self.passages: Any = None
+        self._again = self.marched_again_by if again is None else again
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -116,10 +116,17 @@ class Trajectory(Tabular):
         return cls.of_archive(Archive.open(path), path=str(path), statistics=statistics)
 
     @classmethod
-    def of_archive(cls, archive: Archive, *, path: str | None, statistics: Statistics | None = None) -> Trajectory:
+    def of_archive(
+        cls,
+        archive: Archive,
+        *,
+        path: str | None,
+        statistics: Statistics | None = None,
+        again: MarchesAgain | None = None,
+    ) -> Trajectory:
         """Return the trajectory in an open archive, which is closed with it, or at once where this fails.
 
-        path : where it can be opened again, or None where it cannot
+        path : where it can be opened again, or None where it cannot; again : what marches it again
         Raises ArchiveError for a method that is not known, and for a certificate that is none.
         """
         try:
@@ -135,6 +142,7 @@ class Trajectory(Tabular):
                 complete=archive.complete,
                 path=path,
                 certificate=certificate,
+                again=again,
                 close=archive.close,
             )
         except BaseException:
@@ -219,7 +227,7 @@ class Trajectory(Tabular):
             return BodyTrajectory(self.names[i], self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
         if isinstance(key, slice):
             return self._some(key)
-        if isinstance(key, bool | np.timedelta64) or not isinstance(key, int | np.integer):
+        if not is_whole(key):
             raise InputError(
                 f'run[{shown(key)}]: give a name, run["Sun"], the number of a sample, run[-1], or a slice, run[10:20].'
             )
@@ -227,60 +235,6 @@ class Trajectory(Tabular):
             raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
         k = int(key) % len(self)
         return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
-
-    def at(self, t: Any) -> Any:
-        """Return the state at any time within the run, by the run's own method from the sample before it: a `System`;
-        or those at several times, a `Trajectory` with these as its samples, in the order given.
-
-        t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
-            or an array or list of such; many at once take about a ninth of the time of as many single calls
-        Raises InputError outside the samples.
-        """
-        from orbits.propagation import state_at
-
-        self._require_method("run.at")
-        return state_at(self, t)
-
-    def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies, shape (n,)."""
-        gm, softening = self._gm(), self.system.values.softening
-        values = self._of_massive(lambda q, v: diagnostics.energy(gm, q, v, softening))
-        return u.Quantity(values / self.system.units.G, self.system.units.energy)
-
-    def linear_momentum(self) -> u.Quantity:
-        """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
-        values = self._of_massive(lambda q, v: diagnostics.linear_momentum(self._gm(), v))
-        return u.Quantity(values / self.system.units.G, self.system.units.momentum)
-
-    def angular_momentum(self) -> u.Quantity:
-        """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
-        values = self._of_massive(lambda q, v: diagnostics.angular_momentum(self._gm(), q, v))
-        return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
-
-    def centre_of_mass(self) -> u.Quantity:
-        """Return the centre of mass of the massive bodies, shape (n, 3)."""
-        values = self._of_massive(lambda q, v: diagnostics.centre_of_mass(self._gm(), q))
-        return u.Quantity(values, self.system.units.length)
-
-    def drift(self) -> ConservedQuantities:
-        """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
-
-        They are those of the massive bodies: a massless particle moves in their field and carries no charge of the
-        whole, so nothing here judges its orbit. Raises InputError for a run without samples.
-        """
-        if not len(self):
-            raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
-        gm, start, massive = self._gm(), self.system.values, self.system.massive
-        q, v = start.q[massive], start.v[massive]
-        energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
-        return ConservedQuantities(
-            energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
-            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)),
-            linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
-            centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
-            massive=tuple(name for name, has_mass in zip(self.names, massive, strict=True) if has_mass),
-            particles=int(np.count_nonzero(~massive)),
-        )
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
@@ -302,62 +256,32 @@ class Trajectory(Tabular):
             epoch=self.system.epoch,
         )
 
-    def closest_approaches(self) -> Approaches:
-        """Return how close bodies came to one another between the start and the last step, and when: a table of all
-        flybys within the reach of a body, each with the error that it causes by the end of the run.
-
-        Raises InputError for a trajectory that was not made by `propagate` or `resume`.
-        """
-        from orbits.propagation.approaches import Approaches
-
-        return Approaches(self, self._seen())
-
-    def unresolved(self) -> list[Approach]:
-        """Return the close passages that the step could not resolve, worst first: what comes after is not to be
-        trusted. `propagate` warns of them.
-
-        A passage counts if the position error at the end of the run that it causes (`.error`) is more than 1e-9 of the
-        distance from the primary and a hundred times what the method makes of an undisturbed orbit with this step in
-        this time; on an open orbit without a primary, if more than a tenth of its turn is wrong.
-        """
-        from orbits.propagation.approaches import Approaches
-        from orbits.propagation.judgement import spoiling
-        from orbits.propagation.refinement import refine
-
-        seen = self._seen()
-        approaches = Approaches(self, seen)
-        if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
-            approaches.know_all()
-        found = [k for k, _ in spoiling(self, seen)]
-        refine(self, seen, found)
-        return [approaches.one(k) for k in found]
-
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
         from orbits.plotting import plot_trajectory
 
         return plot_trajectory(self, **options)
 
-    def to_spk(self, path: str | PathLike[str], **options: Any) -> SpkFile:
-        """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""
-        from orbits.spk import write
-
-        self._require_method("run.to_spk")
-        return write(self, path, **options)
-
     def _some(self, samples: slice) -> Trajectory:
         try:
             times = self.times[samples]
         except (TypeError, ValueError) as error:
             raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
+        return self.with_samples(
+            times, _as_array(self._q)[samples], _as_array(self._v)[samples], certificate=self.certificate
+        )
+
+    def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
+        """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), as floats."""
         return Trajectory(
             self.system,
             times,
-            _as_array(self._q)[samples],
-            _as_array(self._v)[samples],
+            q,
+            v,
             step=self.step,
             integrator=self.integrator,
-            certificate=self.certificate,
+            certificate=certificate,
+            again=self._again,
         )
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -372,8 +296,8 @@ class Trajectory(Tabular):
         """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known = {"stopped": self.stopped, "_record": self._record}
-        return _reopened, (self._place, len(self), self.statistics, _identity(self, len(self))), known
+        known = {"stopped": self.stopped, "record": self.record, "_again": self._again}
+        return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the open file behind: the samples themselves are copied where no path leads to it."""
@@ -395,85 +319,13 @@ class Trajectory(Tabular):
         what = f"{len(self.names)} bodies, {len(self)} samples, {span(self.t)}"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
 
-    def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield (samples, q, v) of the massive bodies block by block, so that memory stays bounded."""
-        massive = np.flatnonzero(self.system.massive)
-        contiguous = massive[-1] - massive[0] + 1 == len(massive)
-        columns: Any = slice(massive[0], massive[-1] + 1) if contiguous else massive
-        rows = max(1, BLOCK_BYTES // (48 * len(self.names)))
-        for start in range(0, len(self), rows):
-            block = slice(start, min(start + rows, len(self)))
-            yield block, self._q[block, columns], self._v[block, columns]
-
     def sample(self, k: int) -> tuple[Array, Array]:
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
         return self._q[k], self._v[k]
 
-    def _seen(self) -> Seen:
-        from orbits.propagation.passages_seen import Seen
-
-        if self._record is None and self.archive is None:
-            raise InputError(
-                f"{self!r} holds samples alone, and closest approaches are found while a run goes on; expected the "
-                "whole run as orbits.propagate or orbits.resume returned it."
-            )
-        if self._passages is None:
-            self._passages = Seen.by(self, self._record)
-        return self._passages
-
-    def _gm(self) -> Array:
-        return self.system.values.gm[self.system.massive]
-
-    def _of_massive(self, function: Callable[[Array, Array], Array]) -> Array:
-        nothing = np.empty((0, int(self.system.massive.sum()), 3))
-        return np.concatenate([function(nothing, nothing), *(function(q, v) for _, q, v in self.blocks())])
-
-    def _drift(self, values: Array, terms: Callable[[Array, Array], Array], first: Any = None) -> diagnostics.Drift:
-        """The drift of a quantity; `terms` (of q and v) are the sizes of what it is the sum of, times G."""
-        start, massive, G = self.system.values, self.system.massive, self.system.units.G
-        begin = float(terms(start.q[massive], start.v[massive])) / G
-        scale = own_scale(
-            values[0] if first is None else first, begin, lambda: float(self._of_massive(terms).max()) / G
-        )
-        return diagnostics.drift(values, scale)
-
-    def _require_method(self, what: str) -> None:
-        if not hasattr(self.integrator, "declares"):
-            raise InputError(
-                f"{what} marches from sample to sample with the run's own method, and {self.integrator.label} is none "
-                "of this package. Take a sample, run[k], or march from one: orbits.propagate(run[k], ...)."
-            )
-
     def _epoch(self) -> None:
         if self.system.epoch is None:
             raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
-
-
-def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
-    """Return the method that the run in an archive was made with, and what was measured of it before, if it was.
-
-    Raises ArchiveError for a method that is not known, and for a certificate that is none.
-    """
-    from orbits import integrators
-    from orbits.certificate import Certificate
-
-    try:
-        text = archive.certificate_text
-        return integrators.build(archive.integrator), Certificate.from_record(json.loads(text)) if text else None
-    except InputError as error:
-        raise ArchiveError(
-            f"{archive.path}: {str(error).rstrip('.')}. Read the samples themselves with orbits.Archive.open(path), or "
-            "get a version of orbits that knows this method."
-        ) from error
-
-
-def _identity(run: Trajectory, samples: int) -> str:
-    """Return a digest of what a run began from, how it was made, and its first so many times."""
-    values = run.system.values
-    digest = hashlib.sha256(repr((run.names, run.integrator.label, run.step, values.softening)).encode())
-    for array in (values.gm, values.q, values.v, run.times[:samples]):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
 
 
 def _reopened(path: str, samples: int, statistics: Statistics | None, identity: str) -> Trajectory:
@@ -482,7 +334,7 @@ def _reopened(path: str, samples: int, statistics: Statistics | None, identity: 
     try:
         if len(run) < samples:
             raise ArchiveError(f"{path} holds {len(run)} samples; expected the {samples} of the run that was copied.")
-        if _identity(run, samples) != identity:
+        if identity_of(run, samples) != identity:
             raise ArchiveError(f"{path} holds another run by now; expected the one that was copied.")
     except BaseException:
         run.close()
