@@ -52,12 +52,11 @@ if TYPE_CHECKING:
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
-    from orbits.propagation import propagate, resume
-    from orbits.propagation.stopping import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
+    from orbits.propagation import Trajectory, propagate, resume
+    from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
-    from orbits.trajectory import Trajectory
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
 
 __all__ = [
@@ -154,12 +153,11 @@ _HOME = {
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
-    "propagation": ["propagate", "resume"],
+    "propagation": ["Trajectory", "propagate", "resume"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
-    "propagation.stopping": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
+    "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
-    "trajectory": ["Trajectory"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

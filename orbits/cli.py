@@ -88,7 +88,7 @@ def resume(
     """
     with guarded():
         from orbits.propagation import resume as go_on
-        from orbits.scenario.values import number_or_text
+        from orbits.scenario.typed import number_or_text
 
         done = go_on(file, until=None if until is None else number_or_text(until), same_bits=not any_bits)
         if until is None and done.statistics is None:
@@ -237,8 +237,8 @@ def _compare(
     name: str, against: str | None, typed: tuple[Any, ...], *, out: Path | None, as_json: bool, no_plot: bool
 ) -> int:
     from orbits.errors import InputError
+    from orbits.json_text import json_text
     from orbits.regression import compare as compare_methods
-    from orbits.report.json_text import json_text
     from orbits.scenario import load
     from orbits.scenario.definition import slug
     from orbits.scenario.files import replaceable, results_folder, write_text

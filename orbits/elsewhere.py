@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import inspect
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
+from typing import TypedDict
+
+from orbits.errors import UnknownNameError
 
 OTHER_NAMES = {
     "rk4": "runge-kutta-4",
@@ -37,6 +41,7 @@ END = "how far to go is duration=..., or until=..., a date or a time since the e
 STEPS = "steps are constant: dt=..."
 SAMPLES = "what is kept is samples=..., a count or times"
 KEYWORDS = {
+    "yardstick": "it is called reference now",
     "additional_forces": FORCES,
     "forces": FORCES,
     "pre_timestep_modifications": FORCES,
@@ -100,6 +105,16 @@ def keyword_hint(name: str, known: Iterable[str]) -> str:
         return f"{KEYWORDS[name.lower()]}."
     close = get_close_matches(name.lower(), known, n=1, cutoff=0.6)
     return f"expected some of {', '.join(known)}." + (f" Did you mean {close[0]}?" if close else "")
+
+
+class NoOthers(TypedDict):
+    """No further arguments: what is given all the same is answered with what there is instead."""
+
+
+def unknown_argument(function: Callable[..., object], name: str) -> UnknownNameError:
+    """Return the error for an argument that a function does not have, with what there is in its place."""
+    known = (key for key in inspect.signature(function).parameters if key != "others")
+    return UnknownNameError(f"{function.__name__}() has no argument {name!r}: {keyword_hint(name, known)}")
 
 
 def _plain(name: str) -> str:

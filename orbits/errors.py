@@ -6,6 +6,8 @@ line ends with: 2 for a wrong use, 1 for a run that failed.
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -114,3 +116,12 @@ def shown(value: object) -> str:
         text = f"an object of type {type(value).__name__}"
     text = "".join(c if c.isprintable() else "?" for c in text)
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def level_of_caller() -> int:
+    """Return the `stacklevel` with which a warning is shown at the line outside this package that led to it."""
+    package = os.path.dirname(__file__) + os.sep
+    frame, level = sys._getframe(1), 1
+    while frame.f_code.co_filename.startswith(package) and frame.f_back is not None:
+        frame, level = frame.f_back, level + 1
+    return level

@@ -18,6 +18,7 @@ import orbits
 from orbits.diagnostics import Growth, growth
 from orbits.diagnostics.foils import NearestGauss
 from orbits.diagnostics.stepping import Bodies, march
+from orbits.point_masses import PointMasses
 from orbits.regression import peers
 from orbits.scenario import Check, Study, StudyResult, Table
 
@@ -83,7 +84,7 @@ def by_ours(method):
 
 def by_ias15(q, v):
     """The same by IAS15 at its default accuracy."""
-    run = peers.run("ias15", GM, q, v, times=MARKS * DT, dt=DT)
+    run = peers.run("ias15", PointMasses(GM, q, v), times=MARKS * DT, dt=DT)
     return run.q, run.v
 
 

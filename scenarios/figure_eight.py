@@ -134,7 +134,7 @@ def ias15(system, period):
     """
     x, far = system.values, []
     for lap in PEER_LAPS:
-        run = peers.run("ias15", x.gm, x.q, x.v, times=np.array([lap * period]), dt=period / STEPS)
+        run = peers.run("ias15", x, times=np.array([lap * period]), dt=period / STEPS)
         far.append((float(np.abs(run.q[-1] - x.q).max()), float(np.abs(run.v[-1] - x.v).max())))
     return run.steps, far
 

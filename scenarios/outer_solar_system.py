@@ -69,7 +69,7 @@ def experiment(say):
     for name, dt in PEERS.items():
         say(f"REBOUND {name}, {dt} days")
         times = np.arange(0.0, DAYS + 1, EVERY)
-        run = peers.run(name, x.gm, x.q, x.v, times=times, dt=float(dt))
+        run = peers.run(name, x, times=times, dt=float(dt))
         energy = orbits.diagnostics.energy(x.gm, run.q, run.v)
         strays, error = np.abs(energy / energy[0] - 1.0), np.linalg.norm(run.q - truth, axis=2).max(axis=1)
         label = f"REBOUND {name}"

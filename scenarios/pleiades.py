@@ -70,7 +70,7 @@ def experiment(say):
             checks += judged(method, steps, off_q, drift)
     say("REBOUND ias15")
     x = system.values
-    peer = peers.run("ias15", x.gm, x.q, x.v, times=np.array([END]), dt=0.001)
+    peer = peers.run("ias15", x, times=np.array([END]), dt=0.001)
     off_q, off_v = (float(np.abs(a[-1, :, :2] - b).max()) for a, b in ((peer.q, q), (peer.v, v)))
     energy = orbits.diagnostics.energy(x.gm, np.stack([x.q, peer.q[0]]), np.stack([x.v, peer.v[0]]))
     rows.append(["REBOUND ias15", peer.steps, None, off_q, off_v, float(abs(energy[1] / energy[0] - 1.0))])

@@ -159,7 +159,7 @@ def by_peer(problem, name):
     x = problem.system.values
 
     def take(dt):
-        run = peers.run(name, x.gm, x.q, x.v, times=problem.times, dt=dt)
+        run = peers.run(name, x, times=problem.times, dt=dt)
         return run.q, run.wall_s, run.steps * EVALUATIONS.get(name, 0)
 
     return take

@@ -22,6 +22,7 @@ from orbits.archive.samples import Samples
 from orbits.archive.schema import Layout
 from orbits.archive.storage import Storage, raw_bytes
 from orbits.errors import ArchiveError
+from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -44,7 +45,7 @@ class Archive:
 
     times : (n,) float64, since the epoch; all that were asked for, of which `committed` are there
     q, v : (committed, bodies, 3) float64, read where they are indexed, and checked there when they are first read
-    dt : the signed step
+    dt : the signed step;  grid : step and times together
 
     All of these are in the units of `system`, the state at the start.
     """
@@ -152,14 +153,19 @@ class Archive:
         return self._header.integrator
 
     @property
+    def grid(self) -> TimeGrid:
+        """The step and the samples of the run, those to come included."""
+        return self._header.grid
+
+    @property
     def dt(self) -> float:
         """The step in the system's unit of time, as it was given at creation."""
-        return self._header.dt
+        return self.grid.h
 
     @property
     def times(self) -> NDArray[np.float64]:
         """Times of all samples of the run, those to come included, since the epoch in the system's unit of time."""
-        return self._header.times
+        return self.grid.times
 
     @property
     def provenance(self) -> Mapping[str, str]:

@@ -68,7 +68,7 @@ class Layout:
 
 def bytes_needed(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> int:
     """Return about how large the file will be: the arrays, without what HDF5 adds."""
-    samples, bodies = len(header.times), len(header.system)
+    samples, bodies = len(header.grid), len(header.system)
     per_sample = 2 * 24 * bodies + CHUNK.itemsize + 8
     return samples * per_sample + SLOTS * (ROW.itemsize + sum(array.nbytes for array in checkpoint.values()))
 
@@ -81,7 +81,7 @@ def image(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> SparseFile:
     import h5py
 
     items = headers.to_items(header)
-    shape = (len(header.times), len(header.system), 3)
+    shape = (len(header.grid), len(header.system), 3)
     made = SparseFile()
     with h5py.File(made, "w", libver=_LIBVER, alignment_threshold=1, alignment_interval=_ALIGNMENT) as file:
         for name, text in (
@@ -126,7 +126,7 @@ def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
                 found = headers.from_items(items)
             except ArchiveError as error:
                 raise ArchiveError(f"{path} is not as a run writes it: {error} Restore it from a copy.") from error
-            layout = _layout(file, (len(found.times), len(found.system), 3), path)
+            layout = _layout(file, (len(found.grid), len(found.system), 3), path)
     except (ArchiveError, StorageError):
         raise
     # HDF5 reports damage as OSError, KeyError, ValueError, RuntimeError and more, depending on where it sits.

@@ -28,6 +28,7 @@ from orbits.archive.schema import Layout
 from orbits.archive.storage import BLOCK, Storage, raw_bytes
 from orbits.errors import ArchiveError, StorageError
 from orbits.system import System
+from orbits.time_grid import TimeGrid
 
 
 class ArchiveWriter:
@@ -53,8 +54,7 @@ class ArchiveWriter:
         *,
         system: System,
         integrator: Mapping[str, Any],
-        dt: float,
-        times: ArrayLike,
+        grid: TimeGrid,
         checkpoint: Mapping[str, NDArray[Any]],
         provenance: Mapping[str, str],
         certificate: str = "",
@@ -62,8 +62,8 @@ class ArchiveWriter:
     ) -> Self:
         """Create the file, with all of its room on the device and the start of the run committed.
 
-        integrator : {"name": ..., "parameters": {...}}; dt : the step, in the system's unit of time
-        times : (samples,) times of all samples to come, in the same unit; fixes the room
+        integrator : {"name": ..., "parameters": {...}}
+        grid : the step, and the times of all samples to come, in the system's unit of time; fixes the room
         checkpoint : the state to begin from, which is safe before the file takes its name; all commits will have arrays
             of its names, shapes and types
         provenance : versions and processor, as words
@@ -73,8 +73,7 @@ class ArchiveWriter:
         Raises ArchiveError for a path that exists, or that cannot be written, or that another run is writing;
         StorageError, naming what is needed and what is free, where the device has no room.
         """
-        times = np.array(times, dtype=np.float64)
-        header = Header(system, dict(integrator), float(dt), times, dict(provenance), certificate)
+        header = Header(system, dict(integrator), grid, dict(provenance), certificate)
         place = schema.resolved(path)
         check_target(place, overwrite)
         nothing = np.empty((0, len(system), 3))
@@ -219,22 +218,22 @@ class ArchiveWriter:
         self._storage.write(self._layout.commits.offset + commit.slot * ROW.itemsize, commit.encoded())
 
 
-def extended(archive: Archive, times: ArrayLike) -> ArchiveWriter:
+def extended(archive: Archive, grid: TimeGrid) -> ArchiveWriter:
     """Make room for more samples: copy the archive into a larger one, put it in its place, and go on with that.
 
     archive : as `Archive.claim` returned it; it is closed afterwards, and its file stays until the new one is whole
-    times : (samples,) times of all samples, those that are there first and unchanged
-    Raises ArchiveError where `times` does not go on from the samples that are there; StorageError where the device has
+    grid : the step, which stays, and the times of all samples, those that are there first and unchanged
+    Raises ArchiveError where it does not go on from the samples that are there; StorageError where the device has
     no room for both files.
     """
-    times = np.array(times, dtype=np.float64)
     with archive:
         done, place = archive.committed, archive.path
-        if times.ndim != 1 or len(times) < done or not np.array_equal(times[:done], archive.times[:done]):
+        if grid.h != archive.dt or not np.array_equal(grid.times[:done], archive.times[:done]):
             raise ArchiveError(
-                f"the times of {place} cannot change: its {done} committed samples have to come first, as they are."
+                f"step and times of {place} cannot change: its {done} committed samples have to come first, as they "
+                "are."
             )
-        header = replace(archive.parts()[1], times=times)
+        header = replace(archive.parts()[1], grid=grid)
         checkpoint = archive.checkpoint()
         with ArchiveWriter._made(place, header, checkpoint) as writer:
             _copy(archive, writer, checkpoint)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from orbits.catalogue.classes import CLASSES, GROUPS
 from orbits.catalogue.names import is_comet, plain
+from orbits.checks import is_whole
 from orbits.errors import InputError, UnknownNameError, shown
 
 Floats = NDArray[np.float64]
@@ -116,7 +117,7 @@ class Catalogue:
         )
 
     def _repr_html_(self) -> str:
-        from orbits.tables import MOST_ROWS, html_table
+        from orbits.export import MOST_ROWS, html_table
 
         head = ("body", "a [au]", "e", "inc [deg]", "Omega [deg]", "omega [deg]", "M [deg]", "epoch [MJD]", "H")
         angles = np.degrees([self.inc, self.Omega, self.omega, self.M])
@@ -198,7 +199,7 @@ def checked_count(count: Any) -> int | None:
     """Return a whole number of asteroids, or None; raise InputError for anything else."""
     if count is None:
         return None
-    if isinstance(count, bool | np.timedelta64) or not isinstance(count, int | np.integer) or count < 1:
+    if not is_whole(count) or count < 1:
         raise InputError(f"count = {shown(count)}; expected a whole number of asteroids, 1 or more")
     return int(count)
 
@@ -232,7 +233,7 @@ def checked_numbers(numbers: Any) -> list[int]:
         return []
     values = _listed(numbers)
     for number in values:
-        if isinstance(number, bool | np.timedelta64) or not isinstance(number, int | np.integer):
+        if not is_whole(number):
             raise InputError(
                 f"numbers holds {shown(number)}; expected whole numbers such as 1 for Ceres (names= takes names)"
             )

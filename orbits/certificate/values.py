@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from orbits.errors import InputError, shown
-from orbits.tables import html_table
+from orbits.export import html_table
 
 FORMAT = "orbits-certificate"
 VERSION = 1

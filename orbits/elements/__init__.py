@@ -9,7 +9,15 @@ Units are any consistent ones; angles are radians. Definitions in the degenerate
 
 from __future__ import annotations
 
-from orbits.elements.frames import FRAMES, OBLIQUITY, ecliptic_to_icrf, from_frame, icrf_to_ecliptic, to_frame
+from orbits.elements.frames import (
+    FRAMES,
+    OBLIQUITY,
+    default_frame,
+    ecliptic_to_icrf,
+    from_frame,
+    icrf_to_ecliptic,
+    to_frame,
+)
 from orbits.elements.osculating import Elements, elements_from_state
 from orbits.elements.states import state_from_elements
 from orbits.elements.two_body import two_body
@@ -18,6 +26,7 @@ __all__ = [
     "FRAMES",
     "OBLIQUITY",
     "Elements",
+    "default_frame",
     "ecliptic_to_icrf",
     "elements_from_state",
     "from_frame",

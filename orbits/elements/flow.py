@@ -6,7 +6,7 @@ from typing import Any
 
 from astropy import units as u
 
-from orbits.elements.checks import numbers
+from orbits.elements.refusals import numbers
 from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError
 from orbits.units import DIMENSIONLESS, UnitSystem

@@ -12,15 +12,21 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.elements.checks import shaped
 from orbits.elements.kepler import Floats
+from orbits.elements.refusals import shaped
 from orbits.errors import UnknownNameError, shown
+from orbits.units import UnitSystem
 
 OBLIQUITY = math.radians(84381.448 / 3600.0)
 """The obliquity of the ecliptic at J2000, radians."""
 
 FRAMES = ("icrf", "ecliptic")
 """The frames by name; "icrf" stands for the axes that states are given in, whatever they are."""
+
+
+def default_frame(units: UnitSystem) -> str:
+    """Return the frame that elements refer to where none is named: the ecliptic, if there is a sky to have one."""
+    return "ecliptic" if units.is_physical else "icrf"
 
 
 def ecliptic_to_icrf(x: ArrayLike) -> Floats:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.diagnostics import doubledouble as dd
-from orbits.elements.checks import EXTREME, NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, refuse
 from orbits.elements.kepler import Floats
+from orbits.elements.refusals import EXTREME, NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, refuse
 
 # |q x v|/(|q| |v|) below which rounding alone decides the plane.
 INDISTINCT = 4.0 * np.finfo(np.float64).eps

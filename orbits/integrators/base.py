@@ -68,10 +68,11 @@ class Integrator:
         marches the massive bodies; `field` has one slot for each step, or one slot that is used over and over; the
         state at the beginning of each step goes to `path` (`record_state`)
     advance_particles(
-        tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+        tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, observer, context,
+        track
     )
         marches particles start ... stop - 1, whose vectors have shape (3, padded), through the recorded field; their
-        states go to `track`, eight particles at a time, and are looked at with `watch` (`look_at_particles`)
+        states go to `track`, eight particles at a time, and the observer is called with them (`call_observer`)
 
     and, for methods that serve any regular Lagrangian, in positions and momenta, from step `first` of a march from t:
 

@@ -15,13 +15,16 @@ from typing import Any, cast
 import numpy as np
 
 from orbits.integrators.base import NOT_FINITE, OK, Array, Integrator, padded
+from orbits.integrators.watcher import Watcher
+from orbits.kernels.approach_search import follow_row, longest_way
 from orbits.kernels.binding import Tag, accelerate_some
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import COLUMNS, QUANTITIES, enter_record, follow_row, longest_way, note_rows
+from orbits.kernels.encounters import COLUMNS, QUANTITIES, enter_record, note_rows
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import Watch, record_strip
-from orbits.kernels.state import all_finite, drift, kick
+from orbits.kernels.paths import record_strip
+from orbits.kernels.state import all_finite, copy, drift, kick
 from orbits.kernels.team import ABANDONED, COUNTERS, claim, meet
+from orbits.kernels.watch import Contexts, watch_at
 
 LEAST_CROWD = 1000
 """Bodies from which on a force evaluation outlasts the meetings of threads by far."""
@@ -68,12 +71,12 @@ def march_together(
     for step in range(steps):
         record_strip(path, step, q, v, start, stop)
         record = field_record[step % field_record.shape[0]]
-        record[0, start:stop] = q[start:stop]
+        copy(q, start, stop, record[0])
         if kicks[0] != 0.0:
             kick(w, w_lo, kicks[0], a, stop - start)
         for i in range(drifts.shape[0]):
             drift(x, x_lo, drifts[i], w, w_lo, stop - start)
-            record[i + 1, start:stop] = q[start:stop]
+            copy(q, start, stop, record[i + 1])
             if kicks[i + 1] != 0.0:
                 accelerate_together(counters, team, round_, tag, parameters, q, g)
                 round_ += 1
@@ -81,59 +84,44 @@ def march_together(
 
 
 @kernel
-def follow_together(counters, team, member, watch, track, h, steps, records, lists, listed):
-    """Look for closest approaches among the bodies, as one of a team, each part with a record of its own.
+def follow_together(counters, team, member, context, h, steps, parts):
+    """Look for closest approaches among the bodies, as one of a team.
 
-    records : (PARTS, 4, 2, padded n); lists : (PARTS, room, columns) and listed : (PARTS, 2), see `Watch`
+    parts : addresses of PARTS contexts, each with a record and a list of its own
     """
+    watch = watch_at(context)
     n = watch.bodies
     rows = (n + PARTS - 1) // PARTS
     if watch.first == 0:
         part = claim(counters, team, 0, PARTS)
         while part < PARTS:
-            note_rows(watch, track, 0.0, min(rows * part, n), min(rows * (part + 1), n))
+            note_rows(context, min(rows * part, n), min(rows * (part + 1), n))
             part = claim(counters, team, 0, PARTS)
         meet(counters, team, 1)
-    way = longest_way(watch, h, steps)
+    way = longest_way(context, h, steps)
     round_ = 1 if watch.first == 0 else 0
     part = claim(counters, team, round_, PARTS)
     while part < PARTS:
-        follow_part(watch, track, h, steps, way, records[part], lists[part], listed[part], part)
+        follow_part(context, parts[part], h, steps, way, part)
         part = claim(counters, team, round_, PARTS)
     meet(counters, team, round_ + 1)
     if member == 0:
         for part in range(PARTS):
-            enter_record(watch.record, records[part], n)
+            enter_record(watch.record, watch_at(parts[part]).record, n)
 
 
 @kernel
-def follow_part(watch, track, h, steps, way, record, passages, listed, part):
+def follow_part(context, own, h, steps, way, part):
     """Look at each PARTS-th body from `part` on and those behind it, into a record that begins as the whole one, and
-    into an empty list.
+    into an empty list: those of the context `own`.
     """
-    n = watch.bodies
-    record[:] = watch.record[:, :, : record.shape[2]]
-    listed[:] = 0
-    own = Watch(
-        watch.path,
-        watch.stride,
-        n,
-        watch.first,
-        watch.dominant,
-        watch.mu,
-        watch.annuli,
-        watch.reaches,
-        record,
-        watch.stops,
-        watch.hits,
-        watch.bold,
-        watch.mild,
-        watch.keen,
-        passages,
-        listed,
-    )
-    for i in range(part, n - 1, PARTS):
-        follow_row(own, track, h, steps, way, i)
+    whole, record, listed = watch_at(context).record, watch_at(own).record, watch_at(own).listed
+    for quantity in range(record.shape[0]):
+        for column in range(record.shape[1]):
+            copy(whole[quantity, column], 0, record.shape[2], record[quantity, column])
+    listed[0], listed[1] = 0, 0
+    for i in range(part, watch_at(context).bodies - 1, PARTS):
+        follow_row(own, h, steps, way, i)
 
 
 class Team:
@@ -189,6 +177,10 @@ class Crowd:
         self._records = np.zeros((PARTS, QUANTITIES, 2, padded(bodies)))
         self._lists = np.empty((PARTS, PART_ROOM, COLUMNS))
         self._listed = np.zeros((PARTS, 2), dtype=np.int64)
+        self._parts = Contexts(PARTS)
+        for name, arrays in (("record", self._records), ("passages", self._lists), ("listed", self._listed)):
+            self._parts.enter_each(name, list(arrays))
+        self._addresses = np.array(self._parts.addresses)
 
     @staticmethod
     def serves(integrator: Integrator, tag: Tag, bodies: int) -> bool:
@@ -226,14 +218,16 @@ class Crowd:
         evaluations = steps * int(np.count_nonzero(kicks[1:]))
         return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, evaluations
 
-    def follow(self, watch: Watch, track: Array, h: float, steps: int) -> None:
-        """Look for closest approaches among the bodies, as `follow_bodies` does."""
-        self._team.run(follow_together, watch, track, h, steps, self._records, self._lists, self._listed)
+    def follow(self, watcher: Watcher, h: float, steps: int) -> None:
+        """Look for closest approaches among the bodies, as `Watcher.follow` does."""
+        self._parts.share(watcher.contexts, own=("record", "passages", "listed"))
+        self._team.run(follow_together, watcher.contexts.addresses[0], h, steps, self._addresses)
+        whole = watcher.lists[0]
         for (kept, seen), passages in zip(self._listed, self._lists, strict=True):
-            start = watch.listed[0]
-            count = min(kept, len(watch.passages) - start)
-            watch.passages[start : start + count] = passages[:count]
-            watch.listed[:] += count, seen
+            start = whole.listed[0]
+            count = min(kept, len(whole.passages) - start)
+            whole.passages[start : start + count] = passages[:count]
+            whole.listed[:] += count, seen
 
 
 def shares(bodies: int, threads: int) -> list[tuple[int, int]]:

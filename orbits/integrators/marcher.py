@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
 from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, aligned, padded
 from orbits.integrators.crowd import PARTS, PIECE, Crowd, Team, shares
-from orbits.integrators.passage_list import BlockList, PassageList
+from orbits.integrators.passage_list import PassageList
 from orbits.integrators.pool import Pool
 from orbits.integrators.watcher import Watcher, empty_record
-from orbits.kernels.encounters import follow_bodies
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import Watch
 from orbits.lagrangians.base import Lagrangian
 
 FIELD_BYTES = 512 * 1024
@@ -139,10 +137,10 @@ class Marcher:
         self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
         crowded = Crowd.serves(integrator, lagrangian.tag, n)
         self._pool = Pool(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
-        self._advance, self._follow = integrator.advance, follow_bodies
+        self._advance, self._crowd = integrator.advance, None
         if crowded:
-            crowd = Crowd(integrator, n, Team(min(threads, PARTS, (n + PIECE - 1) // PIECE), self._pool))
-            self._advance, self._follow = crowd.advance, crowd.follow
+            self._crowd = Crowd(integrator, n, Team(min(threads, PARTS, (n + PIECE - 1) // PIECE), self._pool))
+            self._advance = self._crowd.advance
         self.met: tuple[int, int, int] | None = None
         bold = min(max(BOLD_PER_ORDER * integrator.order, LEAST_BOLD), MOST_BOLD)
         keen = MOST_BOLD * KEENNESS ** max(16 - integrator.order, 0)
@@ -157,8 +155,8 @@ class Marcher:
             bold,
             _mild(integrator.order),
             keen,
+            len(self._tasks),
         )
-        self._lists = [self._watcher.listed, *(BlockList.empty() for _ in self._tasks)]
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._passages = PassageList(masses, self._watcher.dominant, bold / abs(self.h))
         self._overflowed = False
@@ -196,7 +194,7 @@ class Marcher:
 
     def _stop(self, count: int) -> bool:
         """Look whether a condition was met in the block of `count` steps just marched; then go to where it was."""
-        found = self._watcher.met(self._state["approaches"], self.step, count)
+        found = self._watcher.met(count)
         if found is None:
             return False
         steps, self.met = found
@@ -303,7 +301,7 @@ class Marcher:
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
-        kind = (self.integrator.advance, self.lagrangian.tag.name, bool(self._tasks), self._follow is follow_bodies)
+        kind = (self.integrator.advance, self.lagrangian.tag.name, bool(self._tasks), self._crowd is None)
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
             listed = self._passages.passages, self._passages.left_out
@@ -336,27 +334,26 @@ class Marcher:
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0
             self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
-        watch = self._watcher.watch(record, self.step)
         if record is not None:
-            for _, listed in self._lists:
-                listed[:] = 0
-            self._watcher.look(watch, self._tracks[0], h, count, state["q"], state["v"], self._follow)
+            self._watcher.begin(record, self.step)
+            self._watcher.look(h, count, state["q"], state["v"], self._crowd)
         if self._tasks:
-            self._march_particles(state, arguments, count, watch)
+            self._march_particles(state, arguments, count)
         if record is not None:
-            self._overflowed = self._passages.overflows(self._lists)
-            self._passages.add(self._lists)
+            self._overflowed = self._passages.overflows(self._watcher.lists)
+            self._passages.add(self._watcher.lists)
 
-    def _march_particles(self, state: dict[str, Array], arguments: tuple[Any, ...], count: int, watch: Watch) -> None:
+    def _march_particles(self, state: dict[str, Array], arguments: tuple[Any, ...], count: int) -> None:
         """March the massless particles through the block of `count` steps that the bodies have just taken."""
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
 
+        observer = self._watcher.observer if "approaches" in state else 0
+
         def share(task: int) -> tuple[int, int, int, int]:
             start, stop = self._tasks[task]
-            work, (passages, listed) = self._task_work[task], self._lists[1 + task]
-            own = watch._replace(passages=passages, listed=listed)
+            work, track, context = self._task_work[task], self._tracks[task], self._watcher.contexts.addresses[1 + task]
             result: tuple[int, int, int, int] = self.integrator.advance_particles(
-                *arguments, *particles, work, self._field, count, start, stop, own, self._tracks[task]
+                *arguments, *particles, work, self._field, count, start, stop, observer, context, track
             )
             return result
 

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 from numba.extending import overload
 
 from orbits.kernels.binding import Tag, kernel_of
+from orbits.kernels.keeping import identity
 
 
 @lru_cache(maxsize=256)
 def method_tag(advance: Any, advance_canonical: Any, advance_particles: Any = None) -> Tag:
-    """Return the tag of a method with these kernels; its name holds a hash of the files that they stand in."""
+    """Return the tag of a method with these kernels; its name tells them from all others."""
     kernels = {"advance": advance, "advance_canonical": advance_canonical, "advance_particles": advance_particles}
     kernels = {name: kernel for name, kernel in kernels.items() if kernel is not None}
     digest = hashlib.sha256()
     for kernel in kernels.values():
-        digest.update(f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}".encode())
-        path = Path(inspect.getfile(kernel.py_func))
-        digest.update(path.read_bytes() if path.is_file() else repr(kernel.py_func.__code__.co_consts).encode())
-        digest.update(kernel.py_func.__code__.co_code)
+        digest.update(identity(kernel.py_func).encode())
     return Tag(f"method-{digest.hexdigest()[:16]}", kernels)
 
 
@@ -43,7 +39,24 @@ def _advance(method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory,
 
 
 def advance_particles(
-    method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+    method,
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     """March particles in second-order form, as `Integrator.advance_particles`."""
     raise NotImplementedError("advance_particles() is for compiled code only")
@@ -51,7 +64,24 @@ def advance_particles(
 
 @overload(advance_particles)
 def _advance_particles(
-    method, tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+    method,
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     compiled = kernel_of(method, "advance_particles")
 
@@ -71,11 +101,28 @@ def _advance_particles(
         steps,
         start,
         stop,
-        watch,
+        observer,
+        context,
         track,
     ):
         return compiled(
-            tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field, steps, start, stop, watch, track
+            tag,
+            parameters,
+            coefficients,
+            h,
+            q,
+            q_lo,
+            v,
+            v_lo,
+            memory,
+            work,
+            field,
+            steps,
+            start,
+            stop,
+            observer,
+            context,
+            track,
         )
 
     return compiled and call

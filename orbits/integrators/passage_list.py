@@ -30,9 +30,9 @@ class BlockList(NamedTuple):
     listed: NDArray[np.int64]
 
     @classmethod
-    def empty(cls) -> BlockList:
-        """Return a list without any."""
-        return cls(np.empty((BLOCK_ROOM, COLUMNS)), np.zeros(2, dtype=np.int64))
+    def empty(cls, listed: NDArray[np.int64]) -> BlockList:
+        """Return a list without any, whose numbers are in `listed`."""
+        return cls(np.empty((BLOCK_ROOM, COLUMNS)), listed)
 
 
 class PassageList:

@@ -19,9 +19,9 @@ from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
-from orbits.kernels.stopping import look_at_particles
+from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, runge_kutta_4
@@ -38,7 +38,7 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
         record_state(path, step, q, v, size)
         slot = step % field_record.shape[0]
         Q1, Q2, Q3, Q4 = field_record[slot, 0], field_record[slot, 1], field_record[slot, 2], field_record[slot, 3]
-        Q1[:size] = q[:size]
+        copy(q, 0, size, Q1)
         accelerate(tag, parameters, Q1, g1)
         for k in range(size):
             Q2[k] = q[k] + h / 2 * v[k]
@@ -61,7 +61,23 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field_record,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
     for p in range(start, stop, WIDTH):
@@ -100,7 +116,7 @@ def advance_particles(
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
         record_particles(track, steps, x, y, z, vx, vy, vz)
-        look_at_particles(watch, track, h, steps, p, stop)
+        call_observer(observer, context, track, h, steps, p, stop)
     lost = first_not_finite(q, v, start, stop)
     return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), 4 * steps * (stop - start)
 

@@ -20,9 +20,9 @@ from orbits.integrators.base import MOMENTUM_MAPS, NOT_FINITE, OK, SYMMETRIC, SY
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
-from orbits.kernels.stopping import look_at_particles
+from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib
@@ -40,12 +40,12 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     for step in range(steps):
         record_state(path, step, q, v, size)
         record = field_record[step % field_record.shape[0]]
-        record[0, :size] = q[:size]
+        copy(q, 0, size, record[0])
         kick(v, v_lo, h / 2, g, size)
         drift(q, q_lo, h, v, v_lo, size)
         accelerate(tag, parameters, q, g)
         kick(v, v_lo, h / 2, g, size)
-        record[1, :size] = q[:size]
+        copy(q, 0, size, record[1])
     return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, steps
 
 
@@ -69,7 +69,23 @@ def _drifted(h, x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo):
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field_record,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     """March particles start ... stop - 1 in the recorded field; `start` is a multiple of eight.
 
@@ -101,10 +117,10 @@ def advance_particles(
         store_particles(q, q_lo, P, X, Y, Z, X_lo, Y_lo, Z_lo)
         store_particles(v, v_lo, P, VX, VY, VZ, VX_lo, VY_lo, VZ_lo)
         record_particles(track, steps, x, y, z, vx, vy, vz)
-        look_at_particles(watch, track, h, steps, p, stop)
+        call_observer(observer, context, track, h, steps, p, stop)
         if p < P:
             record_particles(second, steps, X, Y, Z, VX, VY, VZ)
-            look_at_particles(watch, second, h, steps, P, stop)
+            call_observer(observer, context, second, h, steps, P, stop)
     lost = first_not_finite(q, v, start, stop)
     return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), steps * (stop - start)
 

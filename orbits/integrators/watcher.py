@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.base import Array, padded
 from orbits.integrators.passage_list import BlockList
-from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, note_end
+from orbits.kernels.approach_search import follow_bodies, follow_particles, search
+from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import Watch
+from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
+from orbits.kernels.watch import Contexts
 
 RULE = 0.9
 """Share of the total mass from which on a body dominates the others."""
@@ -20,6 +22,10 @@ RULE = 0.9
 HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
 """The reach of a body, within which every flyby is listed and beyond which those of massless particles are not even
 recorded: Hill radii, or a share of the distance between the body and the dominant one, whichever is larger."""
+
+
+if TYPE_CHECKING:
+    from orbits.integrators.crowd import Crowd
 
 
 def empty_record(rows: int) -> Array:
@@ -36,7 +42,10 @@ class Watcher:
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
     stops, energy_bound : see `Marcher`
-    bold, mild, keen : see `Watch`
+    bold, mild, keen : see `orbits.kernels.watch`
+    tasks : how many tasks march particles at the same time
+
+    contexts, lists : of the massive bodies, then of each task
     """
 
     def __init__(
@@ -51,6 +60,7 @@ class Watcher:
         bold: float,
         mild: float,
         keen: float,
+        tasks: int = 0,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(2 * self._stride)
@@ -60,54 +70,80 @@ class Watcher:
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
-        self._bold, self._mild, self._keen, self.listed = bold, mild, keen, BlockList.empty()
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
             self.listed_within[: len(massive)] = self._annuli[:, REACH]
-        self._energy_bound, self._energy = energy_bound, 0.0
-        if energy_bound is not None:
-            self._set_state(0, q, v)
-            self._energy = path_energy(self.watch(empty_record(len(self._rows)), 0), parameters, 0)
-
-    def watch(self, record: Array | None, first: int) -> Watch:
-        """Return what the kernels look at after `first` steps; without a record, nothing."""
-        watching = record is not None
-        return Watch(
+        self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
+        self.lists = [BlockList.empty(listed) for listed in self._listed]
+        self.contexts = Contexts(1 + tasks)
+        self.contexts.enter(
             path=self._path,
             stride=self._stride,
-            bodies=len(self._massive) if watching else 0,
-            first=first,
-            dominant=self.dominant if watching else -1,
+            bodies=len(massive),
+            dominant=self.dominant,
             mu=self._mu,
             annuli=self._annuli,
             reaches=self.listed_within,
-            record=record if record is not None else _NO_RECORD,
             stops=self._stops,
             hits=self._hits,
-            bold=self._bold,
-            mild=self._mild,
-            keen=self._keen,
-            passages=self.listed.passages,
-            listed=self.listed.listed,
+            bold=bold,
+            mild=mild,
+            keen=keen,
         )
+        self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
+        self.contexts.enter_each("listed", [listed for _, listed in self.lists])
+        self._compiled, self._find_met, self._observer = False, 0, 0
+        self._energy_bound, self._energy = energy_bound, 0.0
+        if energy_bound is not None:
+            self._set_state(0, q, v)
+            self._energy = path_energy(self.contexts.addresses[0], parameters, 0)
+
+    @property
+    def observer(self) -> int:
+        """The address of what a task calls with its context and the states of eight particles after each block."""
+        if not self._observer:
+            self._observer = observer_address(follow_particles)
+        return self._observer
+
+    def begin(self, record: Array, first: int) -> None:
+        """Prepare for a block that comes after `first` steps: what is found goes into `record` and empty lists."""
+        if not self._compiled:
+            self._compile()
+        self.contexts.enter(record=record, first=first)
+        self._listed[:] = 0
+
+    def _compile(self) -> None:
+        """Compile, or load from the cache, what observers share."""
+        self._find_met = observer_address(find_met) if len(self._stops) else 0
+        self.contexts.enter(
+            search=observer_address(search, SEARCH), enter=observer_address(enter_passage, ENTER), then=self._find_met
+        )
+        self._compiled = True
 
     def path(self, steps: int) -> Array:
         """Return where a block of steps is recorded, no longer than it has to be: memory that is new is slow."""
         size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
             self._path = np.empty(size)
+            self.contexts.enter(path=self._path)
         return self._path
 
-    def look(self, watch: Watch, track: Array, h: float, steps: int, q: Array, v: Array, follow: Any) -> None:
+    def follow(self, h: float, steps: int) -> None:
+        """Look for closest approaches among the massive bodies."""
+        follow_bodies(self.contexts.addresses[0], h, steps)
+
+    def look(self, h: float, steps: int, q: Array, v: Array, crowd: Crowd | None = None) -> None:
         """Look at the massive bodies in the block of `steps` steps just marched, which ended at q and v.
 
-        follow : `follow_bodies`, or what does the same
+        crowd : what looks for closest approaches instead, where there are thousands of bodies
         """
         self._set_state(steps, q, v)
-        follow(watch, track, h, steps)
-        if len(self._stops):
-            find_met(watch, track, h, steps)
+        if crowd is None:
+            self.follow(h, steps)
+        else:
+            crowd.follow(self, h, steps)
+        observe(self._find_met, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
         if len(self._particles) and self.dominant >= 0:
             n = len(self._massive)
             block = self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
@@ -115,9 +151,9 @@ class Watcher:
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
-    def met(self, record: Array, first: int, steps: int) -> tuple[int, tuple[int, int, int]] | None:
-        """Return after how many of the `steps` steps just looked at, which came after `first`, a condition first held,
-        and which one for which bodies of the caller: (condition, body, massive body), condition -1 for the energy.
+    def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
+        """Return after how many of the `steps` steps just looked at a condition first held, and which
+        one for which bodies of the caller: (condition, body, massive body), condition -1 for the energy.
         None if none did.
         """
         if not steps or (not len(self._stops) and self._energy_bound is None):
@@ -127,7 +163,7 @@ class Watcher:
             found, *which = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])])
         if self._energy_bound is not None:
             bound = self._energy_bound * abs(self._energy)
-            step = first_energy_error(self.watch(record, first), self._parameters, steps, self._energy, bound)
+            step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self._energy, bound)
             if step < found:
                 found, which = step, [-1, 0, 0]
         if found > steps:
@@ -137,9 +173,10 @@ class Watcher:
     def approaches(self, record: Array, first: int, track: Array, state: dict[str, Array]) -> Array:
         """Return a record with the distances at its end entered."""
         record = record.copy()
+        self.begin(record, first)
         self._set_state(0, state["q"], state["v"])
         count = len(self._particles)
-        note_end(self.watch(record, first), track, state["particle_q"], state["particle_v"], count)
+        note_end(self.contexts.addresses[0], track, state["particle_q"], state["particle_v"], count)
         return record
 
     def _set_state(self, step: int, q: Array, v: Array) -> None:
@@ -175,5 +212,5 @@ class Watcher:
         return annuli
 
 
-_NO_RECORD = empty_record(0)
 _NO_STOPS = np.zeros((0, 4))
+_NO_TRACK = np.zeros((0, WIDTH))

@@ -1,14 +1,10 @@
 """`@kernel`, the only way this package compiles a function.
 
-Numba's disk cache looks at the file of the function it compiles, not at the files of the functions called from it:
-after an edit in `gravity.py` a loop cached from `gauss.py` would go on computing the old digits. Every cache entry is
-therefore stamped with a hash of all kernel sources; any edit makes all entries stale at once. What else is checked
-before an entry is used is in `keeping.py`.
+What makes a cached entry stale is in `stamp.py`, and what is checked before it is used in `keeping.py`.
 """
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections.abc import Callable
 from functools import lru_cache
@@ -16,26 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
-import numba
 from numba.core import config as numba_config
 
-from orbits.kernels.keeping import KernelCache
+from orbits.kernels.dispatcher import Kernel
+from orbits.kernels.stamp import source_stamp
 
 config: Any = numba_config  # its attributes are set at run time
-
-KERNEL_FOLDERS = ("kernels", "lagrangians", "integrators")
-
-
-@lru_cache(maxsize=1)
-def source_stamp() -> str:
-    """Return the SHA-256 of every source file that may hold a kernel."""
-    package = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
-    for folder in KERNEL_FOLDERS:
-        for path in sorted((package / folder).glob("**/*.py")):
-            digest.update(path.relative_to(package).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 @lru_cache(maxsize=1)
@@ -56,15 +38,15 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
 
     inline : copy the body into every caller (for the few lines inside an inner loop)
     exact : do not even fuse; for error-free transformations
+
+    A kernel writes into arrays that it is given: one that allocates raises InputError when it is compiled.
     """
 
-    def compile_function(function: Callable) -> Any:
+    def compile_function(function: Callable) -> Kernel:
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": inline}
         options["fastmath"] = set() if exact else {"contract"}
-        if not Path(inspect.getfile(function)).is_file() and not function.__code__.co_filename.startswith("<ipython"):
-            return numba.njit(**options)(function)  # typed into a session: there is no file to keep a cache for
-        dispatcher: Any = numba.njit(**options)(function)
-        dispatcher._cache = KernelCache(function, source_stamp())
-        return dispatcher
+        # What is typed into a session has no file to keep a cache for, except where IPython makes one.
+        kept = Path(inspect.getfile(function)).is_file() or function.__code__.co_filename.startswith("<ipython")
+        return Kernel(function, options, source_stamp() if kept else None)
 
     return compile_function if function is None else compile_function(function)

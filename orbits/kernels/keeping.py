@@ -12,19 +12,24 @@ file is `__main__` when it is run as a script.
 from __future__ import annotations
 
 import contextlib
+import dis
 import glob
 import hashlib
 import inspect
 import os
 import pickle
 import stat
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 from numba.core import caching
+from numba.core.serialize import dumps
 
 from orbits.kernels import trust
+from orbits.kernels.stamp import is_covered
 
 CHECKSUM_BYTES = 16
 
@@ -175,22 +180,57 @@ PLACES = [
 class _Implementation(caching.CompileResultCacheImpl):
     _locator_classes = PLACES
 
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        """Return how the names of a kernel's files begin: without its line, which moves with the prose above it."""
+        version = f"py{sys.version_info[0]}{sys.version_info[1]}{abiflags}"
+        return f"{fullname.replace('<', '').replace('>', '')}.{version}"
+
 
 class KernelCache(caching.FunctionCache):
     """The cache of one kernel. Private to Numba; pyproject.toml pins the range in which tests have seen it work.
 
-    stamp : text that must agree for an entry to be used, beside the source of the kernel's own file
+    stamp : text that must agree for an entry to be used
+    covered : whether that text changes with the kernel's own file; where not, size and time of the file must agree too
+    purpose : a word that tells caches of one function apart that is compiled in several ways
     """
 
     _impl_class = _Implementation
 
-    def __init__(self, function: Callable[..., Any], stamp: str) -> None:
+    def __init__(self, function: Callable[..., Any], stamp: str, *, covered: bool, purpose: str = "") -> None:
         super().__init__(function)
-        module = checksum(function.__module__.encode()).hex()[:8]
+        module = checksum(f"{function.__module__}{purpose}".encode()).hex()[:8]
         base, locator = f"{self._impl.filename_base}.{module}", self._impl.locator
         owners = _owners(inspect.getfile(function))
-        self._cache_file = CheckedFiles(self.cache_path, base, locator.get_source_stamp(), owners)
+        self._cache_file = CheckedFiles(self.cache_path, base, None if covered else locator.get_source_stamp(), owners)
         self._cache_file._version = f"{self._cache_file._version} {stamp}"
+        self._instructions = checksum(instructions(function.__code__).encode())
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """Return what tells entries apart, those of functions of one name in one file among them."""
+        captured = [cell.cell_contents for cell in self._py_func.__closure__ or ()]
+        return sig, codegen.magic_tuple(), self._instructions, checksum(dumps(captured)) if captured else b""
+
+
+def identity(function: Callable[..., Any]) -> str:
+    """Return text that changes when what a kernel compiles to may change, and the stamp does not."""
+    name, file = f"{function.__module__}.{function.__qualname__}", inspect.getfile(function)
+    if is_covered(file):
+        return name
+    source = Path(file).read_bytes() if Path(file).is_file() else b""  # nothing for what is typed into a session
+    return f"{name} {checksum(source).hex()} {checksum(instructions(function.__code__).encode()).hex()}"
+
+
+def instructions(code: CodeType) -> str:
+    """Return what a function does as text: without its docstring, its comments and its lines."""
+    parts = [repr((code.co_varnames, code.co_argcount))]
+    for step in dis.get_instructions(code):
+        shown = step.argrepr
+        if isinstance(step.argval, CodeType):
+            shown = instructions(step.argval)
+        elif isinstance(step.argval, frozenset):  # in another order in each process
+            shown = repr(sorted(step.argval, key=repr))
+        parts.append(f"{step.opname} {shown}")
+    return "\n".join(parts)
 
 
 def _owners(source: str) -> frozenset[int]:

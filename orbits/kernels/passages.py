@@ -24,19 +24,21 @@ def fastest_passage(gm, softening, q, v, massive, span):
     forwards = 1.0 if span >= 0.0 else -1.0
     for i in range(q.shape[0]):
         ruler, strongest = -1, -1.0
+        x = y = z = 0.0
+        xi, yi, zi = q[i, 0], q[i, 1], q[i, 2]
         for k in range(massive.shape[0]):
             j = massive[k]
             if j == i:
                 continue
-            dx, dy, dz = q[i, 0] - q[j, 0], q[i, 1] - q[j, 1], q[i, 2] - q[j, 2]
+            dx, dy, dz = xi - q[j, 0], yi - q[j, 1], zi - q[j, 2]
             r2 = dx * dx + dy * dy + dz * dz
             mu = gm[i] + gm[j]
             pull = mu * mu / (r2 * r2 * r2)
             if pull > strongest:
                 ruler, strongest = j, pull
+                x, y, z = dx, dy, dz
         if ruler < 0:
             continue
-        x, y, z = q[i, 0] - q[ruler, 0], q[i, 1] - q[ruler, 1], q[i, 2] - q[ruler, 2]
         u, v_y, w = v[i, 0] - v[ruler, 0], v[i, 1] - v[ruler, 1], v[i, 2] - v[ruler, 2]
         mu = gm[i] + gm[ruler]
         r2, speed2, rv = x * x + y * y + z * z, u * u + v_y * v_y + w * w, (x * u + y * v_y + z * w) * forwards

@@ -5,50 +5,9 @@ Rows are the massive bodies, then the massless particles, of which eight at a ti
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
-
-
-class Watch(NamedTuple):
-    """What is looked at in a block of steps.
-
-    path : flat; n bodies' q and v at the beginning of each step and at the end, each padded to `stride`
-    stride : length of a padded vector
-    bodies : n
-    first : steps taken before this block
-    dominant : the body that rules the motion of the others, or -1
-    mu : its GM
-    annuli : (n, 3), see `encounters.py`
-    reaches : (n + padding,), how close to a body flybys are listed; 0 where no body dominates
-    record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
-    stops : (conditions, 4), see `stopping.py`
-    hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
-        which condition first held for which row and body
-    bold : angle of a step, h x speed / distance, from which on every passage by another than the dominant body is
-        listed
-    mild, keen : eccentricity, and angle of a step, from which on pericentres about the dominant body are listed
-    passages : (room, columns), see `encounters.py`: the passages of this block that are listed
-    listed : (2,) int64; how many are in the list, and how many there were
-    """
-
-    path: Any
-    stride: Any
-    bodies: Any
-    first: Any
-    dominant: Any
-    mu: Any
-    annuli: Any
-    reaches: Any
-    record: Any
-    stops: Any
-    hits: Any
-    bold: Any
-    mild: Any
-    keen: Any
-    passages: Any
-    listed: Any
+from orbits.kernels.watch import flat
 
 
 @kernel(inline=True)
@@ -57,24 +16,18 @@ def relative(watch, track, row, j, step):
     n, path = watch.bodies, watch.path
     a = 2 * step * watch.stride + j
     b = a + watch.stride
-    if row < n:
-        c, d = a - j + row, b - j + row
-        return (
-            path[c] - path[a],
-            path[c + n] - path[a + n],
-            path[c + 2 * n] - path[a + 2 * n],
-            path[d] - path[b],
-            path[d + n] - path[b + n],
-            path[d + 2 * n] - path[b + 2 * n],
-        )
-    p, k = (row - n) % WIDTH, 6 * step
+    # The row's own x and v_x, and how far the next component is behind.
+    states, c, d, spacing = path, a - j + row, b - j + row, n
+    if row >= n:
+        first = 6 * WIDTH * step + (row - n) % WIDTH
+        states, c, d, spacing = flat(track), first, first + 3 * WIDTH, WIDTH
     return (
-        track[k, p] - path[a],
-        track[k + 1, p] - path[a + n],
-        track[k + 2, p] - path[a + 2 * n],
-        track[k + 3, p] - path[b],
-        track[k + 4, p] - path[b + n],
-        track[k + 5, p] - path[b + 2 * n],
+        states[c] - path[a],
+        states[c + spacing] - path[a + n],
+        states[c + 2 * spacing] - path[a + 2 * n],
+        states[d] - path[b],
+        states[d + spacing] - path[b + n],
+        states[d + 2 * spacing] - path[b + 2 * n],
     )
 
 
@@ -115,7 +68,7 @@ def hermite(s, h, x0, v0, x1, v1):
     return x0 + s * (h * v0 + s * (c2 + s * c3)), velocity, (2.0 * c2 + 6.0 * s * c3) / (h * h)
 
 
-@kernel
+@kernel(inline=True)
 def least_distance(watch, track, row, j, step, h):
     """Return the squared distance, the fraction of the step and the squared speed at the least distance in a step."""
     x0, y0, z0, u0, v0, w0 = relative(watch, track, row, j, step)

@@ -38,10 +38,10 @@ def drift(q, q_lo, h, v, v_lo, start, stop):
 
 
 @kernel(inline=True)
-def copied(x, out, start, stop):
-    """Write components start ... stop - 1 of x into `out`; padded as for `kick`."""
+def copy(source, start, stop, out):
+    """Write elements start ... stop - 1 of a vector into those of another; padded as for `kick`."""
     for k in range(start, stop, WIDTH):
-        store(out, k, load(x, k))
+        store(out, k, load(source, k))
 
 
 @kernel

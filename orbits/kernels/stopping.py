@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+from orbits.kernels.approach_search import longest_way
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import follow_particles, longest_way
 from orbits.kernels.gravity import pair_potential
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import least_distance, relative
+from orbits.kernels.watch import watch_at
 
 ANY = -1
 CLOSER, FARTHER = 0, 1
@@ -24,15 +25,16 @@ def _concerns(stops, c, row, j):
 
 
 @kernel
-def first_met(watch, track, h, steps, start, stop):
+def first_met(context, track, h, steps, start, stop):
     """Return after how many of `steps` steps (steps + 1: never) which condition first holds for which row and body.
 
     Rows start ... stop - 1 are looked at. "Closer" holds as well after a step within which the pair came closer than it
     is at either end.
     """
+    watch = watch_at(context)
     stops, n = watch.stops, watch.bodies
     found = (steps + 1, 0, 0, 0)
-    way = longest_way(watch, h, steps) if start < n else math.inf
+    way = longest_way(context, h, steps) if start < n else math.inf
     for c in range(stops.shape[0]):
         bound2 = stops[c, BOUND2]
         closer = stops[c, KIND] == CLOSER
@@ -68,23 +70,19 @@ def _enter(hits, row, found):
 
 
 @kernel
-def find_met(watch, track, h, steps):
-    """Look for met conditions among the massive bodies; `track` is not read."""
-    _enter(watch.hits, watch.hits.shape[0] - 1, first_met(watch, track, h, steps, 0, watch.bodies))
+def find_met(context, track, h, steps, start, stop):
+    """Look for met conditions: of massive bodies start ... stop - 1 or, where there is a track, of particles."""
+    watch = watch_at(context)
+    group, row = watch.hits.shape[0] - 1, 0
+    if track.shape[0] > 0:
+        group, row = start // WIDTH, watch.bodies
+    _enter(watch.hits, group, first_met(context, track, h, steps, row + start, row + stop))
 
 
 @kernel
-def look_at_particles(watch, track, h, steps, start, stop):
-    """Look for closest approaches and met conditions of particles start ... start + 7, those below `stop`."""
-    stop = min(start + WIDTH, stop)
-    follow_particles(watch, track, h, steps, start, stop)
-    n = watch.bodies
-    _enter(watch.hits, start // WIDTH, first_met(watch, track, h, steps, n + start, n + stop))
-
-
-@kernel
-def path_energy(watch, strength, step):
+def path_energy(context, strength, step):
     """Return G times the energy of the massive bodies at the beginning of a step."""
+    watch = watch_at(context)
     n, P, path = watch.bodies, watch.stride, watch.path
     first = 2 * step * P
     value = pair_potential(strength, path[first : first + P])
@@ -95,9 +93,9 @@ def path_energy(watch, strength, step):
 
 
 @kernel
-def first_energy_error(watch, strength, steps, reference, bound):
+def first_energy_error(context, strength, steps, reference, bound):
     """Return after how many of `steps` steps |E - reference| exceeds `bound`, or steps + 1."""
     for step in range(1, steps + 1):
-        if not abs(path_energy(watch, strength, step) - reference) <= bound:
+        if not abs(path_energy(context, strength, step) - reference) <= bound:
             return step
     return steps + 1

@@ -101,6 +101,19 @@ def make_private(place: Path) -> None:
     tempfile.TemporaryFile(dir=place).close()
 
 
+def user_folder(name: str) -> Path:
+    """Return a folder of this user's for what is kept between processes: in NUMBA_CACHE_DIR, else in XDG_CACHE_HOME or
+    ~/.cache, else a private temporary folder. A folder in which other users may write is passed over, with a warning.
+    """
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+    place = Path(chosen) / "orbits" if chosen else home / "orbits" / name
+    with contextlib.suppress(OSError):
+        make_private(place)
+        return place
+    return temporary_folder()
+
+
 @lru_cache(maxsize=1)
 def temporary_folder() -> Path:
     """Return a private folder for where there is no other: kept until the machine restarts, or else this process's."""

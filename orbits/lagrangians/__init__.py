@@ -2,25 +2,30 @@
 
 A walk over this folder registers every module-level `Lagrangian` and makes it an attribute of this package, in the
 place of the module that it stands in. Importing compiles nothing and does not load SymPy.
+
+A `Lagrangian` knows nothing of how one is made or pickled; what does is put on it here.
 """
 
 from __future__ import annotations
 
+import copyreg
 import importlib
 import pkgutil
 
+from orbits.lagrangians import pickling
 from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.handwritten import from_kernels
+from orbits.lagrangians.registered import FOUND, registry
+from orbits.lagrangians.symbolic import from_sympy
 from orbits.lagrangians.symmetry import boost, rotation, translation
 
-__all__ = ["boost", "registry", "rotation", "translation"]
+__all__ = ["boost", "from_kernels", "from_sympy", "registry", "rotation", "translation"]
 
-_FOUND: dict[str, Lagrangian] = {}
+Lagrangian.from_sympy = staticmethod(from_sympy)
+Lagrangian.from_kernels = staticmethod(from_kernels)
+copyreg.pickle(Lagrangian, pickling.reduced)
+
 for _module in pkgutil.iter_modules(__path__):
     for _name, _value in list(vars(importlib.import_module(f"{__name__}.{_module.name}")).items()):
         if isinstance(_value, Lagrangian):
-            _FOUND[_value.name] = globals()[_name] = _value
-
-
-def registry() -> dict[str, Lagrangian]:
-    """Return every Lagrangian of the package by its name."""
-    return dict(_FOUND)
+            FOUND[_value.name] = globals()[_name] = _value

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import finite_number
 from orbits.errors import InputError, SingularityError, shown
 from orbits.lagrangians.symmetry import Symmetry
 
@@ -87,6 +88,10 @@ class Lagrangian:
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)
 
+    if TYPE_CHECKING:  # set by the package, which knows how they are made: `orbits.lagrangians`
+        from_sympy: ClassVar[Callable[..., Lagrangian]]
+        from_kernels: ClassVar[Callable[..., Lagrangian]]
+
     def __post_init__(self) -> None:
         """Raise InputError for names, parameters, an example or symmetries that cannot be those of a Lagrangian."""
         require_name(self.name)
@@ -95,7 +100,8 @@ class Lagrangian:
             raise InputError(f"'{self.name}': coordinates must be different names, one for each, got {list(names)}")
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"'{self.name}': parameters must be values by name, got {shown(self.parameters)}")
-        object.__setattr__(self, "parameters", {key: real(value, key) for key, value in self.parameters.items()})
+        values = {key: finite_number(value, f"parameter {key}") for key, value in self.parameters.items()}
+        object.__setattr__(self, "parameters", values)
         if self.example is not None:
             self.vector(self.example.q, "the example's q")
             self.vector(self.example.v, "the example's v")
@@ -112,81 +118,6 @@ class Lagrangian:
 
     def __deepcopy__(self, memo: Any) -> Lagrangian:
         return self
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        from orbits.lagrangians.pickling import reduced
-
-        return reduced(self)
-
-    @staticmethod
-    def from_sympy(
-        L: Any,
-        *,
-        q: Sequence[Any],
-        v: Sequence[Any],
-        t: Any = None,
-        parameters: Mapping[Any, float] | None = None,
-        name: str = "lagrangian",
-        example: Motion | None = None,
-        symmetries: Symmetries = (),
-        source: str = "",
-    ) -> Lagrangian:
-        """Return a Lagrangian from an expression in SymPy; its kernels are kept on disk for other processes.
-
-        L : SymPy expression of q, v, t and the parameters, twice differentiable
-        q, v : d coordinates and their velocities: symbols, or functions of t and their derivatives
-        t : the time, if L depends on it; parameters : values by symbol
-        symmetries : a list of them, or a function that makes it from the parameters' values by name
-
-        Raises InputError, with the reason, for what cannot be used: symbols without a value, functions that cannot be
-        compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse.
-
-            q, v, g = sympy.symbols("q v g")
-            pendulum = orbits.Lagrangian.from_sympy(v**2 / 2 + g * sympy.cos(q), q=[q], v=[v], parameters={g: 9.81})
-        """
-        from orbits.lagrangians.symbolic import from_sympy
-
-        return from_sympy(
-            L, q=q, v=v, t=t, parameters=parameters, name=name, example=example, symmetries=symmetries, source_=source
-        )
-
-    @staticmethod
-    def from_kernels(
-        kernels: Mapping[str, Any],
-        *,
-        coordinates: Sequence[str],
-        name: str,
-        parameters: Mapping[str, float] | None = None,
-        example: Motion | None = None,
-        symmetries: Symmetries = (),
-        formula: str = "",
-        source: str = "",
-    ) -> Lagrangian:
-        """Return a Lagrangian from kernels written by hand, functions compiled with `orbits.kernel`.
-
-        kernels : some of
-            accelerate(parameters, q, out)           d2q/dt2 = g(q), for a separable Lagrangian with unit masses, or
-                                                     with masses that `gradients` tells
-            value(parameters, t, q, v)               L
-            gradients(parameters, t, q, v, f, p)     dL/dq into f, dL/dv into p
-            hessians(parameters, t, q, v, out)       d2L/dq dq, d2L/dq dv, d2L/dv dv, each d x d row by row
-        Read with get(q, k) and write with put(out, k, value) from `orbits.kernels.lanes`: a kernel serves vectors (d,)
-        and rows (d, 8), the stages of an implicit method in lanes.
-        `accelerate` makes it separable; the other three together serve the implicit methods in canonical form.
-        Raises InputError for other names, and if neither set is complete.
-        """
-        from orbits.lagrangians.handwritten import from_kernels
-
-        return from_kernels(
-            kernels,
-            coordinates=coordinates,
-            name=name,
-            parameters=parameters or {},
-            example=example,
-            symmetries=symmetries,
-            formula=formula,
-            source=source,
-        )
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
@@ -393,19 +324,6 @@ def require_name(name: Any) -> None:
     """Raise InputError unless `name` can be a Lagrangian's."""
     if not isinstance(name, str) or not name.strip():
         raise InputError(f"a Lagrangian's name must be a word, got {shown(name)}")
-
-
-def real(value: Any, what: str) -> float:
-    """Return the value of a parameter as a float. Raises InputError for what is not a finite real number."""
-    try:
-        if isinstance(value, str) or np.iscomplexobj(value):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"parameter {what} must be a real number; got {shown(value)}") from None
-    if not np.isfinite(number):
-        raise InputError(f"parameter {what} must be finite; got {shown(value)}")
-    return number
 
 
 def show(x: Array) -> str:

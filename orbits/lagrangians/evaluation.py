@@ -1,24 +1,34 @@
-"""L and its derivatives at one point or along a path, for callers that are not compiled."""
+"""L and its derivatives at one point, for callers that are not compiled: its kernels, called from Python.
+
+A compiled function around them would double what compiling takes.
+"""
 
 from __future__ import annotations
 
-from orbits.kernels import binding
-from orbits.kernels.compile import kernel
+from typing import Any
+
+from numpy import float64
+from numpy.typing import NDArray
+
+from orbits.kernels.binding import Tag, kernel_of
+
+Array = NDArray[float64]
 
 
-@kernel
-def value(tag, parameters, t, q, v):
+def value(tag: Tag, parameters: Array, t: float, q: Array, v: Array) -> float:
     """Return L(q, v, t); q, v : (d,)."""
-    return binding.value(tag, parameters, t, q, v)
+    return float(_kernel(tag, "value")(parameters, t, q, v))
 
 
-@kernel
-def gradients(tag, parameters, t, q, v, f, p):
+def gradients(tag: Tag, parameters: Array, t: float, q: Array, v: Array, f: Array, p: Array) -> None:
     """Write dL/dq into f and dL/dv into p, each (d,)."""
-    binding.gradients(tag, parameters, t, q, v, f, p)
+    _kernel(tag, "gradients")(parameters, t, q, v, f, p)
 
 
-@kernel
-def hessians(tag, parameters, t, q, v, out):
+def hessians(tag: Tag, parameters: Array, t: float, q: Array, v: Array, out: Array) -> None:
     """Write d2L/dq dq, d2L/dq dv and d2L/dv dv, each (d, d) row by row, into out (3 d^2,)."""
-    binding.hessians(tag, parameters, t, q, v, out)
+    _kernel(tag, "hessians")(parameters, t, q, v, out)
+
+
+def _kernel(tag: Tag, name: str) -> Any:
+    return kernel_of(tag.type, name)

@@ -24,13 +24,25 @@ def from_kernels(
     *,
     coordinates: Sequence[str],
     name: str,
-    parameters: Mapping[str, float],
-    example: Motion | None,
-    symmetries: Symmetries,
-    formula: str,
-    source: str,
+    parameters: Mapping[str, float] | None = None,
+    example: Motion | None = None,
+    symmetries: Symmetries = (),
+    formula: str = "",
+    source: str = "",
 ) -> Lagrangian:
-    """Return a Lagrangian from kernels; see `Lagrangian.from_kernels`."""
+    """Return a Lagrangian from kernels written by hand, functions compiled with `orbits.kernel`.
+
+    kernels : some of
+        accelerate(parameters, q, out)           d2q/dt2 = g(q), for a separable Lagrangian with unit masses, or
+                                                 with masses that `gradients` tells
+        value(parameters, t, q, v)               L
+        gradients(parameters, t, q, v, f, p)     dL/dq into f, dL/dv into p
+        hessians(parameters, t, q, v, out)       d2L/dq dq, d2L/dq dv, d2L/dv dv, each d x d row by row
+    Read with get(q, k) and write with put(out, k, value) from `orbits.kernels.lanes`: a kernel serves vectors (d,)
+    and rows (d, 8), the stages of an implicit method in lanes.
+    `accelerate` makes it separable; the other three together serve the implicit methods in canonical form.
+    Raises InputError for other names, and if neither set is complete.
+    """
     if not isinstance(kernels, Mapping):
         raise InputError(
             f"'{name}': kernels must be functions by name, such as {{'accelerate': f}}; got {shown(kernels)}"
@@ -66,7 +78,7 @@ def from_kernels(
         name=name,
         formula=formula or "by hand",
         coordinates=tuple(coordinates),
-        parameters=parameters,
+        parameters=parameters or {},
         compile=lambda: made,
         example=example,
         groups=symmetries,

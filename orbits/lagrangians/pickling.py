@@ -7,12 +7,11 @@ from typing import Any
 
 from orbits.errors import InputError
 from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.registered import registry
 
 
 def reduced(L: Lagrangian) -> tuple[Any, ...]:
     """Return how pickle makes L again. Raises InputError for one that is not of this package."""
-    from orbits.lagrangians import registry
-
     own = registry().get(L.name)
     # Other values of the parameters leave these parts as they are; whoever makes another Lagrangian makes them anew.
     parts = ("coordinates", "example", "groups")
@@ -26,7 +25,5 @@ def reduced(L: Lagrangian) -> tuple[Any, ...]:
 
 def named(name: str, parameters: Mapping[str, float]) -> Lagrangian:
     """Return the Lagrangian of this package with that name, with these values of its parameters."""
-    from orbits.lagrangians import registry
-
     own = registry()[name]
     return own if own.parameters == parameters else own.with_parameters(**parameters)

@@ -20,11 +20,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits import checks
 from orbits.errors import InputError, shown
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ def translation(
     direction : (k,), not zero; the configuration is a vector of copies * k coordinates, body after body
     gauge, timed : as for `Symmetry`; K(q) = e B y/2 along x in a uniform magnetic field, say
     """
-    u = np.tile(_direction(direction, "a translation"), copies)
+    u = np.tile(checks.direction(direction, "a translation"), copies)
 
     def flow(s: float, q: Array, t: float = 0.0) -> Array:
         moved: Array = q + s * u
@@ -166,7 +166,7 @@ def boost(direction: ArrayLike, masses: ArrayLike = 1.0, *, name: str = "boost")
     m = np.atleast_1d(np.asarray(masses, dtype=np.float64))
     if m.ndim != 1 or not np.all(m > 0.0) or not np.all(np.isfinite(m)):
         raise InputError(f"a boost needs the masses of the bodies, finite and positive; got {shown(masses)}")
-    u = _direction(direction, "a boost")
+    u = checks.direction(direction, "a boost")
     everywhere, weighted = np.tile(u, len(m)), np.kron(m, u)
 
     def flow(s: float, q: Array, t: float) -> Array:
@@ -189,9 +189,7 @@ def rotation(axis: ArrayLike | None = None, *, copies: int = 1, name: str = "rot
     if axis is None:
         width, spin = 2, np.array([[0.0, -1.0], [1.0, 0.0]])
     else:
-        n = np.asarray(axis, dtype=np.float64)
-        if n.shape != (3,) or not np.all(np.isfinite(n)) or not np.any(n):
-            raise InputError(f"a rotation needs an axis, three finite numbers not all zero; got {shown(axis)}")
+        n = checks.direction(axis, "a rotation", width=3)
         n = n / np.sqrt(n @ n)
         width, spin = 3, np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
 
@@ -206,10 +204,3 @@ def rotation(axis: ArrayLike | None = None, *, copies: int = 1, name: str = "rot
         return xi
 
     return Symmetry(name, flow, generator)
-
-
-def _direction(direction: Any, what: str) -> Array:
-    u = np.asarray(direction, dtype=np.float64)
-    if u.ndim != 1 or not np.all(np.isfinite(u)) or not np.any(u):
-        raise InputError(f"{what} needs a direction, a finite vector that is not zero; got {shown(direction)}")
-    return u

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from io import BytesIO
 from typing import Any
 
@@ -17,17 +19,18 @@ class Picture(Figure):
 
     A notebook knows how to show figures only once pyplot was imported there; in a fresh kernel all that would be seen
     of one is "<Figure size 1320x1200 with 1 Axes>".
+
+    look : makes the context in which it is drawn
     """
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, *, look: Callable[[], AbstractContextManager[None]], **options: Any) -> None:
         super().__init__(**options)
+        self._look = look
         FigureCanvasAgg(self)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        from orbits.plotting.style import look
-
         memory = BytesIO()
-        with look():
+        with self._look():
             self.savefig(memory, format="png")
         width, height = (round(DOTS_IN_A_NOTEBOOK * inches) for inches in self.get_size_inches())
         return memory.getvalue(), {"width": width, "height": height}

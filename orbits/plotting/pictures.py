@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.elements import to_frame
+from orbits import body_names
+from orbits.elements import default_frame, to_frame
 from orbits.plotting import arcs, style, words
-from orbits.system import presenting
-from orbits.system.making import default_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -248,7 +247,7 @@ def osculating_ellipse(system: System, body: str | int, frame: str | None = None
 
 
 def _chosen(system: System, bodies: Sequence[str] | None) -> list[int]:
-    chosen: list[int] = np.arange(len(system))[presenting.chosen(system.names, bodies)].tolist()
+    chosen: list[int] = np.arange(len(system))[body_names.chosen(system.names, bodies)].tolist()
     return chosen
 
 

@@ -73,7 +73,7 @@ def figure(width: float = 16.0, height: float = 10.0, dpi: int = 120) -> Figure:
     """Return an empty figure of width x height inches."""
     from orbits.plotting.notebook import Picture
 
-    return Picture(figsize=(width, height), dpi=dpi, layout="constrained", facecolor="white")
+    return Picture(look=look, figsize=(width, height), dpi=dpi, layout="constrained", facecolor="white")
 
 
 def save(made: Figure, path: Path) -> None:

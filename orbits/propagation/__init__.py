@@ -1,6 +1,32 @@
-"""Propagation: bind system, integrator and step; march chunk by chunk; sample, store, report, stop and resume."""
+"""Propagation: bind system, integrator and step; march chunk by chunk; sample, store, report, stop and resume.
 
-from orbits.propagation.dense import state_at
-from orbits.propagation.run import propagate, resume
+What marches loads on first use: to open a run and to look at it takes none of it.
+"""
 
-__all__ = ["propagate", "resume", "state_at"]
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from orbits.propagation.replay import REPLAY
+from orbits.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from orbits.propagation.dense import state_at
+    from orbits.propagation.run import propagate, resume
+
+__all__ = ["Trajectory", "propagate", "resume", "state_at"]
+
+_LATER = {"propagate": "run", "resume": "run", "state_at": "dense"}
+
+# A trajectory knows nothing of what marches: those that are opened or made by hand get it here.
+Trajectory.marched_again_by = REPLAY
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name on first use."""
+    if name not in _LATER:
+        raise AttributeError(f"module 'orbits.propagation' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"orbits.propagation.{_LATER[name]}"), name)
+    globals()[name] = value
+    return value

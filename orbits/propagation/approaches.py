@@ -12,12 +12,12 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.body_names import chosen, index_of
+from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.propagation.approach import Approach, said, unit_of_errors
 from orbits.propagation.judgement import error_at_end
 from orbits.propagation.refinement import refine
-from orbits.system.checks import index_of
-from orbits.system.presenting import attributes, chosen
-from orbits.tables import MOST_ROWS, headed, html_table, text_table
+from orbits.system.presenting import attributes
 
 if TYPE_CHECKING:
     from astropy.table import QTable

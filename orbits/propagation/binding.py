@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits._version import __version__
-from orbits.errors import ArchiveError, InputError, shown
+from orbits.checks import whole_number
+from orbits.errors import ArchiveError, InputError
 from orbits.integrators import named, registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
-from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
+from orbits.kernels.compile import cpu_features, cpu_name
+from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.propagation.stopping import Conditions
+from orbits.point_masses import PointMasses
+from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
@@ -42,26 +45,25 @@ def bound(
     Raises InputError if the integrator cannot serve the Lagrangian.
     """
     integrator = named(integrator)
-    whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool | np.timedelta64)
-    if threads is not None and (not whole or threads < 1):
-        raise InputError(f"threads must be a positive whole number or None for all processors, got {shown(threads)}")
+    threads = available_threads() if threads is None else whole_number(threads, "threads, if given,")
     integrator.check(newtonian, registry())
-    values = system.values
-    q, v = (values.q, values.v) if state is None else state
-    massive: NDArray[np.bool_] = values.gm > 0.0
-    return Marcher(
-        newtonian,
+    bodies = system.values if state is None else system.values._replace(q=state[0], v=state[1])
+    return march_of(
+        bodies,
         integrator,
-        parameters(values.gm[massive], values.softening),
-        massive,
-        q,
-        v,
         h,
         names=system.names,
-        threads=threads or available_threads(),
+        threads=threads,
         stops=None if conditions is None else conditions.stops,
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
     )
+
+
+def march_of(bodies: PointMasses, integrator: Integrator, h: float, **options: Any) -> Marcher:
+    """Return bodies bound to a method that can serve them, with step h; the options are those of `Marcher`."""
+    gm, q, v, softening = bodies
+    massive = bodies.massive
+    return Marcher(newtonian, integrator, parameters(gm[massive], softening), massive, q, v, h, **options)
 
 
 def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.propagation.binding import bound
-from orbits.propagation.grid import snapped, split, times_since
 from orbits.propagation.memory import MEMORY_SHARE, memory
+from orbits.time_grid import snapped, split, times_since
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -37,7 +37,7 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     if one:
         moved: System = trajectory.system.replaced(q=q[0], v=v[0], epoch=trajectory.epoch_at(float(times[0])))
         return moved
-    return type(trajectory)(trajectory.system, times, q, v, step=trajectory.step, integrator=trajectory.integrator)
+    return trajectory.with_samples(times, q, v)
 
 
 def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array]:

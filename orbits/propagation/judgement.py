@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orbits.errors import StepWarning
+from orbits.errors import StepWarning, level_of_caller
 from orbits.propagation.approach import Approach, as_error, said
-from orbits.propagation.guidance import UNRESOLVED, passage_error, step_that_resolves, with_unit
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
+from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
@@ -114,7 +114,7 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
         "the run is not to be trusted for these bodies:\n" + "\n".join(lines) + f"{more}\n{remedy}.",
         StepWarning,
-        stacklevel=4,
+        stacklevel=level_of_caller(),
     )
 
 

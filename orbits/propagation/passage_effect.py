@@ -25,8 +25,8 @@ from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
-from orbits.integrators.marcher import Marcher
-from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.point_masses import PointMasses
+from orbits.propagation.binding import march_of
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ class Pair:
     mu : GM of both together; share : part of it that is the other's
     q, v : (3,) of the body relative to the other
     softening : length
-    ruler : GM of the body that dominates the system, 0 where none does
+    dominant_gm : GM of the body that dominates the system, 0 where none does
     other_q, other_v : (3,) of the other relative to the dominant body; zeros where it is the dominant body
     """
 
@@ -95,7 +95,7 @@ class Pair:
     q: Array
     v: Array
     softening: float = 0.0
-    ruler: float = 0.0
+    dominant_gm: float = 0.0
     other_q: Array = field(default_factory=lambda: np.zeros(3))
     other_v: Array = field(default_factory=lambda: np.zeros(3))
 
@@ -104,7 +104,7 @@ class Pair:
         q, v = _flow(self.mu, self.softening, self.q, self.v, time)
         if not self.other_q.any():
             return replace(self, q=q, v=v)
-        other_q, other_v = any_two_body(self.other_q, self.other_v, self.ruler + self.share * self.mu, time)
+        other_q, other_v = any_two_body(self.other_q, self.other_v, self.dominant_gm + self.share * self.mu, time)
         return replace(self, q=q, v=v, other_q=other_q, other_v=other_v)
 
     @cached_property
@@ -164,9 +164,9 @@ class Pair:
         """Whether the two stay together: on an ellipse, and within the Hill radius of the other, where it has one."""
         if not math.isfinite(self.orbit.farthest):
             return False
-        if self.ruler == 0.0 or not self.other_q.any():
+        if self.dominant_gm == 0.0 or not self.other_q.any():
             return True
-        hill = float(np.linalg.norm(self.other_q)) * math.cbrt(self.share * self.mu / (3.0 * self.ruler))
+        hill = float(np.linalg.norm(self.other_q)) * math.cbrt(self.share * self.mu / (3.0 * self.dominant_gm))
         return self.orbit.farthest < hill
 
 
@@ -247,11 +247,11 @@ def _carried(
     """
     if pair.is_bound():
         mu, share = pair.mu, pair.share
-    elif pair.ruler > 0.0:
-        mu, share = pair.ruler + (1.0 - pair.share) * pair.mu, 1.0
+    elif pair.dominant_gm > 0.0:
+        mu, share = pair.dominant_gm + (1.0 - pair.share) * pair.mu, 1.0
         dq, dv = pair.share * dq, pair.share * dv
         if pair.other_q.any():
-            other = any_two_body(pair.other_q, pair.other_v, pair.ruler + pair.share * pair.mu, end)
+            other = any_two_body(pair.other_q, pair.other_v, pair.dominant_gm + pair.share * pair.mu, end)
             q, v = q + other[0], v + other[1]
     else:
         mu, share = 0.0, pair.share
@@ -294,15 +294,8 @@ def march_pair(
     integrator: Integrator, mu: float, softening: float, q: Array, v: Array, h: float, steps: int
 ) -> tuple[Array, Array]:
     """Return the relative motion of two bodies, here of equal masses, after some steps of the method."""
-    marcher = Marcher(
-        newtonian,
-        integrator,
-        parameters(np.array([0.5 * mu, 0.5 * mu]), softening),
-        np.array([True, True]),
-        np.array([-0.5 * q, 0.5 * q]),
-        np.array([-0.5 * v, 0.5 * v]),
-        h,
-    )
+    halves = np.array([0.5 * mu, 0.5 * mu]), np.array([-0.5 * q, 0.5 * q]), np.array([-0.5 * v, 0.5 * v])
+    marcher = march_of(PointMasses(*halves, softening), integrator, h)
     while marcher.step < steps:
         marcher.advance(min(marcher.block, steps - marcher.step))
     end_q, end_v = marcher.state()

@@ -14,7 +14,6 @@ from orbits.errors import ArchiveError, IntegrationError
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.propagation.binding import bound, restore
-from orbits.propagation.grid import whole_steps
 from orbits.propagation.passage_effect import Pair
 
 if TYPE_CHECKING:
@@ -146,7 +145,7 @@ class Seen:
             assert trajectory.archive is not None
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1)
             restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
-            if marcher.step > whole_steps(float(trajectory.archive.times[-1]), marcher.h):
+            if marcher.step > trajectory.archive.grid.whole_steps:
                 raise ArchiveError(
                     f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
                     "behind the end of the run. Restore it from a copy."

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
-from orbits.integrators.marcher import Marcher
-from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.propagation.grid import split
+from orbits.propagation.binding import march_of
 from orbits.propagation.passages_seen import Passage, Seen
+from orbits.time_grid import split
 
 if TYPE_CHECKING:
+    from orbits.integrators.marcher import Marcher
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -64,8 +64,7 @@ class _Walk:
         self._bodies = np.flatnonzero(wanted)
         (step,), (rest,) = split(np.array([time]), h)
         self.step = int(step) + (rest != 0.0)
-        strengths = parameters(system.values.gm[self._massive], system.values.softening)
-        self._method = newtonian, trajectory.integrator, strengths
+        self._integrator, self._values = trajectory.integrator, system.values
         self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
         if rest != 0.0:
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))
@@ -87,7 +86,7 @@ class _Walk:
         return _Pair(self._bound(bodies, q[there], v[there]), bodies)
 
     def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array) -> Marcher:
-        return Marcher(*self._method, self._massive[bodies], q, v, self._h)
+        return march_of(self._values._replace(gm=self._values.gm[bodies], q=q, v=v), self._integrator, self._h)
 
 
 class _Pair:

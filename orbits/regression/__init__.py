@@ -1,4 +1,4 @@
-"""Regression against REBOUND: conversion both ways, peers on the same floats, an independent yardstick, a verdict.
+"""Regression against REBOUND: conversion both ways, peers on the same floats, a reference solution, a verdict.
 
 This folder is the only place that imports `rebound`, and it does so when a function is called, not before.
 """

@@ -6,26 +6,27 @@ import contextlib
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits import integrators as methods
+from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import available_threads
-from orbits.propagation import propagate
-from orbits.propagation.grid import checked_duration, sample_times, signed_step
+from orbits.propagation.run import propagated
 from orbits.regression import peers
+from orbits.regression import reference as solutions
 from orbits.regression import tolerances as tolerance
-from orbits.regression import yardstick as rod
 from orbits.regression.invariants import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
-from orbits.report import Report, Row, YardstickNote
+from orbits.regression.report import ReferenceNote, Report, Row
 from orbits.system import System
+from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
     from astropy.units import Quantity
@@ -35,11 +36,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT_SOLVES = 200_000
-"""With yardstick="auto" the exact solution is used up to this many bodies times samples (up to a minute)."""
+"""With reference="auto" the exact solution is used up to this many bodies times samples (up to a minute)."""
 
-_YARDSTICKS = ("auto", "exact", "converged", "none")
+_REFERENCES = ("auto", "exact", "converged", "none")
 _BLIND = (
-    "The yardstick is collocation with the forces of ours: what all of these do wrong alike, it does not see. "
+    "The reference solution is collocation with the forces of ours: what all of these do wrong alike, it does not see. "
     "Peers share no code with it."
 )
 _WARM_UP_STEPS = 3
@@ -49,16 +50,17 @@ def compare(
     system: System,
     integrators: Any,
     *,
-    dt: Quantity | float,
-    duration: Quantity | float,
+    dt: Quantity | float | str,
+    duration: Quantity | float | str,
     samples: Any = 101,
     against: str | Sequence[str] = ("whfast", "ias15"),
     tolerances: Mapping[str, Any] | None = None,
-    yardstick: str | Quantity | float = "auto",
+    reference: str | Quantity | float = "auto",
     title: str | None = None,
     runs: Sequence[Trajectory] = (),
     threads: int | None = None,
     progress: bool | None = None,
+    **others: Unpack[NoOthers],
 ) -> Report:
     """Run our methods and REBOUND's from the same floats, at the same step, and judge ours.
 
@@ -71,7 +73,7 @@ def compare(
     tolerances : what ours must keep, as largest values over the samples: {"energy": 1e-12, "angular_momentum": 1e-14,
         "position_km": 1.0}; positions also by body, {"position_km": {"Mercury": 0.1, "particles": 100}}, or as a length
         in the system's unit, {"position": 1e-9}; for one method alone, {"gauss": {"energy": 1e-13}}
-    yardstick : what positions are measured against. "auto": the exact solution where there is one, otherwise
+    reference : what positions are measured against. "auto": the exact solution where there is one, otherwise
         "converged": Gauss collocation with 8 stages at the largest power of two up to dt/2; the largest difference to
         the same with 7 and with 6 stages is its own error, which is printed. A time is their step instead. "exact"
         insists on the exact solution; "none" measures no positions
@@ -88,13 +90,42 @@ def compare(
     Raises InputError and its kin for a wrong use, before the long runs; IntegrationError when all of ours fail;
     Interrupted for Ctrl-C.
     """
+    for name in others:
+        raise unknown_argument(compare, name)
+    return compared(
+        system,
+        integrators,
+        TimeGrid.of(_checked(system), dt, duration=duration, samples=samples),
+        against=against,
+        tolerances=tolerances,
+        reference=reference,
+        title=title,
+        runs=runs,
+        threads=threads,
+        progress=progress,
+    )
+
+
+def compared(
+    system: System,
+    integrators: Any,
+    grid: TimeGrid,
+    *,
+    against: str | Sequence[str] = ("whfast", "ias15"),
+    tolerances: Mapping[str, Any] | None = None,
+    reference: str | Quantity | float = "auto",
+    title: str | None = None,
+    runs: Sequence[Trajectory] = (),
+    threads: int | None = None,
+    progress: bool | None = None,
+) -> Report:
+    """Compare on a grid of steps and samples that was made before; otherwise as `compare`."""
     ours = _ours(integrators)
     if not isinstance(against, Iterable):
         raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {shown(against)}")
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
-    grid = _Grid.of(system, dt, duration, samples)
-    kind = _yardstick(system, yardstick, problem, grid)
+    kind = _kind_of_reference(system, reference, problem, grid)
     wanted = tolerance.parse(
         tolerances,
         methods=[(method.name, method.label) for method in ours],
@@ -112,18 +143,18 @@ def compare(
             else _run(system, method, grid, threads, progress, say)
             for method in ours
         ]
-        reference, note, remarks = _reference(system, problem, grid, kind, threads, say)
+        positions, note, remarks = _reference(system, problem, grid, kind, threads, say)
         others = [_peer(problem, peer, grid, say) for peer in theirs]
     except Interrupted:  # it says more than the next lines could
         raise
     except KeyboardInterrupt:
         raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
-    invariants = Invariants(problem.gm, problem.q, problem.v, problem.softening)
+    invariants = Invariants(problem.start)
     rows = [
-        _judged(method.measured(problem, invariants, reference), bounds, note, problem)
+        _judged(method.measured(problem, invariants, positions), bounds, note, problem)
         for method, bounds in zip(sampled, wanted, strict=True)
     ]
-    rows += [other.measured(problem, invariants, reference) for other in others]
+    rows += [other.measured(problem, invariants, positions) for other in others]
     times, time_unit = time_axis(grid.times, _in_days(system))
     return Report(
         rows=tuple(rows),
@@ -133,29 +164,19 @@ def compare(
         names=problem.names,
         massive=problem.massive_names,
         followed="worst of the massive bodies" if np.count_nonzero(problem.massive) > 1 else "worst of the bodies",
-        yardstick=note,
+        reference=note,
         settings=_settings(system, problem, grid, ours, tolerances, title),
         notes=(*invariants.notes, *remarks, *_threads_note(problem, threads)),
     )
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Times of the samples since the epoch, end of the run and step (> 0): floats in the unit of time."""
-
-    times: Array
-    duration: float
-    dt: float
-
-    @classmethod
-    def of(cls, system: System, dt: Any, duration: Any, samples: Any) -> _Grid:
-        """The very times and step that `propagate` will use; InputError for what it refuses."""
-        length = checked_duration(system.units, duration)
-        step = signed_step(system.units, dt, length)
-        return cls(sample_times(system, samples, length), length, abs(step))
-
-
 _Say = Callable[[str], None]
+
+
+def _checked(system: Any) -> System:
+    if isinstance(system, System):
+        return system
+    raise InputError(f"system must be an orbits.System, got a {type(system).__name__}")
 
 
 def _ours(integrators: Any) -> list[Integrator]:
@@ -170,27 +191,27 @@ def _ours(integrators: Any) -> list[Integrator]:
     return out
 
 
-def _yardstick(system: System, yardstick: Any, problem: Problem, grid: _Grid) -> str | float:
+def _kind_of_reference(system: System, reference: Any, problem: Problem, grid: TimeGrid) -> str | float:
     """What to measure positions against: "exact", "none", or the step of the converged runs."""
-    if not isinstance(yardstick, str):
-        return abs(signed_step(system.units, system.units.time_value(yardstick, "yardstick"), grid.duration))
-    if yardstick == "step-halved":
-        raise InputError("yardstick='step-halved' is called 'converged' now, and its two runs differ in their stages.")
-    if yardstick not in _YARDSTICKS:
-        raise InputError(f"yardstick is {shown(yardstick)}; expected {', '.join(_YARDSTICKS)} or a step (a time).")
-    exact = rod.exact_applies(problem.gm, problem.q, problem.v, problem.softening)
-    if yardstick == "exact" and not exact:
+    if not isinstance(reference, str):
+        return grid.with_step(system, reference, "reference").dt
+    if reference == "step-halved":
+        raise InputError("reference='step-halved' is called 'converged' now, and its two runs differ in their stages.")
+    if reference not in _REFERENCES:
+        raise InputError(f"reference is {shown(reference)}; expected {', '.join(_REFERENCES)} or a step (a time).")
+    exact = solutions.exact_applies(problem.start)
+    if reference == "exact" and not exact:
         raise InputError(
-            "yardstick='exact' needs one massive body with massless ones, or two massive bodies alone, without "
+            "reference='exact' needs one massive body with massless ones, or two massive bodies alone, without "
             "softening; this system has no exact solution. Use 'auto' or 'converged'."
         )
-    affordable = len(problem.gm) * len(grid.times) <= EXACT_SOLVES
-    if yardstick == "exact" or (yardstick == "auto" and exact and affordable):
+    affordable = len(problem.names) * len(grid.times) <= EXACT_SOLVES
+    if reference == "exact" or (reference == "auto" and exact and affordable):
         return "exact"
-    return "none" if yardstick == "none" else rod.power_of_two(grid.dt / 2)
+    return "none" if reference == "none" else solutions.power_of_two(grid.dt / 2)
 
 
-def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: _Grid) -> dict[str, Trajectory]:
+def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: TimeGrid) -> dict[str, Trajectory]:
     """Finished runs by their method's label; InputError for one that is not a run of this comparison."""
     out = {}
     for run in runs:
@@ -212,29 +233,19 @@ def _teller(progress: bool | None) -> _Say:
 
 
 def _run(
-    system: System, method: Integrator, grid: _Grid, threads: int | None, progress: bool | None, say: _Say
+    system: System, method: Integrator, grid: TimeGrid, threads: int | None, progress: bool | None, say: _Say
 ) -> Sampled:
     """Compile in a run of a few steps, then run for real. A failing step makes a result that says so."""
     say(method.label)
     started = perf_counter()
-    short = np.copysign((_WARM_UP_STEPS + 0.5) * grid.dt, grid.duration)
+    short = grid.begun(_WARM_UP_STEPS + 0.5)
     with contextlib.suppress(IntegrationError):  # the run itself fails in the same way, and says so
-        propagate(
-            system, method, dt=grid.dt, duration=short, samples=2, threads=threads, progress=False, check_step=False
-        )
+        propagated(system, method, short, threads=threads, progress=False, check_step=False)
     compile_s = perf_counter() - started
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", StepWarning)
-            run = propagate(
-                system,
-                method,
-                dt=grid.dt,
-                duration=grid.duration,
-                samples=grid.times,
-                threads=threads,
-                progress=progress,
-            )
+            run = propagated(system, method, grid, threads=threads, progress=progress)
     except IntegrationError as error:
         return Sampled(method.label, "ours", compile_s=compile_s, note=str(error))
     note = " ".join(str(warning.message) for warning in caught)
@@ -256,40 +267,38 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
 
 
 def _reference(
-    system: System, problem: Problem, grid: _Grid, kind: str | float, threads: int | None, say: _Say
-) -> tuple[Array | None, YardstickNote | None, tuple[str, ...]]:
+    system: System, problem: Problem, grid: TimeGrid, kind: str | float, threads: int | None, say: _Say
+) -> tuple[Array | None, ReferenceNote | None, tuple[str, ...]]:
     """Reference positions, the note about them, and remarks where there are none."""
     if kind == "none":
-        return None, None, ("No yardstick: positions are not measured.",)
+        return None, None, ("No reference solution: positions are not measured.",)
     if kind == "exact":
         say("the exact solution")
-        made = rod.exact(problem.gm, problem.q, problem.v, grid.times)
+        made = solutions.exact(problem.start, grid.times)
     else:
-        say("the yardstick")
+        say("the reference solution")
         try:
-            made = rod.converged(system, grid.times, float(kind), threads)
+            made = solutions.converged(system, grid.with_step(system, float(kind)), threads)
         except IntegrationError as error:
-            return None, None, (f"The yardstick failed, so positions are not measured: {error}",)
+            return None, None, (f"The reference solution failed, so positions are not measured: {error}",)
     errors = dict(zip(problem.names, (made.error * problem.length).tolist(), strict=True))
-    return made.q, YardstickNote(made.kind, made.description, errors), (_BLIND,) if made.kind == "converged" else ()
+    return made.q, ReferenceNote(made.kind, made.description, errors), (_BLIND,) if made.kind == "converged" else ()
 
 
-def _peer(problem: Problem, peer: peers.Peer, grid: _Grid, say: _Say) -> Sampled:
+def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Sampled:
     """A peer's samples, or why it has none."""
-    reason = peers.unsuited(peer, problem.gm, problem.softening)
+    reason = peers.unsuited(peer, problem.start.gm, problem.start.softening)
     if reason:
         return Sampled(peer.label, "peer", note=reason + ".")
     say(peer.label)
     try:
-        run = peers.run(
-            peer.name, problem.gm, problem.q, problem.v, times=grid.times, dt=grid.dt, softening=problem.softening
-        )
+        run = peers.run(peer.name, problem.start, times=grid.times, dt=grid.dt)
     except IntegrationError as error:
         return Sampled(peer.label, "peer", note=str(error))
     return Sampled(peer.label, "peer", run.q, run.v, run.steps, run.wall_s, note=" ".join(run.warnings))
 
 
-def _judged(row: Row, bounds: tolerance.Bounds, note: YardstickNote | None, problem: Problem) -> Row:
+def _judged(row: Row, bounds: tolerance.Bounds, note: ReferenceNote | None, problem: Problem) -> Row:
     """The row of one of ours with its verdict."""
     if row.verdict == "n/a":
         return replace(row, verdict="FAIL", failures=(row.note,), note="")
@@ -319,7 +328,7 @@ def _in_days(system: System) -> float | None:
 
 
 def _settings(
-    system: System, problem: Problem, grid: _Grid, ours: list[Integrator], wanted: Any, title: str | None
+    system: System, problem: Problem, grid: TimeGrid, ours: list[Integrator], wanted: Any, title: str | None
 ) -> dict[str, Any]:
     """What was compared, ready for JSON."""
     from orbits._version import __version__

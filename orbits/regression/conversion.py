@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
+from orbits.body_names import few
+from orbits.checks import is_whole
 from orbits.errors import ArchiveError, EpochError, InputError, OrbitsWarning, shown
+from orbits.point_masses import PointMasses
 from orbits.regression import snapshot as snapshots
-from orbits.regression.peers import Start, simulation
+from orbits.regression.peers import simulation
 from orbits.regression.snapshot import Array, Particles
 from orbits.system import System
-from orbits.system.checks import few
 from orbits.trajectory import Trajectory
 from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem, as_epoch
 
@@ -67,7 +69,7 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
     order = np.argsort(gm == 0, kind="stable")
     names = [state.names[i] for i in order]
     units, G, m = _masses(state)
-    sim = simulation(Start(m[order], q[order], v[order], float(softening)), names)
+    sim = simulation(PointMasses(m[order], q[order], v[order], float(softening)), names)
     if units is not None:
         sim.update_units(units)
     sim.G = G  # to the last bit; of SOLAR from the units' own values it would be 26 units in the last place less
@@ -234,7 +236,7 @@ def _particles(source: Any, index: int, time: float | None) -> Particles:
         if index != -1 or time is not None:
             raise InputError("a Simulation has one state only; snapshot= and time= choose from a Simulationarchive.")
         return _readable(lambda: snapshots.of_simulation(source), "the Simulation")
-    if isinstance(index, bool) or not isinstance(index, int):
+    if not is_whole(index):
         raise InputError(
             f"snapshot is {shown(index)}; expected the number of a snapshot, -1 for the last (time= takes a t)."
         )

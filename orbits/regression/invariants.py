@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics
 from orbits.diagnostics.drift import CANCELLED, kinetic_energies, moments
+from orbits.point_masses import PointMasses
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,8 @@ class Invariants:
     the sizes of its terms instead; `notes` then says so.
     """
 
-    def __init__(self, gm: Array, q: Array, v: Array, softening: float) -> None:
+    def __init__(self, start: PointMasses) -> None:
+        gm, q, v, softening = start
         self._gm, self._softening = gm, softening
         self._alone = np.count_nonzero(gm) == 1
         self.notes: tuple[str, ...] = ()

@@ -25,12 +25,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError, Interrupted, UnknownNameError, shown
+from orbits.point_masses import PointMasses
 
 Array = NDArray[np.float64]
 
@@ -91,15 +92,6 @@ class PeerRun:
     warnings: tuple[str, ...] = field(default=())
 
 
-class Start(NamedTuple):
-    """Initial values in the order in which REBOUND gets them: gm (bodies,), q and v (bodies, 3), softening length."""
-
-    gm: Array
-    q: Array
-    v: Array
-    softening: float
-
-
 def lookup(name: str) -> Peer:
     """The peer of that name; `UnknownNameError` with the nearest names otherwise."""
     peer = PEERS.get(name.strip().lower()) if isinstance(name, str) else None
@@ -138,11 +130,11 @@ def unsuited(peer: Peer, gm: Array, softening: float) -> str | None:
     return None
 
 
-def simulation(start: Start, names: Sequence[str] | None = None) -> Any:
+def simulation(start: PointMasses, names: Sequence[str] | None = None) -> Any:
     """A `rebound.Simulation` with exactly these floats: G = 1, masses GM, massless bodies as test particles.
 
-    start : massive bodies first. The floats in the simulation are compared with these bit for bit; `IntegrationError`
-    if any differs.
+    start : in the order in which REBOUND gets them, massive bodies first. The floats in the simulation are compared
+        with these bit for bit; `IntegrationError` if any differs.
     """
     import rebound
 
@@ -176,18 +168,14 @@ def grid_position(t: float, dt: float) -> tuple[int, float]:
 
 def run(
     name: str,
-    gm: Array,
-    q: Array,
-    v: Array,
+    bodies: PointMasses,
     *,
     times: Array,
     dt: float,
-    softening: float = 0.0,
     advance: Callable[[int], None] | None = None,
 ) -> PeerRun:
     """Integrate with the peer `name` and sample it at `times`.
 
-    gm (bodies,), q and v (bodies, 3) : float64 in any one system of units with G absorbed into GM
     times (samples,) : from the epoch, all of one sign, in order of growing |t|
     dt : step of the fixed-step peers and first step that IAS15 tries, > 0
     advance : called after each sample with its index
@@ -195,11 +183,12 @@ def run(
     Interrupted (Ctrl-C).
     """
     peer = lookup(name)
+    gm, q, v, softening = bodies
     reason = unsuited(peer, gm, softening)
     if reason:
         raise IntegrationError(f"{peer.label}: {reason}.")
     order = order_of_bodies(gm, q, v)
-    start = Start(gm[order], q[order], v[order], softening)
+    start = PointMasses(gm[order], q[order], v[order], softening)
     backwards = bool(np.any(times < 0))
 
     with _handlers(peer) as caught:
@@ -226,7 +215,7 @@ def run(
 _Advancer = Callable[[float], "tuple[Any, int, float]"]
 
 
-def _configured(peer: Peer, start: Start, dt: float) -> Any:
+def _configured(peer: Peer, start: PointMasses, dt: float) -> Any:
     sim = simulation(start)
     sim.integrator = peer.integrator
     for option, value in peer.options:
@@ -235,7 +224,7 @@ def _configured(peer: Peer, start: Start, dt: float) -> Any:
     return sim
 
 
-def _on_grid(peer: Peer, sim: Any, start: Start, dt: float, backwards: bool) -> _Advancer:
+def _on_grid(peer: Peer, sim: Any, start: PointMasses, dt: float, backwards: bool) -> _Advancer:
     """Whole steps in `sim`; what is left over in a scratch simulation that is set to the state on the grid."""
     scratch = _configured(peer, start, dt)
     if peer.keplerian:  # set anew for each sample, so it must start from its particles and end synchronized

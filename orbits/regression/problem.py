@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.point_masses import PointMasses
 from orbits.regression.invariants import Invariants
-from orbits.report import Row, Series
+from orbits.regression.report import Row, Series
 from orbits.system import System
 
 Array = NDArray[np.float64]
@@ -21,17 +21,13 @@ _YEARS_FROM_DAYS = 700.0  # a run at least this long is drawn in years
 class Problem:
     """The start as floats in the system's units, and the units in which results are reported.
 
+    start : gm (bodies,), q and v (bodies, 3), softening
     length : the system's length unit in `length_unit`, which is "km", or "" for pure numbers
-    massive : (bodies,) bool
     followed : (bodies,) bool, whose position error the series follow: the massive bodies, or all where one is alone
     """
 
     names: tuple[str, ...]
-    gm: Array
-    q: Array
-    v: Array
-    softening: float
-    massive: NDArray[np.bool_]
+    start: PointMasses
     length: float
     length_unit: str
 
@@ -40,20 +36,18 @@ class Problem:
         """The problem that `system` poses."""
         from astropy import units as u
 
-        if not isinstance(system, System):
-            raise InputError(f"system must be an orbits.System, got a {type(system).__name__}")
-        gm, q, v, softening = system.values
         physical = system.units.length.is_equivalent(u.km)
         return cls(
             names=tuple(system.names),
-            gm=gm,
-            q=q,
-            v=v,
-            softening=float(softening),
-            massive=gm > 0,
+            start=system.values,
             length=float(system.units.length.to(u.km)) if physical else 1.0,
             length_unit="km" if physical else "",
         )
+
+    @property
+    def massive(self) -> NDArray[np.bool_]:
+        """Which bodies attract, (bodies,)."""
+        return self.start.massive
 
     @property
     def followed(self) -> NDArray[np.bool_]:

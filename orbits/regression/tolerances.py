@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Any
 
+from orbits.body_names import place_of
+from orbits.checks import number_not_below_zero
 from orbits.errors import InputError, UnknownNameError, shown
-from orbits.system.checks import place_of
 from orbits.units import UnitSystem
 
 _SCALARS = {"energy": "max |dE/E|", "angular_momentum": "max |dL/L|"}
@@ -36,7 +37,7 @@ class Bounds:
         self,
         reached: Mapping[str, float],
         positions: Mapping[str, float],
-        yardstick_errors: Mapping[str, float],
+        reference_errors: Mapping[str, float],
         unit: str,
     ) -> tuple[str, ...]:
         """Every bound that is not kept, in words. What could not be measured (NaN, or absent) keeps no bound."""
@@ -46,9 +47,10 @@ class Bounds:
             if not reached.get(key, math.nan) <= bound
         ]
         for body, bound in self.positions.items():
-            if yardstick_errors.get(body, 0.0) > bound:
-                own = yardstick_errors[body]
-                found.append(f"position of {body}: the yardstick's own error {own:.2e}{unit} exceeds {bound:.2e}{unit}")
+            if reference_errors.get(body, 0.0) > bound:
+                own = reference_errors[body]
+                its = f"the reference solution's own error {own:.2e}{unit}"
+                found.append(f"position of {body}: {its} exceeds {bound:.2e}{unit}")
             elif not positions.get(body, math.nan) <= bound:
                 found.append(f"position of {body}: {positions.get(body, math.nan):.2e}{unit} exceeds {bound:.2e}{unit}")
         return tuple(found)
@@ -143,13 +145,7 @@ def _positions(key: str, value: Any, convert: Any, names: Sequence[str], massive
 
 
 def _bound(key: str, value: Any) -> float:
-    try:
-        bound = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"tolerances[{key!r}] is {shown(value)}; expected a number >= 0.") from None
-    if not (math.isfinite(bound) and bound >= 0):
-        raise InputError(f"tolerances[{key!r}] is {shown(bound)}; expected a finite number >= 0.")
-    return bound
+    return number_not_below_zero(value, f"tolerances[{key!r}]")
 
 
 def _unknown(where: str, key: Any, known: Sequence[str]) -> UnknownNameError:

@@ -5,10 +5,12 @@ study        the same for an experiment that is not a system and its runs: `Stud
 loading      find a scenario by path or by the name of a bundled one
 performing   integrate, compare, check, draw, and write the results folder
 certifying   the methods of a scenario, measured on its own problems
-values       quantities and methods as they are typed on a command line
+typed        quantities and methods as they are typed on a command line
 files        which files of a results folder may be replaced
 command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
 """
+
+from __future__ import annotations
 
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, angular_momentum_checks
 from orbits.scenario.loading import Listed, bundled, load
@@ -30,3 +32,14 @@ __all__ = [
     "load",
     "perform",
 ]
+
+
+def main(self: Scenario | Study) -> None:
+    """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
+    from orbits.scenario import command
+
+    command.main(self)
+
+
+# A scenario knows nothing of the command line; what leads there is put on it here.
+Scenario.main = Study.main = main  # type: ignore[assignment]

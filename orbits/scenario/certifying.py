@@ -14,6 +14,7 @@ from orbits.scenario.definition import Scenario
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 from orbits.scenario.study import Study
+from orbits.time_grid import TimeGrid
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,11 @@ def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str
         with located():
             cases = scenario.cases()
         for case, system in cases.items():
+            step = scenario.dt
+            if isinstance(step, str):  # in words, of this system
+                step = TimeGrid.of(system, step, duration=scenario.duration, samples=2).dt
             for method in scenario.integrators if integrator is None else (integrator,):
-                yield case, system, method, scenario.dt, {}
+                yield case, system, method, step, {}
         return
     if not scenario.certifies:
         raise InputError(

@@ -15,7 +15,7 @@ import typer
 from orbits.errors import InputError, Interrupted, OrbitsError
 from orbits.scenario.definition import MIND, Outcome, Scenario
 from orbits.scenario.study import Study, StudyOutcome, Table, cell
-from orbits.scenario.values import quantity
+from orbits.scenario.typed import quantity
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -6,14 +6,14 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from orbits.report import Report
+    from orbits.regression.report import Report
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
@@ -57,7 +57,7 @@ class Scenario:
     system : a `System`, or a function without arguments that makes one; for several related problems a mapping from a
         short name to a `System` (or a function that makes such a mapping): each is a *case*, run and judged alike
     integrators : methods of this package; the first one's run goes into the archive
-    dt, duration : Quantity, or a number in the system's time unit; dt > 0, the sign of `duration` gives the direction
+    dt, duration : as `orbits.propagate` takes them; the sign of `duration` gives the direction
     samples : how many, both ends included
     against : peers to compare with, such as "whfast" and "ias15"; an empty sequence leaves the comparison out
     tolerances : what the comparison demands, as in `orbits.compare`
@@ -98,7 +98,12 @@ class Scenario:
     checks: Callable[[Outcome], Iterable[Check]] | None = None
     draw: Callable[[Outcome], Figure | Mapping[str, Figure]] | None = None
 
+    if TYPE_CHECKING:  # set by the package: it lives with the command line
+        main: ClassVar[Callable[[], None]]
+
     def __post_init__(self) -> None:
+        from orbits.checks import whole_number  # with it comes NumPy, which the start of the command line does without
+
         check_label(self.name, self.title)
         peers = self.against if isinstance(self.against, Iterable) and not isinstance(self.against, str) else (None,)
         if not all(isinstance(peer, str) for peer in peers):
@@ -116,10 +121,7 @@ class Scenario:
                     f"scenario {self.name!r}: integrators holds {shown(method)}, which is not a method; "
                     "expected values such as orbits.Gauss(stages=8)."
                 )
-        if isinstance(self.samples, bool) or not isinstance(self.samples, int) or self.samples < 2:
-            raise InputError(
-                f"scenario {self.name!r}: samples must be a whole number >= 2 (both ends); got {shown(self.samples)}."
-            )
+        whole_number(self.samples, f"scenario {self.name!r}: samples (both ends included)", least=2)
         if not isinstance(self.tolerances, Mapping) or not all(isinstance(key, str) for key in self.tolerances):
             raise InputError(
                 f"scenario {self.name!r}: tolerances must be a mapping such as {{'energy': 1e-12}}; got "
@@ -168,12 +170,6 @@ class Scenario:
 
         mine = {name for method in self.integrators for name in (method.name, method.label)}
         return {key: value for key, value in self.tolerances.items() if key not in registry() or key in mine}
-
-    def main(self) -> None:
-        """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
-        from orbits.scenario.command import main
-
-        main(self)
 
 
 @dataclass(frozen=True)

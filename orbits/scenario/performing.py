@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from orbits.system import System
+    from orbits.time_grid import TimeGrid
     from orbits.trajectory import Trajectory
 
 
@@ -55,6 +56,8 @@ def perform(
     folder = results_folder(out or Path("results") / scenario.name)
     if isinstance(scenario, Study):
         return _perform_study(scenario, folder, plot, say)
+    from orbits.time_grid import TimeGrid
+
     with located():
         systems = scenario.cases()
     cases: dict[str, CaseOutcome] = {}
@@ -63,9 +66,10 @@ def perform(
     replaceable(folder / "report.json")  # before the long runs, not after them
     for name, system in systems.items():
         stem = f"-{slug(name)}" if name else ""
-        runs = _runs(scenario, name, system, folder / f"run{stem}.h5", progress, say, complaints)
+        grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
+        runs = _runs(scenario, name, system, grid, folder / f"run{stem}.h5", progress, say, complaints)
         files.append(folder / f"run{stem}.h5")
-        cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, runs, progress, say))
+        cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, grid, runs, progress, say))
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
         checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
@@ -87,7 +91,7 @@ def perform(
 
 def to_json(outcome: Outcome | StudyOutcome) -> str:
     """Return an outcome as JSON text."""
-    from orbits.report.json_text import json_text
+    from orbits.json_text import json_text
 
     return json_text(to_record(outcome))
 
@@ -171,31 +175,30 @@ def _runs(
     scenario: Scenario,
     name: str,
     system: System,
+    grid: TimeGrid,
     archive: Path,
     progress: bool | None,
     say: Say,
     failures: list[str],
 ) -> Mapping[str, Trajectory]:
     """Run every method; one whose step fails is told in `failures` and keeps the samples before."""
-    from orbits.propagation import propagate, resume
+    from orbits.propagation.run import propagated, resume
 
     runs: dict[str, Trajectory] = {}
     for method in scenario.integrators:
         task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
         first = not runs
-        unfinished = first and _interrupted(scenario, system, archive)
+        unfinished = first and _interrupted(scenario, system, grid, archive)
         say(f"{task}, going on with the unfinished run in {archive}" if unfinished else task)
         try:
             with _minding(say):
                 if unfinished:
                     runs[method.label] = resume(archive, progress=progress)
                 else:
-                    runs[method.label] = propagate(
+                    runs[method.label] = propagated(
                         system,
                         method,
-                        dt=scenario.dt,
-                        duration=scenario.duration,
-                        samples=scenario.samples,
+                        grid,
                         archive=replaceable(archive) if first else None,
                         overwrite=True,
                         progress=progress,
@@ -220,22 +223,17 @@ def _minding(say: Say) -> Iterator[None]:
                 say(f"{MIND}{warning.message}")
 
 
-def _interrupted(scenario: Scenario, system: System, path: Path) -> bool:
+def _interrupted(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> bool:
     """Whether `path` holds this very run, stopped half-way, so that going on gives the bits of an undisturbed one."""
-    import numpy as np
-
     from orbits import integrators
     from orbits.archive import Archive
     from orbits.propagation.binding import differences
-    from orbits.propagation.grid import checked_duration, sample_times, signed_step
 
-    duration = checked_duration(system.units, scenario.duration)
     try:
         with Archive.open(path) as old:
             return (
                 not old.complete
-                and old.dt == signed_step(system.units, scenario.dt, duration)
-                and np.array_equal(old.times, sample_times(system, scenario.samples, duration))
+                and old.grid.is_that_of(grid)
                 and integrators.build(dict(old.integrator)) == scenario.integrators[0]
                 and old.system == system
                 and not differences(old.provenance)
@@ -248,22 +246,21 @@ def _report(
     scenario: Scenario,
     name: str,
     system: System,
+    grid: TimeGrid,
     runs: Mapping[str, Trajectory],
     progress: bool | None,
     say: Say,
 ) -> Any:
     if not scenario.against and not scenario.demands():
         return None
-    from orbits.regression import compare
+    from orbits.regression.comparison import compared
 
-    peers = ", ".join(scenario.against) or "the yardstick alone"
+    peers = ", ".join(scenario.against) or "the reference solution alone"
     say(f"{name + ', ' if name else ''}comparing with {peers}")
-    return compare(
+    return compared(
         system,
         list(scenario.integrators),
-        dt=scenario.dt,
-        duration=scenario.duration,
-        samples=scenario.samples,
+        grid,
         against=scenario.against,
         tolerances=scenario.demands() or None,
         title=f"{scenario.title}: {name}" if name else scenario.title,

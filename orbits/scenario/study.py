@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from orbits.errors import InputError, shown
 from orbits.scenario.definition import Check, check_label
@@ -36,7 +36,7 @@ class Table:
 
 
     def _repr_html_(self) -> str:
-        from orbits.tables import html_table  # with it comes astropy, which the start of the command line does without
+        from orbits.export import html_table  # with it comes astropy, which the start of the command line does without
 
         text = [all(isinstance(row[k], str | None) for row in self.rows) for k in range(len(self.columns))]
         words = text.index(False) if False in text else len(text)
@@ -98,6 +98,9 @@ class Study:
     experiment: Callable[[Say], StudyResult]
     certifies: Sequence[tuple[Any, ...]] = ()
 
+    if TYPE_CHECKING:  # set by the package: it lives with the command line
+        main: ClassVar[Callable[[], None]]
+
     def __post_init__(self) -> None:
         check_label(self.name, self.title)
         if not callable(self.experiment):
@@ -111,13 +114,6 @@ class Study:
                     "(Lagrangian, integrator, dt, q, v)."
                 )
         object.__setattr__(self, "certifies", tuple(self.certifies))
-
-    def main(self) -> None:
-        """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
-        from orbits.scenario.command import main
-
-        main(self)
-
 
 @dataclass(frozen=True)
 class StudyOutcome:

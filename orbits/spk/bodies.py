@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from orbits import ephemeris
+from orbits.body_names import few, index_of
+from orbits.checks import is_whole
 from orbits.errors import InputError, UnknownNameError, shown
-from orbits.system import checks
 
 PLANETS = dict(zip(ephemeris.BODIES, (10, 1, 2, 3, 399, 301, 4, 5, 6, 7, 8, 9), strict=True))
 """Of the Sun, the Earth, the Moon, and for all others of the barycentre of the planet with its moons."""
@@ -31,14 +32,14 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
         raise InputError(f"ids is {shown(given)}; expected numbers by name, such as {{'probe': -1001}}.")
     given = dict(given or {})
     for name in given:
-        checks.index_of(name, names)
+        index_of(name, names)
     found: dict[str, int] = {}
     missing = []
     for name in names:
         number = given[name] if name in given else _known(name)
         if number is None:
             missing.append(name)
-        elif isinstance(number, bool) or not isinstance(number, int) or not -(2**31) < number < 2**31 or number == 0:
+        elif not is_whole(number) or not -(2**31) < number < 2**31 or number == 0:
             raise InputError(
                 f"ids[{name!r}] is {shown(number)}; expected a whole number of 32 bits, such as -1001, and not 0, "
                 "which is the barycentre of the Solar System."
@@ -50,7 +51,7 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
             found[name] = number
     if missing:
         raise InputError(
-            f"no NAIF number is known of {checks.few(missing)}; expected a body of DE440, a numbered asteroid of the "
+            f"no NAIF number is known of {few(missing)}; expected a body of DE440, a numbered asteroid of the "
             f"catalogue, or a number of yours: ids={{{missing[0]!r}: -1001}}, or bodies=[...] without them."
         )
     return found

@@ -22,11 +22,11 @@ from numpy.polynomial import chebyshev as series
 from numpy.typing import NDArray
 
 from orbits._version import __version__
+from orbits.body_names import chosen, index_of, place_of
+from orbits.checks import positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
-from orbits.propagation.binding import bound
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
-from orbits.system import checks, presenting
 
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
@@ -99,16 +99,16 @@ def write(
     Source: NAIF, "SPK Required Reading".
     """
     target = _target(path, overwrite)
-    about = None if centre is None else checks.index_of(centre, run.names)
+    about = None if centre is None else index_of(centre, run.names)
     centre = None if about is None else run.names[about]
-    names = tuple(np.array(run.names, dtype=object)[presenting.chosen(run.names, bodies)])
+    names = tuple(np.array(run.names, dtype=object)[chosen(run.names, bodies)])
     places = [run.names.index(name) for name in names if name != centre]
     if not places:
         raise InputError(f"bodies = {list(names)!r} leaves nothing to write; expected at least one besides the centre.")
     _check(run, tolerance_km)
     wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
     if isinstance(ids, Mapping):  # numbers of bodies that are not written do no harm
-        places_of_ids = {name: checks.place_of(name, run.names) for name in ids}
+        places_of_ids = {name: place_of(name, run.names) for name in ids}
         ids = {name if at is None else run.names[at]: ids[name] for name, at in places_of_ids.items()}
         ids = {name: number for name, number in ids.items() if name in wanted or name not in run.names}
     numbers = naif.numbers(wanted, ids)
@@ -173,8 +173,7 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
         raise EpochError("the system has no epoch, so an SPK file has no dates for it; give System(..., epoch=...).")
     if len(run) < 2:
         raise InputError(f"{run!r} covers no span of time; expected a run with at least two samples.")
-    if not (isinstance(tolerance_km, int | float) and math.isfinite(tolerance_km) and tolerance_km > 0.0):
-        raise InputError(f"tolerance_km is {shown(tolerance_km)}; expected a number of kilometres > 0, such as 0.001.")
+    positive_number(tolerance_km, "tolerance_km")
 
 
 def _fitted(
@@ -211,7 +210,7 @@ def _coefficients(
     """March through all records; raise _TooLongError as soon as a block of them loses more than the tolerance."""
     units = run.system.units
     km, kms = float(units.length.to(u.km)), float(units.speed.to(u.km / u.s))
-    marcher = bound(run.system, run.integrator, run.step)
+    march = run.begun()
     coefficients = np.empty((grid.records, chebyshev.DEGREE + 1, len(places), 3))
     lost = np.zeros(len(places))
     order = range(grid.records) if run.step > 0 else range(grid.records - 1, -1, -1)
@@ -221,8 +220,8 @@ def _coefficients(
             q, v = np.empty((2, len(block), chebyshev.NODES, len(run.names), 3))
             for row, record in enumerate(block):
                 for node, steps, rest in _visits(grid, record, run.step):
-                    marcher.advance(steps - marcher.step)
-                    q[row, node], v[row, node] = marcher.state_after(rest)
+                    march.advance(steps - march.step)
+                    q[row, node], v[row, node] = march.state_after(rest)
             if about is not None:
                 q, v = q - q[:, :, [about]], v - v[:, :, [about]]
             fit, loss = chebyshev.fitted(q[:, :, places] * km, v[:, :, places] * kms, grid.length / 2.0)
@@ -231,7 +230,7 @@ def _coefficients(
             coefficients[np.array(block)] = fit
             lost = np.maximum(lost, loss.max(axis=0))
     finally:
-        marcher.close()
+        march.close()
     return coefficients, lost
 
 

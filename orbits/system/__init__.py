@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from orbits.system.body import Body
-from orbits.system.checks import StateValues
 from orbits.system.osculating import OrbitalElements, osculating
 from orbits.system.value import System
 
-__all__ = ["Body", "OrbitalElements", "StateValues", "System", "osculating"]
+__all__ = ["Body", "OrbitalElements", "System", "osculating"]

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from astropy import units as u
 
+from orbits.checks import is_whole
 from orbits.errors import InputError, shown
-from orbits.tables import html_pairs
+from orbits.export import html_pairs
 
 if TYPE_CHECKING:
     from orbits.system.value import System
@@ -62,7 +63,7 @@ class Bodies:
         system: System = self  # type: ignore[assignment]
         if isinstance(key, str):
             i = system.index(key)
-        elif isinstance(key, int | np.integer) and not isinstance(key, bool):
+        elif is_whole(key):
             if not -len(system) <= key < len(system):
                 raise IndexError(f"body {key} of a system with {len(system)} bodies")
             i = int(key) % len(system)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from orbits import elements as kepler
 from orbits import ephemeris
+from orbits.body_names import few
+from orbits.checks import checked_flag
 from orbits.errors import EpochError, InputError, UnknownNameError
-from orbits.system.checks import checked_flag, few
 from orbits.system.making import is_about_ssb
 from orbits.units import as_epoch
 

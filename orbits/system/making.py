@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
+from orbits.body_names import checked_names, few
 from orbits.errors import EpochError, InputError, UnknownNameError, shown
-from orbits.system import checks
+from orbits.system import state_checks
 from orbits.units import UnitSystem, as_epoch
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ EXAMPLE = "System.from_elements({'Sun': dict(mass=1 * u.M_sun), 'Ceres': dict(a=
 def per_body(value: Floats, what: str, names: Sequence[str]) -> Floats:
     """Return one value for each new body, shape (k,); raise InputError when there are not k, or one for all."""
     if value.shape not in ((), (len(names),)):
-        who = repr(names[0]) if len(names) == 1 else f"the {len(names)} bodies {checks.few(names, 3)}"
+        who = repr(names[0]) if len(names) == 1 else f"the {len(names)} bodies {few(names, 3)}"
         shapes = "one number" if len(names) == 1 else f"one number, or {len(names)}"
         raise InputError(f"{what} of {who} has shape {value.shape}; expected {shapes}.")
     return np.broadcast_to(value, (len(names),))
@@ -53,15 +54,15 @@ def masses(names: Sequence[str], gm: Any, mass: Any, units: UnitSystem) -> Float
 
     And, naming the body, for what is not finite or negative.
     """
-    who = checks.few(names, 3)
+    who = few(names, 3)
     if gm is not None and mass is not None:
         raise InputError(f"{who}: both gm and mass are given; expected one of them, as gm = G mass.")
     if mass is not None:
         gm = per_body(units.G * units.mass_value(mass, f"mass of {who}"), "mass", names)
     else:
         gm = per_body(units.gm_value(0.0 if gm is None else gm, f"gm of {who}"), "gm", names)
-    values = checks.checked_array("gm", gm, names, None, units.gm)
-    checks.check_not_negative("gm", values, names, units.gm)
+    values = state_checks.checked_array("gm", gm, names, None, units.gm)
+    state_checks.check_not_negative("gm", values, names, units.gm)
     return values
 
 
@@ -71,7 +72,7 @@ def extended_radii(
     """Return the radii of a system with new bodies: 0 for those whose radius is not known, None when none is."""
     if radii is None and radius is None:
         return None
-    value = units.length_value(0.0 if radius is None else radius, f"radius of {checks.few(names, 3)}")
+    value = units.length_value(0.0 if radius is None else radius, f"radius of {few(names, 3)}")
     return np.concatenate([np.zeros(bodies) if radii is None else radii, per_body(value, "radius", names)])
 
 
@@ -87,7 +88,7 @@ def split_mapping(bodies: Any) -> tuple[str, dict[str, Mapping[str, Any]]]:
                 f"{name!r} is {shown(given)}; expected a dict of gm or mass and elements, as in {EXAMPLE}."
             )
     first, *others = bodies
-    checks.checked_names([first])
+    checked_names([first])
     for key in bodies[first]:
         if key not in OF_A_BODY:
             raise InputError(
@@ -111,7 +112,7 @@ def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[flo
     if given.get("radius") is None:
         return gm, None
     what = f"radius of {shown(name)}"
-    return gm, checks.scalar(units.length_value(given["radius"], what), what, units.length)
+    return gm, state_checks.scalar(units.length_value(given["radius"], what), what, units.length)
 
 
 def primary_name(names: Sequence[str], gm: Floats, name: str | None) -> str:
@@ -120,7 +121,7 @@ def primary_name(names: Sequence[str], gm: Floats, name: str | None) -> str:
         return name
     heavy = _heavy(names, gm)
     if len(heavy) > 1:
-        raise InputError(f"around which body? Say primary=..., one of {checks.few(heavy)}.")
+        raise InputError(f"around which body? Say primary=..., one of {few(heavy)}.")
     return heavy[0]
 
 
@@ -142,7 +143,7 @@ def new_states(
     two_body_gm = _two_body_gm(system, names, gm, around)
     floats = {key: per_body(_element(key, value, names, system), key, names) for key, value in given.items()}
     q, v = kepler.state_from_elements(two_body_gm, **floats, names=names)
-    frame = default_frame(units) if frame is None else frame
+    frame = kepler.default_frame(units) if frame is None else frame
     return _placed(system, gm, around, kepler.from_frame(q, frame), kepler.from_frame(v, frame))
 
 
@@ -161,8 +162,8 @@ def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) 
     place = system.index(around)
     if system.values.gm[place] == 0.0:
         raise InputError(
-            f"{checks.few(names, 3)}: the primary {system.names[place]!r} has no mass, so nothing goes around it. "
-            f"Choose one of {checks.few(_heavy(system.names, system.values.gm))}."
+            f"{few(names, 3)}: the primary {system.names[place]!r} has no mass, so nothing goes around it. "
+            f"Choose one of {few(_heavy(system.names, system.values.gm))}."
         )
     return np.asarray(system.values.gm[place] + gm)
 
@@ -184,11 +185,6 @@ def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> St
         shifts = [np.broadcast_to(gm @ x / total, x.shape) for x in (q, v)]
     centre = [diagnostics.centre_of_mass(here.gm, x) for x in (here.q, here.v)]
     return centre[0] + shifts[0] + q, centre[1] + shifts[1] + v
-
-
-def default_frame(units: UnitSystem) -> str:
-    """Return the frame that elements refer to where none is named: the ecliptic, if there is a sky to have one."""
-    return "ecliptic" if units.is_physical else "icrf"
 
 
 def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
@@ -279,7 +275,7 @@ def _from_state(
     if set(given) != {"q", "v"} or frame is not None:
         extra = [*given, *(["frame"] if frame is not None else [])]
         raise InputError(
-            f"{checks.few(names, 3)}: given are {', '.join(extra)}; expected q and v alone (position and velocity in "
+            f"{few(names, 3)}: given are {', '.join(extra)}; expected q and v alone (position and velocity in "
             "the system's axes), or elements without v."
         )
     states = []
@@ -288,7 +284,7 @@ def _from_state(
     for what, value in values.items():
         if value.shape not in ((3,), shape):
             expected = "(3,): x, y, z" if len(names) == 1 else f"(3,) or {shape}"
-            raise InputError(f"{what} of {checks.few(names, 3)} has shape {value.shape}; expected {expected}.")
+            raise InputError(f"{what} of {few(names, 3)} has shape {value.shape}; expected {expected}.")
         states.append(np.broadcast_to(value, shape))
     if around is None:
         return states[0], states[1]
@@ -310,7 +306,7 @@ def _check_keys(name: str, keys: Sequence[str]) -> None:
 
 
 def _element(key: str, value: Any, names: Sequence[str], system: System) -> Floats:
-    what = f"{key} of {checks.few(names, 3)}"
+    what = f"{key} of {few(names, 3)}"
     units = system.units
     if key in LENGTHS:
         return units.length_value(value, what)

@@ -12,11 +12,12 @@ from astropy.units import Quantity
 from numpy.typing import ArrayLike, NDArray
 
 from orbits import diagnostics
-from orbits.elements import elements_from_state, to_frame
+from orbits.body_names import chosen, few, index_of
+from orbits.elements import default_frame, elements_from_state, to_frame
 from orbits.elements.kepler import positive_angle
 from orbits.errors import InputError
-from orbits.system import checks, making, presenting
-from orbits.tables import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
+from orbits.system import making, presenting
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ class OrbitalElements(Tabular):
 
     def __getitem__(self, name: str) -> OrbitalElements:
         """Return the elements of one body. Raises UnknownNameError, with the names that come close."""
-        i = checks.index_of(name, self.names, "orbit of")
+        i = index_of(name, self.names, "orbit of")
         if self.a.ndim == 0:
             return self
         one = {key: getattr(self, key)[..., i] for key in self.keys()}
@@ -90,7 +91,7 @@ class OrbitalElements(Tabular):
         return list(self.names)
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
-        pick = presenting.chosen(self.names, bodies)
+        pick = chosen(self.names, bodies)
         names = tuple(np.array(self.names, dtype=object)[pick])
         run = self.t.ndim == 1
         shape = (*self.t.shape, len(self.names))
@@ -109,7 +110,7 @@ class OrbitalElements(Tabular):
         return text_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
-        what = f"elements of {checks.few(self.names)} about {self.primary}, {self.frame}"
+        what = f"elements of {few(self.names)} about {self.primary}, {self.frame}"
         if not self.t.ndim:
             return what
         return f"{what}, lowest ... highest of {len(self.t):,} samples, {presenting.span(self.t)}"
@@ -156,8 +157,8 @@ def osculating(
     Raises UnknownNameError for a primary or a frame that does not exist, InputError, naming the body, for a state
     without elements.
     """
-    frame = making.default_frame(units) if frame is None else frame
-    around = making.centre_of_several(names, primary) or names[checks.index_of(primary, names, "primary")]
+    frame = default_frame(units) if frame is None else frame
+    around = making.centre_of_several(names, primary) or names[index_of(primary, names, "primary")]
     if around in making.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
     if around == making.JACOBI:
@@ -168,7 +169,7 @@ def osculating(
         two_body_gm = np.full(len(names), gm.sum())
         centre_q, centre_v = (diagnostics.centre_of_mass(gm, x)[..., None, :] for x in (q, v))
     else:
-        place = checks.index_of(around, names, "primary")
+        place = index_of(around, names, "primary")
         bodies = np.delete(np.arange(len(names)), place)
         two_body_gm = gm[bodies] + gm[place]
         centre_q, centre_v = q[..., [place], :], v[..., [place], :]

@@ -9,8 +9,8 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.system import checks
-from orbits.tables import MOST_ROWS, Labelled, Variable, headed, html_table
+from orbits.body_names import chosen
+from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
 
 if TYPE_CHECKING:
     from orbits.system.value import System
@@ -19,16 +19,6 @@ Floats = NDArray[np.float64]
 
 NANOSECONDS = 9
 """Digits of the seconds of an epoch: what astropy can write."""
-
-
-def chosen(names: Sequence[str], bodies: Sequence[str] | None) -> slice | NDArray[np.intp]:
-    """Return what picks these bodies from an axis of all of them. Raises UnknownNameError, and InputError for twice."""
-    if bodies is None:
-        return slice(None)
-    wanted = checks.checked_names([bodies] if isinstance(bodies, str) else bodies)
-    places = [checks.index_of(name, names) for name in wanted]
-    checks.checked_names([names[i] for i in places])  # "Sun" and "sun" are one
-    return np.array(places, dtype=np.intp)
 
 
 def attributes(system: System) -> dict[str, str | float]:

@@ -10,14 +10,15 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits import diagnostics
+from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
-from orbits.system import checks, making
+from orbits.export import Labelled, Tabular
+from orbits.point_masses import PointMasses
+from orbits.system import making, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
-from orbits.system.checks import StateValues
-from orbits.system.osculating import OrbitalElements, osculating
 from orbits.system.presenting import labelled_state, state_html
-from orbits.tables import Labelled, Tabular
+from orbits.system.questions import Questions
 from orbits.units import SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class System(FromCatalogues, Bodies, Tabular):
+class System(FromCatalogues, Bodies, Questions, Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -48,7 +49,7 @@ class System(FromCatalogues, Bodies, Tabular):
     __slots__ = ("_epoch", "_names", "_radii", "_units", "_values")
 
     _names: tuple[str, ...]
-    _values: StateValues
+    _values: PointMasses
     _epoch: Time | None
     _units: UnitSystem
     _radii: Floats | None
@@ -64,18 +65,18 @@ class System(FromCatalogues, Bodies, Tabular):
         radii: Any = None,
         softening: Any = 0.0,
     ) -> None:
-        checks.checked_units(units)
+        state_checks.checked_units(units)
         if epoch is not None and not units.is_physical:
             raise EpochError(
                 f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
             )
-        names = checks.checked_names(names)
+        names = checked_names(names)
         for attribute, value in (
             ("_names", names),
-            ("_values", checks.checked_values(names, gm, q, v, softening, units)),
+            ("_values", state_checks.checked_values(names, gm, q, v, softening, units)),
             ("_epoch", None if epoch is None else as_epoch(epoch)),
             ("_units", units),
-            ("_radii", checks.checked_radii(names, radii, units)),
+            ("_radii", state_checks.checked_radii(names, radii, units)),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -128,7 +129,7 @@ class System(FromCatalogues, Bodies, Tabular):
         Raises InputError and UnknownNameError as `add` does.
         """
         first, rest = making.split_mapping(bodies)
-        gm, radius = making.primary(first, bodies[first], checks.checked_units(units))
+        gm, radius = making.primary(first, bodies[first], state_checks.checked_units(units))
         radii = None if radius is None else [radius]
         zero = np.zeros((1, 3))
         system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)
@@ -192,7 +193,7 @@ class System(FromCatalogues, Bodies, Tabular):
         Raises UnknownNameError for a primary or an element that does not exist, and InputError, naming the body, for
         anything that is not an orbit or not a system.
         """
-        names = checks.checked_names([name] if isinstance(name, str) else name)
+        names = checked_names([name] if isinstance(name, str) else name)
         if not names:
             raise InputError("add() got no names; expected a name, or several, such as 'Ceres'.")
         gm_new = making.masses(names, gm, mass, self.units)
@@ -274,7 +275,7 @@ class System(FromCatalogues, Bodies, Tabular):
         return self._units
 
     @property
-    def values(self) -> StateValues:
+    def values(self) -> PointMasses:
         """The floats (gm, q, v, softening) in the units of the system, for what works without units."""
         return self._values
 
@@ -286,7 +287,7 @@ class System(FromCatalogues, Bodies, Tabular):
 
     def index(self, name: str) -> int:
         """Return the place of a body. Raises UnknownNameError, with the names that come close."""
-        return checks.index_of(name, self._names)
+        return index_of(name, self._names)
 
     def __len__(self) -> int:
         return len(self._names)
@@ -295,7 +296,7 @@ class System(FromCatalogues, Bodies, Tabular):
         """Whether a body of this name is here; of a `Body`, whether one with this name and these values is."""
         if isinstance(body, Body):
             return body.name in self._names and self[body.name] == body
-        return checks.place_of(body, self._names) is not None
+        return place_of(body, self._names) is not None
 
     def __add__(self, other: System) -> Self:
         """Return this system with the bodies of another at the end; a body that both have with the same values is one.
@@ -309,45 +310,6 @@ class System(FromCatalogues, Bodies, Tabular):
                 "catalogue's with system.add_particles(catalogue)."
             )
         return self.replaced(**making.united(self, other))
-
-    # ----------------------------------------------------------------------------------------------------- questions
-
-    def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies. Source: `orbits.diagnostics.energy`, divided by G."""
-        gm, q, v, softening = self.values
-        return u.Quantity(diagnostics.energy(gm, q, v, softening) / self.units.G, self.units.energy)
-
-    def linear_momentum(self) -> u.Quantity:
-        """Return the momentum of the massive bodies, shape (3,)."""
-        gm, _, v, _ = self.values
-        return u.Quantity(diagnostics.linear_momentum(gm, v) / self.units.G, self.units.momentum)
-
-    def angular_momentum(self) -> u.Quantity:
-        """Return the angular momentum of the massive bodies about the origin, shape (3,)."""
-        gm, q, v, _ = self.values
-        return u.Quantity(diagnostics.angular_momentum(gm, q, v) / self.units.G, self.units.angular_momentum)
-
-    def centre_of_mass(self) -> u.Quantity:
-        """Return the centre of mass of the massive bodies, shape (3,)."""
-        gm, q, _, _ = self.values
-        return u.Quantity(diagnostics.centre_of_mass(gm, q), self.units.length)
-
-    def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
-        """Return the osculating elements of all other bodies; see `OrbitalElements`.
-
-        primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi": each body goes around
-            the centre of mass of those before it. The two-body GM is that of the body and of all it goes around. May
-            be left out where only one body has mass
-        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `add`
-
-        Raises UnknownNameError for a primary or frame that does not exist, InputError, naming the body, for a state
-        without elements: at the primary's place, or moving straight towards or away from it.
-        """
-        gm, q, v, _ = self.values
-        primary = making.primary_name(self.names, gm, primary)
-        return osculating(
-            self.names, gm, q, v, units=self.units, primary=primary, frame=frame, epoch=self.epoch
-        )
 
     def plot(self, **options: Any) -> Any:
         """Draw the system and the orbits it osculates; see `orbits.plotting.plot_system`."""
@@ -411,4 +373,4 @@ class System(FromCatalogues, Bodies, Tabular):
         particles = int(np.count_nonzero(~self.massive))
         kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
         epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
-        return f"System({checks.few(self.names)}; {kinds}; {epoch}; units {self.units.name})"
+        return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name})"

@@ -12,6 +12,7 @@ import numpy as np
 from benchmarks.references import Exact, exact
 from orbits.integrators.marcher import Marcher
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.point_masses import PointMasses
 from orbits.regression import peers
 from orbits.resources import data_path
 
@@ -49,7 +50,7 @@ def ours(method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: float, sp
 
 def rebound(name: str, gm: np.ndarray, q: np.ndarray, v: np.ndarray, dt: float, span: float):
     """Return (seconds, positions at `span`) of a REBOUND run."""
-    run = peers.run(name, gm, q, v, times=np.array([span]), dt=dt)
+    run = peers.run(name, PointMasses(gm, q, v), times=np.array([span]), dt=dt)
     return run.wall_s, run.q[-1]
 
 

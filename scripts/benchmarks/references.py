@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.point_masses import PointMasses
 from orbits.regression import peers
 
 Array = NDArray[np.float64]
@@ -89,7 +90,8 @@ def ends(gm: Array, q: Array, v: Array, end: Exact, starts: list[Start], span: f
     """
 
     def ias15(dq: Array, dv: Array) -> Array:
-        run = peers.run("ias15", gm, q + MAGNIFIED * dq, v + MAGNIFIED * dv, times=np.array([span]), dt=1.0)
+        start = PointMasses(gm, q + MAGNIFIED * dq, v + MAGNIFIED * dv)
+        run = peers.run("ias15", start, times=np.array([span]), dt=1.0)
         return run.q[-1]
 
     undisturbed = ias15(np.zeros_like(q), np.zeros_like(v))

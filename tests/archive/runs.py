@@ -9,6 +9,7 @@ import numpy as np
 
 from orbits import DIMENSIONLESS, System
 from orbits.archive import Archive, ArchiveWriter
+from orbits.time_grid import TimeGrid
 
 INTEGRATOR = {"name": "gauss", "parameters": {"stages": 8}}
 PROVENANCE = {"orbits": "0.0", "cpu_features": "avx2 fma"}
@@ -41,12 +42,9 @@ def checkpoint(sequence: int, bodies: int = 3) -> dict[str, np.ndarray]:
 
 def create(path: Path, times: Any, bodies: int = 3, **options: Any) -> ArchiveWriter:
     """Create an archive of that many samples, or with those times."""
-    times = np.arange(times) * 0.5 if isinstance(times, int) else times
-    given = {"integrator": INTEGRATOR, "dt": 0.25, "provenance": PROVENANCE} | options
-    return ArchiveWriter.create(
-        path, system=options.get("system") or system(bodies), times=times, checkpoint=checkpoint(0, bodies),
-        **{key: value for key, value in given.items() if key != "system"},
-    )  # fmt: skip
+    grid = TimeGrid(options.pop("dt", 0.25), np.arange(times) * 0.5 if isinstance(times, int) else times)
+    given = {"integrator": INTEGRATOR, "provenance": PROVENANCE, "system": system(bodies)} | options
+    return ArchiveWriter.create(path, grid=grid, checkpoint=checkpoint(0, bodies), **given)
 
 
 def finished(path: Path, count: int = 6, chunk: int = 2, bodies: int = 3, **options: Any) -> Path:

@@ -16,7 +16,8 @@ import pytest
 from orbits.archive import Archive, ArchiveWriter, extended
 from orbits.archive.creation import partial_path
 from orbits.archive.storage import Storage
-from orbits.errors import ArchiveError, StorageError
+from orbits.errors import ArchiveError, InputError, StorageError
+from orbits.time_grid import TimeGrid
 
 from . import runs
 
@@ -120,7 +121,7 @@ def test_a_run_that_no_disk_can_hold_says_what_it_needs_and_what_is_free(tmp_pat
     too_large["memory"] = np.broadcast_to(0.0, (10**9, 10**6))
     with pytest.raises(StorageError, match=r"needs 16\.0 PB, but .* are free in .*Take fewer samples") as caught:
         ArchiveWriter.create(
-            tmp_path / "run.h5", system=system, integrator=runs.INTEGRATOR, dt=1.0, times=times,
+            tmp_path / "run.h5", system=system, integrator=runs.INTEGRATOR, grid=TimeGrid(1.0, times),
             checkpoint=too_large, provenance={},
         )  # fmt: skip
     assert caught.value.exit_code == 1
@@ -250,7 +251,7 @@ def test_a_file_keeps_its_permissions_when_it_is_overwritten_or_extended(tmp_pat
     path.chmod(mode)
     runs.finished(path, 4, overwrite=True)
     assert path.stat().st_mode & 0o777 == mode
-    extended(Archive.claim(path), np.arange(9) * 0.5).close()
+    extended(Archive.claim(path), TimeGrid(0.25, np.arange(9) * 0.5)).close()
     assert path.stat().st_mode & 0o777 == mode
 
 
@@ -356,7 +357,7 @@ def test_creating_works_where_there_are_no_links(tmp_path, monkeypatch, links):
     ],
 )
 def test_what_no_file_can_hold_is_refused_in_words(change, words, tmp_path):
-    with pytest.raises(ArchiveError, match=words):
+    with pytest.raises(InputError, match=words):
         runs.create(tmp_path / "run.h5", change.pop("times", 3), **change)
     assert leftovers(tmp_path) == []
 
@@ -365,7 +366,7 @@ def test_what_no_file_can_hold_is_refused_in_words(change, words, tmp_path):
 def test_a_checkpoint_that_is_no_array_of_numbers_is_refused(bad, tmp_path):
     with pytest.raises(ArchiveError, match="checkpoint 'x' is"):
         ArchiveWriter.create(
-            tmp_path / "run.h5", system=runs.system(), integrator=runs.INTEGRATOR, dt=1.0, times=[0.0],
+            tmp_path / "run.h5", system=runs.system(), integrator=runs.INTEGRATOR, grid=TimeGrid(1.0, [0.0]),
             checkpoint={"x": bad}, provenance={},
         )  # fmt: skip
 
@@ -417,7 +418,7 @@ def test_extending_keeps_all_and_makes_room_for_more(tmp_path, done):
     with Archive.open(path) as archive:
         before = (archive.system, archive.integrator, archive.dt, dict(archive.provenance))
     times = np.concatenate([np.arange(6) * 0.5, [7.0, 8.0, 9.0]])
-    with extended(Archive.claim(path), times) as writer:
+    with extended(Archive.claim(path), TimeGrid(0.25, times)) as writer:
         assert (writer.committed, writer.capacity) == (done, 9)
         with Archive.open(path) as archive:
             assert (archive.system, archive.integrator, archive.dt, dict(archive.provenance)) == before
@@ -434,18 +435,25 @@ def test_extending_keeps_all_and_makes_room_for_more(tmp_path, done):
 def test_extending_copies_block_by_block(tmp_path, monkeypatch):
     path = runs.finished(tmp_path / "run.h5", 6, 6)
     monkeypatch.setattr("orbits.archive.writer.BLOCK", 2 * 48 * 3)
-    with extended(Archive.claim(path), np.arange(6) * 0.5):
+    with extended(Archive.claim(path), TimeGrid(0.25, np.arange(6) * 0.5)):
         pass
     runs.assert_whole(path)
     with Archive.open(path) as archive:
         assert archive.chunks["samples"].tolist() == [2, 4, 6]
 
 
-@pytest.mark.parametrize("times", [[], [0.0, 0.5], [0.0, 0.5, 1.0, 1.5, 2.0, 2.6, 3.0], np.zeros((6, 1))])
-def test_extending_cannot_change_what_is_there(tmp_path, times):
+@pytest.mark.parametrize(
+    ("times", "h"),
+    [
+        ([0.0, 0.5], 0.25),
+        ([0.0, 0.5, 1.0, 1.5, 2.0, 2.6, 3.0], 0.25),
+        (np.arange(9) * 0.5, 0.125),
+    ],
+)
+def test_extending_cannot_change_what_is_there(tmp_path, times, h):
     path = runs.finished(tmp_path / "run.h5")
-    with pytest.raises(ArchiveError, match=r"have to come first, as they are|have shape"):
-        extended(Archive.claim(path), times)
+    with pytest.raises(ArchiveError, match="have to come first, as they are"):
+        extended(Archive.claim(path), TimeGrid(h, times))
     runs.assert_whole(path)
 
 
@@ -455,6 +463,6 @@ def test_extending_refuses_damage_and_leaves_the_file(tmp_path):
     data[data.index(runs.samples(6)[0][0].tobytes())] ^= 1
     path.write_bytes(data)
     with pytest.raises(ArchiveError, match="samples 0 to 1 do not hold their checksum"):
-        extended(Archive.claim(path), np.arange(9) * 0.5)
+        extended(Archive.claim(path), TimeGrid(0.25, np.arange(9) * 0.5))
     assert path.read_bytes() == data
     assert leftovers(tmp_path) == ["run.h5"]

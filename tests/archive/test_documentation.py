@@ -12,12 +12,14 @@ from astropy import units as u
 
 import orbits
 
+from ..problems import belt
+
 PAGE = Path(__file__).parents[2] / "docs" / "archive.md"
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> orbits.Trajectory:
-    system = orbits.System.solar_system("2022-08-09").add_particles(orbits.asteroids(3))
+    system = belt(3)
     path = tmp_path_factory.mktemp("documentation") / "run.h5"
     return orbits.propagate(system, orbits.Gauss(stages=4), dt=4, duration=100 * u.day, samples=6, archive=path)
 

@@ -52,7 +52,9 @@ def elsewhere() -> Any:
     """All of this in a folder of its own, with a scenario, an archive, and what only looks like them."""
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)
+        inside = Path(folder, "inside")  # what is beside it is nobody else's
+        inside.mkdir()
+        os.chdir(inside)
         Path("tiny.py").write_text(HEAD + "scenario = orbits.Scenario(**given)\n")
         Path("no.py").write_text("1/0\n")
         Path("no.h5").write_bytes(b"no archive")

@@ -14,7 +14,7 @@ import orbits
 from orbits import integrators
 from orbits.cli import app
 from orbits.errors import Interrupted
-from orbits.propagation import run as run_module
+from orbits.propagation import sample_store
 from orbits.regression import PEERS
 from orbits.scenario import bundled
 from orbits.scenario.command import guarded
@@ -218,13 +218,13 @@ def test_resuming_a_finished_run_says_that_it_was_complete_and_how_to_extend_it(
 
 
 def test_an_interrupted_run_says_how_to_go_on_and_resume_completes_it(tmp_path, monkeypatch):
-    add = run_module._Keeper.add
+    add = sample_store.SampleStore.add
 
     def add_then_stop(self, q, v):
         add(self, q, v)
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
     out = call("run", "solar_system", "--duration", "1 yr", "--samples", "9", "--no-plot", "--out", tmp_path)
     assert out.exit_code == 130
     assert "orbits resume" in out.output

@@ -1,46 +1,22 @@
-"""Nonlinear problems for the contract tests, and the one-step map of any method on them, as plain float arrays."""
+"""What the contract tests do with a method: march, map a step, differentiate it, measure its error."""
 
 import itertools
 
 import numpy as np
 
+from orbits.elements import two_body
+from orbits.errors import ConvergenceError
 from orbits.integrators import registry
 from orbits.integrators.marcher import Marcher
 from orbits.lagrangians.newtonian import newtonian, parameters
+
+from ..problems import kepler
 
 
 def methods():
     """The examples of every registered method."""
     for _, cls in sorted(registry().items()):
         yield from cls.examples()
-
-
-def three_bodies():
-    """A star, an inner planet on an eccentric orbit and an outer one: nonlinear, not integrable, in no plane."""
-    gm = np.array([1.0, 1e-2, 3e-3])
-    q = np.array([[0.0, 0.0, 0.0], [0.7, 0.1, 0.05], [-1.5, 0.4, -0.2]])
-    v = np.array([[0.0, 0.0, 0.0], [-0.1, 1.3, 0.1], [-0.2, -0.7, 0.15]])
-    v -= (gm[:, None] * v).sum(axis=0) / gm.sum()
-    q -= (gm[:, None] * q).sum(axis=0) / gm.sum()
-    return gm, q, v
-
-
-def kepler(e):
-    """Two bodies of comparable mass, relative orbit with a = 1 and eccentricity e at pericentre, GM = 1 in all."""
-    gm = np.array([0.7, 0.3])
-    r, s = np.array([1 - e, 0.0, 0.0]), np.array([0.0, np.sqrt((1 + e) / (1 - e)), 0.0])
-    tilt = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])
-    q, v = np.array([-0.3 * r, 0.7 * r]) @ tilt.T, np.array([-0.3 * s, 0.7 * s]) @ tilt.T
-    return gm, q, v
-
-
-def particles_around(count=5):
-    """Massless particles among the three bodies."""
-    angle = np.linspace(0.3, 5.0, count)
-    radius = np.linspace(2.0, 3.0, count)
-    q = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle), 0.1 * np.cos(3 * angle)])
-    v = np.column_stack([-np.sin(angle), np.cos(angle), 0.05 * np.sin(angle)]) / np.sqrt(radius)[:, None]
-    return q, v
 
 
 def marcher(method, gm, q, v, h, *, threads=1):
@@ -76,6 +52,20 @@ def jacobian(function, z, scales):
         unit[k] = delta
         columns.append(sum(w * (function(z + m * unit) - function(z - m * unit)) for m, w in weights.items()) / delta)
     return np.array(columns).T
+
+
+def errors_against_the_exact_orbit(method, eccentricity, end, counts):
+    """Numbers of steps that a method takes, and the distance from the exact two-body orbit after each."""
+    gm, q, v = kepler(eccentricity)
+    relative, _ = two_body(q[1] - q[0], v[1] - v[0], gm.sum(), end)
+    kept = []
+    for count in counts:
+        try:
+            q1, _ = march(method, gm, q, v, end / count, int(count))
+        except ConvergenceError:
+            continue  # a step that is far too long is refused
+        kept.append((count, np.linalg.norm(q1[1] - q1[0] - relative)))
+    return np.array(kept).T
 
 
 def pairs(*sequences):

@@ -9,7 +9,7 @@ from orbits.diagnostics.foils import NearestGauss
 from orbits.diagnostics.stepping import Bodies, march
 from orbits.errors import InputError
 
-from .bodies import random_kepler
+from ..problems import random_kepler
 
 TIMES = np.unique(np.round(np.geomspace(10, 10_000, 16)).astype(int))
 

@@ -193,3 +193,29 @@ def systems():
 def pair(L):
     """Two points that the Lagrangian's motion nearly joins in the time h, but not quite."""
     return L.q, L.q + L.h * L.v + 0.02
+
+
+def compare(L_d, q0, q1, h, t, bound, delta):
+    """Assert that D1, D2 and the second derivatives of L_d are those of its value, by differences of width delta."""
+    jet = L_d.jet(q0, q1, h, t)
+    scale = np.abs(jet.d12).max()
+
+    def by(which):
+        ends = [q0, q1]
+
+        def moved(x):
+            ends[which] = x
+            return np.hstack(L_d.first(*ends, h, t))
+
+        slopes = difference(moved, ends[which], delta)
+        return slopes[0], slopes[1 : 1 + len(q0)], slopes[1 + len(q0) :]
+
+    expected = ((jet.d1, jet.d11, jet.d12.T), (jet.d2, jet.d12, jet.d22))
+    for which in (0, 1):
+        for got, slope in zip(expected[which], by(which), strict=True):
+            assert np.abs(got - slope).max() < bound * scale
+    assert np.abs(jet.d11 - jet.d11.T).max() < 1e-15 * scale  # 1.9e-16 was reached
+    assert np.abs(jet.d22 - jet.d22.T).max() < 1e-15 * scale
+    assert L_d.first(q0, q1, h, t)[0] == jet.value
+    for x, y in zip(L_d.hessian(q0, q1, h, t), jet[3:], strict=True):
+        assert np.array_equal(x, y)

@@ -7,7 +7,7 @@ from orbits import discrete
 from orbits.lagrangians import registry
 from orbits.lagrangians.newtonian import n_body
 
-from .mechanics import difference, pair, rules, systems
+from .mechanics import compare, pair, rules, systems
 
 TIME = 0.3
 
@@ -19,31 +19,6 @@ def test_every_maker_of_a_discrete_lagrangian_is_tested_here():
     returned = {name: getattr(discrete, name).__annotations__.get("return") for name in discrete.__all__}
     classes = ("DiscreteLagrangian", "Quadrature", "Vprk", "ExactByCollocation", "ExactKepler", "ExactLinear", "Suris")
     assert {name for name, kind in returned.items() if kind in classes} == makers | from_numbers | of_one
-
-
-def compare(L_d, q0, q1, h, t, bound, delta):
-    jet = L_d.jet(q0, q1, h, t)
-    scale = np.abs(jet.d12).max()
-
-    def by(which):
-        ends = [q0, q1]
-
-        def moved(x):
-            ends[which] = x
-            return np.hstack(L_d.first(*ends, h, t))
-
-        slopes = difference(moved, ends[which], delta)
-        return slopes[0], slopes[1 : 1 + len(q0)], slopes[1 + len(q0) :]
-
-    expected = ((jet.d1, jet.d11, jet.d12.T), (jet.d2, jet.d12, jet.d22))
-    for which in (0, 1):
-        for got, slope in zip(expected[which], by(which), strict=True):
-            assert np.abs(got - slope).max() < bound * scale
-    assert np.abs(jet.d11 - jet.d11.T).max() < 1e-15 * scale  # 1.9e-16 was reached
-    assert np.abs(jet.d22 - jet.d22.T).max() < 1e-15 * scale
-    assert L_d.first(q0, q1, h, t)[0] == jet.value
-    for x, y in zip(L_d.hessian(q0, q1, h, t), jet[3:], strict=True):
-        assert np.array_equal(x, y)
 
 
 @pytest.mark.parametrize("system", systems())

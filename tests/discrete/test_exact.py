@@ -12,7 +12,7 @@ from orbits.tableaux.gauss import gauss
 from orbits.tableaux.lobatto import lobatto_iiia_iiib
 
 from .mechanics import Central, Driven, Magnetic, Oscillator, Pendulum, difference
-from .two_body import flow, swept
+from .swept import motion, swept
 
 
 def transfers(count, kind, seed=1):
@@ -36,7 +36,7 @@ def transfers(count, kind, seed=1):
 def test_f_plus_and_f_minus_of_the_exact_kepler_lagrangian_give_the_true_velocities(kind):
     worst, ways, judged = 0.0, set(), 0
     for gm, q, v, h in transfers(300, kind):
-        q1, v1, action = flow(q, v, gm, h)
+        q1, v1, action = motion(q, v, gm, h)
         angle = swept(q, v, q1, h)
         if min(angle, abs(angle - 180), 360 - angle) < 5:
             continue
@@ -57,7 +57,7 @@ def test_nothing_is_lost_near_the_parabola(excess):
     q, h = np.array([1.0, 0.2]), 1.3
     v = np.array([-0.3, 1.0])
     v *= np.sqrt(2 * (1 + excess) / np.sqrt(q @ q) / (v @ v))
-    q1, v1, action = flow(q, v, 1.0, h)
+    q1, v1, action = motion(q, v, 1.0, h)
     value, d1, d2 = discrete.exact_kepler(1.0).first(q, q1, h)
     assert max(np.abs(-d1 - v).max(), np.abs(d2 - v1).max(), abs(value - action)) < 3e-15  # 4.4e-16 was reached
 
@@ -82,7 +82,7 @@ def test_its_second_derivatives_on_hyperbolae_and_ellipses(way, h):
 
 def test_a_fall_along_a_straight_line_is_served():
     q, v, h = np.array([1.0, 0.5]), np.array([0.4, 0.2]), 0.6
-    q1, v1, action = flow(q, v, 1.0, h)
+    q1, v1, action = motion(q, v, 1.0, h)
     value, d1, d2 = discrete.exact_kepler(1.0).first(q, q1, h)
     assert max(np.abs(-d1 - v).max(), np.abs(d2 - v1).max(), abs(value - action)) < 3e-15  # 4.4e-16 was reached
 
@@ -94,7 +94,7 @@ def test_a_hundred_steps_of_its_equations_stay_on_the_true_orbit(e, dimension):
     v = np.array([0.0, 0.8, 0.6])[:dimension] * np.sqrt((1 + e) / (1 - e)) / (1.0 if dimension == 3 else 0.8)
     L_d, h = discrete.exact(Central(name="kepler", dimension=dimension)), 0.25
     path = discrete.march_pairs(L_d, *discrete.start(L_d, q, v, h), h, 99)
-    truth = np.array([flow(q, v, 1.0, k * h)[0] for k in range(101)])
+    truth = np.array([motion(q, v, 1.0, k * h)[0] for k in range(101)])
     assert np.abs(path - truth).max() < 1e-12  # four revolutions; 1.5e-13 was reached, the issue asks for 1e-11
     p = v
     for k in range(100):

@@ -8,7 +8,7 @@ from orbits import discrete
 from orbits.errors import InputError
 from orbits.lagrangians import pendulum
 
-from .test_derivatives import compare
+from .mechanics import compare
 
 HEAVY = pendulum.with_parameters(m=1.3, l=0.7, g=2.1)
 

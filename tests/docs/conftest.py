@@ -1,6 +1,49 @@
-"""The extensions of the site are imported as the site imports them."""
+"""The extensions of the site are imported as the site imports them; the site is built while other tests run."""
 
+from __future__ import annotations
+
+import os
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs" / "_ext"))
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "_ext"))
+
+NO_NETWORK = "import socket; socket.socket.connect = None; socket.getaddrinfo = None"
+BUILD = f"{NO_NETWORK}; import sys; from sphinx.cmd.build import main; sys.exit(main(sys.argv[1:]))"
+BUILDING = pytest.StashKey[tuple[subprocess.Popen[str], tempfile.TemporaryDirectory[str]]]()
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Begin to build the site, in a process of its own, where a test asks for it: what it takes is another core's."""
+    if session.config.option.collectonly or not any("site" in getattr(x, "fixturenames", ()) for x in session.items):
+        return
+    out = tempfile.TemporaryDirectory(prefix="orbits-site-")
+    command = [sys.executable, "-c", BUILD, "-q", "-E", "-W", "--keep-going", "docs", out.name]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    session.config.stash[BUILDING] = process, out
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """End the building where nobody has waited for it, and remove what it made."""
+    if BUILDING in config.stash:
+        process, out = config.stash[BUILDING]
+        process.kill()
+        process.communicate()
+        out.cleanup()
+
+
+@pytest.fixture(scope="session")
+def site(request: pytest.FixtureRequest) -> Path:
+    """The folder of the site, built without a network; warnings are errors."""
+    process, out = request.config.stash[BUILDING]
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 0, errors
+    return Path(out.name)

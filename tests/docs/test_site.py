@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from html import unescape
 from pathlib import Path
 from urllib.parse import unquote
@@ -24,18 +21,6 @@ from orbits.plotting import style
 from orbits.scenario import bundled
 
 ROOT = Path(__file__).resolve().parents[2]
-NO_NETWORK = "import socket; socket.socket.connect = None; socket.getaddrinfo = None"
-BUILD = f"{NO_NETWORK}; import sys; from sphinx.cmd.build import main; sys.exit(main(sys.argv[1:]))"
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-c", BUILD, "-q", "-E", "-W", "--keep-going", "docs", str(out)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
-    return out
 
 
 def test_the_site_builds_without_a_warning_or_a_network(site: Path) -> None:

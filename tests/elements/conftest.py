@@ -9,6 +9,8 @@ from typing import Any
 import mpmath as mp
 import pytest
 
+from tests.kepler_truth import flow
+
 DIGITS = 50
 Vector = list[Any]
 
@@ -72,39 +74,9 @@ def state_from_elements(
 
 
 def two_body(q: Sequence[Any], v: Sequence[Any], gm: Any, dt: Any) -> tuple[Vector, Vector]:
-    """Return the state after dt by universal variables, with sines and hyperbolic sines of complex argument."""
-    q, v, (gm, dt) = _mpf(*q), _mpf(*v), _mpf(gm, dt)
-    r0, qv = mp.sqrt(sum(x * x for x in q)), sum(x * y for x, y in zip(q, v, strict=True))
-    beta = 2 * gm / r0 - sum(x * x for x in v)
-
-    def G(s: Any) -> tuple[Any, Any, Any, Any]:
-        if abs(beta * s * s) < mp.mpf("1e-8"):
-            z = -beta * s * s
-            return tuple(s**k * sum(z**i / mp.factorial(2 * i + k) for i in range(8)) for k in range(4))  # type: ignore
-        w = mp.sqrt(beta)
-        x = w * s
-        parts = (mp.cos(x), mp.sin(x) / w, (1 - mp.cos(x)) / beta, (x - mp.sin(x)) / (beta * w))
-        return tuple(mp.re(part) for part in parts)  # type: ignore[return-value]
-
-    def time(s: Any) -> Any:
-        _, G1, G2, G3 = G(s)
-        return r0 * G1 + qv * G2 + gm * G3 - dt
-
-    def distance(s: Any) -> Any:
-        G0, G1, G2, _ = G(s)
-        return r0 * G0 + qv * G1 + gm * G2
-
-    far = dt / r0
-    while time(far) * mp.sign(dt) < 0:
-        far *= 2
-    s = _root(time, distance, min(far, mp.mpf(0)), max(far, mp.mpf(0)))
-    _, G1, G2, _ = G(s)
-    r = distance(s)
-    f, g, df, dg = 1 - gm * G2 / r0, r0 * G1 + qv * G2, -gm * G1 / (r * r0), 1 - gm * G2 / r
-    return (
-        [f * x + g * y for x, y in zip(q, v, strict=True)],
-        [df * x + dg * y for x, y in zip(q, v, strict=True)],
-    )
+    """Return the state after dt."""
+    q, v, _ = flow(_mpf(*q), _mpf(*v), *_mpf(gm, dt))
+    return q, v
 
 
 def two_body_floor(q: Sequence[Any], v: Sequence[Any], gm: float, dt: float) -> tuple[float, float]:

@@ -14,7 +14,7 @@ import orbits
 from orbits import InputError, kepler_flow
 from orbits.elements import state_from_elements
 
-from ..kernels.kepler_truth import flow
+from ..kepler_truth import flow
 
 TURN = 2.0 * np.pi
 

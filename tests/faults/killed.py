@@ -18,7 +18,7 @@ from typing import Any
 
 import orbits
 from orbits.archive.storage import Storage
-from orbits.propagation import run as run_module
+from orbits.propagation import sample_store
 
 from . import small
 
@@ -78,7 +78,7 @@ def wrong(path: Path, kind: str) -> str | None:
 
 def main(folder: Path, every: int) -> None:
     small.straight()
-    run_module.COMMIT_SECONDS = 0.0
+    sample_store.COMMIT_SECONDS = 0.0
     os.fsync = lambda descriptor: None  # a killed process loses nothing that it has written, whatever the device has
     half, whole = small.interrupted(folder / "half.h5"), small.finished(folder / "whole.h5")
     (folder / "run").mkdir()

@@ -11,7 +11,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.propagation import run as run_module
+from orbits.propagation import sample_store
 
 METHOD = orbits.StormerVerlet()
 SAMPLES = 13
@@ -47,7 +47,7 @@ def straight() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def interrupted(path: Path, samples: int = 7, **options: Any) -> Path:
     """Write the run up to so many samples, one commit each, and return the path."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_module, "COMMIT_SECONDS", 0.0)
+        patch.setattr(sample_store, "COMMIT_SECONDS", 0.0)
         seen: list[Any] = []
         propagate(path, callback=lambda t, state: seen.append(t) or len(seen) == samples, **options).close()
     return path
@@ -56,7 +56,7 @@ def interrupted(path: Path, samples: int = 7, **options: Any) -> Path:
 def finished(path: Path) -> Path:
     """Write the whole run, one commit for each sample, and return the path."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_module, "COMMIT_SECONDS", 0.0)
+        patch.setattr(sample_store, "COMMIT_SECONDS", 0.0)
         propagate(path).close()
     return path
 

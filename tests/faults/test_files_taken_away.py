@@ -12,7 +12,7 @@ import pytest
 
 import orbits
 from orbits.errors import StorageError
-from orbits.propagation import run as run_module
+from orbits.propagation import loop, sample_store
 
 from . import small
 
@@ -53,19 +53,19 @@ def path(tmp_path: Path) -> Path:
 def disturbed(way, path, use, at=AT):
     """Run with a commit for each sample, and take the file away when sample `at` is there."""
     seen = []
-    add = run_module._Keeper.add
+    add = sample_store.SampleStore.add
 
     def add_and_take_away(self, q, v):
         add(self, q, v)
         seen.append(1)
         if len(seen) == at:
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(run_module._Keeper, "add", add)
+                patch.setattr(sample_store.SampleStore, "add", add)
                 way(path)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_module, "COMMIT_SECONDS", 0.0)
-        patch.setattr(run_module._Keeper, "add", add_and_take_away)
+        patch.setattr(sample_store, "COMMIT_SECONDS", 0.0)
+        patch.setattr(sample_store.SampleStore, "add", add_and_take_away)
         return use()
 
 
@@ -99,13 +99,13 @@ def test_a_file_that_was_moved_is_resumed_where_it_is(path):
 
 
 def test_propagate_returns_its_own_run_whatever_takes_its_name_before_it_returns(path, monkeypatch):
-    result = run_module._result
+    result = loop._result
 
     def too_late(*arguments):
         by_another_run(path)
         return result(*arguments)
 
-    monkeypatch.setattr(run_module, "_result", lambda *a: (monkeypatch.undo(), too_late(*a))[1])
+    monkeypatch.setattr(loop, "_result", lambda *a: (monkeypatch.undo(), too_late(*a))[1])
     run = small.propagate(path)
     assert run.complete
     assert len(run) == small.SAMPLES
@@ -135,7 +135,7 @@ def test_a_device_that_fails_hands_over_what_was_committed(path, monkeypatch, er
             raise OSError(error, os.strerror(error))
         real(self)
 
-    monkeypatch.setattr(run_module, "COMMIT_SECONDS", 0.0)
+    monkeypatch.setattr(sample_store, "COMMIT_SECONDS", 0.0)
     monkeypatch.setattr(Storage, "sync", sync)
     with pytest.raises(StorageError, match="could not be written") as caught:
         small.propagate(path)

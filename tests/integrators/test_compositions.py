@@ -7,8 +7,8 @@ import orbits
 from orbits.integrators import build, describe, parse
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
 
-from ..contracts.problems import kepler, march, marcher, particles_around, three_bodies
-from ..contracts.test_integrators import errors_against_the_exact_orbit
+from ..contracts.problems import errors_against_the_exact_orbit, march, marcher
+from ..problems import kepler, three_bodies
 
 VERLET = orbits.StormerVerlet()
 SCHEMES = [(4, "suzuki"), (4, "triple-jump"), *sorted(COMPOSITIONS), *sorted(SPLITTINGS)]
@@ -25,15 +25,9 @@ def test_every_scheme_reaches_its_order_as_a_compiled_map(order, name):
     assert measured > 0.92 * order
 
 
-def with_particles():
-    gm, q, v = three_bodies()
-    x, w = particles_around(11)
-    return np.append(gm, np.zeros(11)), np.vstack([q, x]), np.vstack([v, w])
-
-
 def test_kicks_and_drifts_are_lobatto_composed_by_its_own_kernels():
     """Störmer–Verlet is Lobatto IIIA-IIIB with two stages: chains of merged kicks against one substep at a time."""
-    start = with_particles()
+    start = three_bodies(particles=11)
     chain = march(orbits.Composition(VERLET, order=6, scheme="kahan-li"), *start, 0.15, 20)
     general = march(orbits.Composition(orbits.LobattoIIIAB(stages=2), order=6, scheme="kahan-li"), *start, 0.15, 20)
     for a, b in zip(chain, general, strict=True):
@@ -41,7 +35,7 @@ def test_kicks_and_drifts_are_lobatto_composed_by_its_own_kernels():
 
 
 def test_the_implicit_midpoint_rule_is_gauss_with_one_stage_bit_for_bit():
-    start = with_particles()
+    start = three_bodies(particles=11)
     for a, b in zip(
         march(orbits.ImplicitMidpoint(), *start, 0.15, 20), march(orbits.Gauss(stages=1), *start, 0.15, 20), strict=True
     ):
@@ -59,7 +53,7 @@ def test_an_implicit_method_composed_has_its_order():
 
 
 def test_particles_of_an_implicit_composition_do_not_know_their_neighbours_and_a_checkpoint_goes_on():
-    gm, q, v = with_particles()
+    gm, q, v = three_bodies(particles=11)
     one = marcher(IMPLICIT, gm, q, v, 0.15)
     one.advance(30)
     many = marcher(IMPLICIT, gm, q, v, 0.15, threads=3)
@@ -77,7 +71,7 @@ def test_particles_of_an_implicit_composition_do_not_know_their_neighbours_and_a
 
 
 def test_a_massless_particle_of_an_implicit_composition_moves_as_a_body_without_mass_would():
-    gm, q, v = with_particles()
+    gm, q, v = three_bodies(particles=11)
     light = march(IMPLICIT, gm, q, v, 0.15, 20)
     heavy = march(IMPLICIT, np.where(gm > 0, gm, 1e-30), q, v, 0.15, 20)
     assert max(np.abs(a - b).max() for a, b in zip(light, heavy, strict=True)) < 4e-15

@@ -9,6 +9,8 @@ from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, PARTNER, SPEED
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
 
+from ..problems import belt
+
 GAUSS = orbits.Gauss(stages=8)
 
 
@@ -60,7 +62,7 @@ def test_a_passage_within_a_single_step_is_seen():
 
 
 def solar_system(particles=20, **options):
-    system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(particles)).values
+    system = belt(particles).values
     return marcher(system.gm, system.q, system.v, 6.0, **options)
 
 

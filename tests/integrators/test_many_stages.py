@@ -11,9 +11,9 @@ from orbits.integrators.vprk import wide
 from orbits.kernels.lanes import WIDTH
 from orbits.tableaux import gauss
 
-from ..contracts import test_integrators as contract
-from ..contracts.problems import march, particles_around, three_bodies
-from .test_orders import kepler_orbit, one_step
+from ..contracts.problems import march
+from ..problems import kepler_orbit, three_bodies
+from .plain_steps import one_step
 
 TWELVE = orbits.Gauss(stages=12)
 
@@ -33,15 +33,9 @@ class ByTheGeneralKernel(orbits.Gauss):
         return wide.work_rows(size, self.registers), WIDTH
 
 
-def with_particles():
-    gm, q, v = three_bodies()
-    x, w = particles_around(11)
-    return np.append(gm, np.zeros(11)), np.vstack([q, x]), np.vstack([v, w])
-
-
 @pytest.mark.parametrize("stages", [3, 8])
 def test_the_kernel_for_many_stages_and_the_fast_one_agree(stages):
-    start = with_particles()
+    start = three_bodies(particles=11)
     fast = march(orbits.Gauss(stages=stages), *start, 0.15, 40)
     general = march(ByTheGeneralKernel(stages=stages), *start, 0.15, 40)
     for a, b in zip(fast, general, strict=True):
@@ -56,27 +50,10 @@ def test_the_exactly_symplectic_form_holds_for_any_number_of_stages(stages):
     assert tableau.rounding_residual() < 4
 
 
-@pytest.mark.parametrize(
-    "claim",
-    [
-        contract.test_symplectic_if_and_only_if_declared,
-        contract.test_each_particle_fibre_is_symplectic_if_and_only_if_declared,
-        contract.test_symmetric_if_and_only_if_declared,
-        contract.test_momentum_maps_conserved_if_and_only_if_declared,
-        contract.test_a_massless_particle_moves_as_a_body_without_mass_would,
-        contract.test_a_checkpoint_continues_bit_for_bit,
-        contract.test_a_partial_step_leaves_the_march_untouched,
-    ],
-    ids=lambda f: f.__name__.removeprefix("test_"),
-)
-def test_twelve_stages_have_what_all_methods_have(claim):
-    claim(TWELVE)
-
-
 @pytest.mark.parametrize("stages", [12, 16, 24, 32])
 def test_long_steps_leave_round_off_only(stages):
     """Steps a quarter of the inner planet's period, against eight stages at an eighth of that."""
-    start = with_particles()
+    start = three_bodies(particles=11)
     truth = march(orbits.Gauss(stages=8), *start, 0.125, 32)
     longer = march(orbits.Gauss(stages=stages), *start, 0.5 if stages < 16 else 1.0, 8 if stages < 16 else 4)
     for a, b in zip(truth, longer, strict=True):

@@ -11,7 +11,8 @@ from orbits.integrators.runge_kutta_4 import RungeKutta4
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.lagrangians.newtonian import n_body
 
-from ..contracts.problems import march, marcher, particles_around, three_bodies
+from ..contracts.problems import march, marcher
+from ..problems import particles_around, three_bodies
 
 DIGITS = 40
 

@@ -1,25 +1,24 @@
 """The disk cache: hit across processes, and stale as a whole after an edit in any kernel file."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import orbits
-from orbits.kernels.compile import kernel, source_stamp
+from orbits.kernels.compile import kernel
+from orbits.kernels.stamp import source_stamp
 
 PROGRAM = """
 import numpy as np
-from orbits.integrators.marcher import Marcher
-from orbits.integrators.stormer_verlet import StormerVerlet
-from orbits.lagrangians.newtonian import newtonian, parameters
-q, v = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 0, 0], [0, 1.0, 0]])
-run = Marcher(newtonian, StormerVerlet(), parameters(np.array([1.0, 1e-3])), np.array([True, True]), q, v, 0.01)
-run.advance(10)
-print(float(run.state()[0][1, 0]).hex())
-hits = StormerVerlet.advance.stats.cache_hits
-print(sum(hits.values()))
+from orbits.lagrangians.newtonian import value
+q = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+print(value(np.array([0.0, 1.0, 1e-3]), 0.0, q, np.zeros(6)).hex())
+print(sum(value.stats.cache_hits.values()))
 """
 
 
@@ -33,7 +32,7 @@ def run(folder):
     return digits, int(hits)
 
 
-def test_the_cache_is_hit_and_an_edit_in_another_kernel_file_is_seen(tmp_path):
+def test_the_cache_is_hit_after_an_edit_of_prose_and_an_edit_of_code_in_another_file_is_seen(tmp_path):
     package = tmp_path / "orbits"
     shutil.copytree(Path(orbits.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     before, cold = run(tmp_path)
@@ -41,13 +40,53 @@ def test_the_cache_is_hit_and_an_edit_in_another_kernel_file_is_seen(tmp_path):
     assert again == before
     assert (cold, warm) == (0, 1)
     gravity = package / "kernels" / "gravity.py"
+    for path in (gravity, package / "lagrangians" / "newtonian.py"):  # the file of the kernel itself as well
+        path.write_text(path.read_text().replace('"""', '"""Prose on\n\nthree lines. ', 1).replace("Return", "Give"))
+    assert run(tmp_path) == (before, 1), "prose leaves compiled code as it is, in another process too"
     text = gravity.read_text()
-    edited = text.replace("w = rsqrt_cubed(r2) * strength[1 + j]", "w = 1.01 * rsqrt_cubed(r2) * strength[1 + j]")
+    edited = text.replace("value = value - strength[1 + i]", "value = value - 1.01 * strength[1 + i]")
     assert edited != text
     gravity.write_text(edited)
     after, hits = run(tmp_path)
     assert hits == 0
-    assert abs(float.fromhex(after) - float.fromhex(before)) > 1e-6  # 1 % more pull for 0.1: 5e-5
+    assert float.fromhex(after) == pytest.approx(1.01 * float.fromhex(before), rel=1e-15)
+
+
+ALIKE = """
+from orbits import kernel
+
+@kernel
+def scaled(x):
+    return 2.0 * x
+
+double = scaled
+
+@kernel
+def scaled(x):
+    '''Of the same name and the same bytecode.'''
+    return 3.0 * x
+
+def times(factor):
+    @kernel
+    def scaled(x):
+        return factor * x
+    return scaled
+"""
+
+
+def test_kernels_of_one_name_in_one_file_are_not_confused(tmp_path, monkeypatch):
+    """Names of cache files hold no line, so that prose may move kernels: entries tell them apart by what they do."""
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", "")
+    (tmp_path / "alike.py").write_text(ALIKE)
+    hits = []
+    for _ in range(2):
+        spec = importlib.util.spec_from_file_location("alike", tmp_path / "alike.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        all_ = [module.double, module.scaled, module.times(5.0), module.times(7.0)]
+        assert [f(1.0) for f in all_] == [2.0, 3.0, 5.0, 7.0]
+        hits.append([sum(f.stats.cache_hits.values()) for f in all_])
+    assert hits == [[0, 0, 0, 0], [1, 1, 1, 1]]
 
 
 def test_the_stamp_is_part_of_every_cache_entry():
@@ -55,7 +94,8 @@ def test_the_stamp_is_part_of_every_cache_entry():
     def nothing():
         return 0.0
 
-    assert nothing._cache._cache_file._version.endswith(source_stamp())
+    for entries in (nothing.cache, nothing.callee.cache):
+        assert entries._cache_file._version.endswith(source_stamp())
 
 
 def test_products_are_fused_unless_a_kernel_is_exact():

@@ -11,7 +11,7 @@ from orbits.kernels.kepler import kepler_flow, kepler_increments
 from orbits.kernels.lanes import load, store
 from orbits.kernels.summation import accumulate
 
-from .kepler_truth import distance, flow, judged
+from ..kepler_truth import distance, flow, judged
 
 ECCENTRICITIES = [0.0, 1e-9, 0.1, 0.6, 0.9, 0.99, 0.9999, 1 - 2**-53, 1.0, 1 + 2**-52, 1.001, 1.5, 2.5, 10.0, 3000.0]
 # Fractions of the dynamical time at pericentre; from 1 on, for ellipses, sevenths of a period to 300 periods.

@@ -341,6 +341,7 @@ def test_a_million_compensated_additions_keep_the_digits_that_plain_ones_lose():
     assert abs(plain - exact) > 1e-7
 
 
+@pytest.mark.slow  # compiles every kernel of this module for another processor
 def test_without_avx512_the_same_source_gives_the_same_answers():
     """Compiled for a processor without AVX-512, in a process of its own (the name alone would keep the host's
     features).

@@ -41,7 +41,7 @@ def test_processes_that_make_one_module_at_the_same_time_share_one_file(tmp_path
     said = {process.communicate()[0] for process in all_}
     assert len(said) == 1  # one time stamp: with a second, the code that Numba kept would be stale
     assert said.pop().startswith("1 ")
-    assert [path.name for path in tmp_path.glob("orbits/*.*")] == ["orbits_lagrangian_race.py"]
+    assert [path.name for path in tmp_path.glob("orbits/orbits_*")] == ["orbits_lagrangian_race.py"]
 
 
 DAMAGED, GOOD = b"# damaged\nA = 3\n", modules._signed("A = 2\n")
@@ -50,7 +50,7 @@ DAMAGED, GOOD = b"# damaged\nA = 3\n", modules._signed("A = 2\n")
 def test_a_damaged_module_keeps_its_place_until_another_is_put_there(tmp_path, monkeypatch):
     """Removing it first would remove the good one that another process puts there meanwhile."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    path = modules.folder() / "orbits_lagrangian_place.py"
+    path = trust.user_folder("lagrangians") / "orbits_lagrangian_place.py"
     path.write_bytes(DAMAGED)
     there = []
     with pytest.warns(orbits.OrbitsWarning, match=r"place\.py is damaged"):
@@ -61,7 +61,7 @@ def test_a_damaged_module_keeps_its_place_until_another_is_put_there(tmp_path, m
 @pytest.mark.parametrize("other", [Path.unlink, lambda path: path.write_bytes(GOOD)], ids=["removes it", "mends it"])
 def test_a_damaged_module_that_another_process_deals_with_meanwhile_is_made_all_the_same(tmp_path, monkeypatch, other):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    path, read = modules.folder() / "orbits_lagrangian_meanwhile.py", trust.read
+    path, read = trust.user_folder("lagrangians") / "orbits_lagrangian_meanwhile.py", trust.read
     path.write_bytes(DAMAGED)
     monkeypatch.setattr(trust, "read", lambda path: (read(path), other(path))[0])
     with pytest.warns(orbits.OrbitsWarning, match="damaged"):
@@ -107,14 +107,14 @@ def test_threads_never_see_half_a_module(tmp_path, monkeypatch):
 def test_a_cache_that_cannot_be_written_is_replaced_by_a_private_folder(tmp_path, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert modules.folder() == tmp_path / "orbits" / "lagrangians"
+    assert trust.user_folder("lagrangians") == tmp_path / "orbits" / "lagrangians"
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
     monkeypatch.setattr(trust, "temporary_folder", trust.temporary_folder.__wrapped__)
     (tmp_path / "tmp").mkdir()
-    assert modules.folder().parent == tmp_path / "tmp"
-    assert modules.folder().stat().st_mode & 0o777 == 0o700
+    assert trust.user_folder("lagrangians").parent == tmp_path / "tmp"
+    assert trust.user_folder("lagrangians").stat().st_mode & 0o777 == 0o700
 
 
 @pytest.mark.parametrize("text", ["a\\N", "{d}", "a/b", "Hénon ∂"])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.report.picture import picture
+from orbits.regression.report_picture import picture
 from tests.plotting import seen
 from tests.plotting.runs import about_a_star
-from tests.regression.test_report import NINE, make
+from tests.regression.reports import NINE, make
 
 PLANETS = {"inner": {"a": 1.0, "e": 0.2}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0}}
 SPANS = {"an hour": 1 / 24, "a year": 365.25, "a century": 36525.0, "a century back": -36525.0, "1e6 years": 3.6525e8}
@@ -154,7 +154,7 @@ def test_planets_that_crowd_about_the_sun_have_a_map_of_their_own():
 def test_a_report_explains_its_lines_and_names_methods_in_words():
     told = " ".join(seen.texts(picture(make(NINE, NINE)))).replace("\n", " ")
     for words in ("Gauss, 8 stages", "strong lines: the largest error so far", "faint: the error itself",
-                  "dashed: REBOUND", "round-off, 2⁻⁵³", "the yardstick's own error"):  # fmt: skip
+                  "dashed: REBOUND", "round-off, 2⁻⁵³", "the reference solution's own error"):  # fmt: skip
         assert words in told
     assert "stages=" not in told
 

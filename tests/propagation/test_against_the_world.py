@@ -9,6 +9,8 @@ from astropy import units as u
 import orbits
 from orbits.resources import data_path
 
+from ..problems import rebounds_outer_solar_system
+
 AU_KM = 149597870.7
 
 # What Newtonian point masses without relativity, asteroids and figures miss after ten years, heliocentric; in km.
@@ -50,23 +52,14 @@ def test_ten_bodies_stay_with_quadruple_precision(years, allowed_km):
     assert error.max() < allowed_km
 
 
-def outer_solar_system():
-    """Sun and giants as REBOUND itself makes them for its tests, in years / 2 pi and au with G = 1."""
-    import rebound
-
-    sim = rebound.Simulation()
-    sim.add("outer solar system")
-    sim.move_to_com()
-    return orbits.from_rebound(sim)
-
-
 BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]}
 
 
 def test_stormer_verlet_keeps_the_bound_of_rebounds_leapfrog_test():
     """dt = 1, T = 1,000: REBOUND asserts 1e-3 at the end. Its drift-kick-drift variant reaches 1.7e-6, ours 8.2e-6."""
     assert "order2 1e-3" in BOUNDS["test_leapfrog"]
-    run = orbits.propagate(outer_solar_system(), orbits.StormerVerlet(), dt=1.0, duration=1000.0, samples=1001)
+    system = orbits.from_rebound(rebounds_outer_solar_system())
+    run = orbits.propagate(system, orbits.StormerVerlet(), dt=1.0, duration=1000.0, samples=1001)
     energy = run.energy().value
     assert abs(energy[-1] / energy[0] - 1) < 2e-5
     assert np.abs(energy / energy[0] - 1).max() < 3e-4  # 1.7e-4 was reached
@@ -75,9 +68,8 @@ def test_stormer_verlet_keeps_the_bound_of_rebounds_leapfrog_test():
 def test_gauss_keeps_the_bound_of_rebounds_ias15_test():
     """A thousand periods of Jupiter; REBOUND asserts 1e-14 for IAS15 and reaches 5.5e-15."""
     assert "<1e-14" in BOUNDS["test_integrator.test_ias15"]
-    run = orbits.propagate(
-        outer_solar_system(), orbits.Gauss(stages=8), dt=4.0, duration=1000 * 11.86 * 2 * np.pi, samples=501
-    )
+    system, period = orbits.from_rebound(rebounds_outer_solar_system()), 11.86 * 2 * np.pi
+    run = orbits.propagate(system, orbits.Gauss(stages=8), dt=4.0, duration=1000 * period, samples=501)
     assert run.drift().energy.max_fraction < 8e-15  # 2.9e-15 was reached, as the maximum over the samples
 
 

@@ -14,7 +14,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupted
-from orbits.propagation import run as run_module
+from orbits.propagation import sample_store
 
 METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.RungeKutta4()]
 IDS = [m.label for m in METHODS]
@@ -50,7 +50,7 @@ def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkey
     """SIGTERM arrives while the run is under way; what resume makes of the file equals a run that never stopped."""
     straight = orbits.propagate(belt(), method, **ARGUMENTS)
     taken = []
-    add = run_module._Keeper.add
+    add = sample_store.SampleStore.add
 
     def add_then_stop(self, q, v):
         add(self, q, v)
@@ -58,7 +58,7 @@ def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkey
         if len(taken) == stop_after:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
     with pytest.raises(Interrupted, match="orbits resume") as caught:
         orbits.propagate(belt(), method, **ARGUMENTS, archive=tmp_path / "run.h5")
     monkeypatch.undo()
@@ -68,13 +68,13 @@ def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkey
 
 
 def test_without_an_archive_an_interrupted_run_hands_over_what_it_has(monkeypatch):
-    add = run_module._Keeper.add
+    add = sample_store.SampleStore.add
 
     def add_then_stop(self, q, v):
         add(self, q, v)
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
     with pytest.raises(Interrupted, match=r"Ctrl-C.*1 of 23 samples.*archive=") as caught:
         orbits.propagate(belt(), METHODS[0], **ARGUMENTS)
     assert len(caught.value.trajectory) == 1
@@ -84,8 +84,8 @@ def test_without_an_archive_an_interrupted_run_hands_over_what_it_has(monkeypatc
 PROGRAM = """
 import sys, orbits
 from astropy import units as u
-from orbits.propagation import run
-run.COMMIT_SECONDS = 0.0  # commit after every block of steps
+from orbits.propagation import sample_store
+sample_store.COMMIT_SECONDS = 0.0  # commit after every block of steps
 system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
 print("started", flush=True)
 orbits.propagate(system, orbits.Gauss(stages=8), dt=1 * u.day, duration=60000 * u.day, samples=3001,
@@ -211,14 +211,14 @@ def test_a_failing_run_leaves_its_samples_readable(tmp_path):
 
 def test_commits_come_early_and_then_ever_more_rarely(monkeypatch):
     clock, commits = [0.0], []
-    monkeypatch.setattr(run_module, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    monkeypatch.setattr(sample_store, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
     writer = SimpleNamespace(commit=lambda q, v, checkpoint: commits.append(clock[0]))
     marcher = SimpleNamespace(checkpoint=dict)
-    keeper = run_module._Keeper(1, np.arange(10.0), 0, writer)
+    store = sample_store.SampleStore(1, 10, writer)
     for tick in range(1, 60 * 60 * 20):
         clock[0] = tick / 20
-        if keeper.overdue:
-            keeper.commit(marcher)
+        if store.overdue:
+            store.commit(marcher)
     commits = np.array(commits)
     pauses = np.diff(commits, prepend=0.0)
     assert commits[0] <= 0.3

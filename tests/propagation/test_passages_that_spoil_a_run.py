@@ -13,6 +13,8 @@ from orbits.integrators.passage_list import UNKNOWN
 from orbits.propagation import binding
 from tests.encounters import APOPHIS_MISS, apophis_2029, comet
 
+from ..problems import belt
+
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 
 
@@ -84,7 +86,7 @@ def test_a_perihelion_that_spoils_the_run_is_told_before_and_after_it(q, e, dt):
 
 
 def test_planets_and_asteroids_without_encounters_are_not_told_of():
-    system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(20))
+    system = belt(20)
     assert told(system, VERLET, "P/100", 10 * u.yr)[1] == []
     assert told(system, GAUSS, 6 * u.day, 100 * u.yr)[1] == []
 

@@ -6,12 +6,14 @@ from astropy import units as u
 
 import orbits
 
+from ..problems import belt
+
 GAUSS = orbits.Gauss(stages=8)
 
 
 @pytest.fixture(scope="module")
 def system():
-    return orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(3))
+    return belt(3)
 
 
 def test_a_run_ends_where_two_bodies_are_close_and_says_so(system):

@@ -12,7 +12,7 @@ from astropy.time import Time
 
 import orbits
 from orbits.errors import EpochError, InputError
-from orbits.propagation.grid import times_since
+from orbits.time_grid import times_since
 
 EPOCH = "2022-08-09"
 VERLET = orbits.StormerVerlet()

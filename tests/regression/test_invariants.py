@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from orbits.point_masses import PointMasses
 from orbits.regression.invariants import Invariants
 
 GM = np.array([1.0, 0.5, 0.0])
@@ -19,7 +20,8 @@ def energy(gm, q, v):
 
 def test_errors_of_massive_bodies_are_relative_to_the_initial_energy_and_angular_momentum():
     scaled = V * [[1.0], [1.001], [2.0]]  # the massless body does not count, whatever it does
-    measured_energy, measured_momentum = Invariants(GM, Q, V, 0.0).errors(np.array([Q, Q]), np.array([V, scaled]))
+    invariants = Invariants(PointMasses(GM, Q, V))
+    measured_energy, measured_momentum = invariants.errors(np.array([Q, Q]), np.array([V, scaled]))
     e0, e1 = energy(GM, Q, V), energy(GM, Q, scaled)
     l0, l1 = (sum(m * np.cross(x, u) for m, x, u in zip(GM, Q, w, strict=True)) for w in (V, scaled))
     assert measured_energy[0] == measured_momentum[0] == 0.0
@@ -30,7 +32,7 @@ def test_errors_of_massive_bodies_are_relative_to_the_initial_energy_and_angular
 
 def test_about_one_massive_body_the_worst_particle_counts_with_its_own_energy():
     gm, q, v = np.array([0.0, 2.0, 0.0]), Q.copy(), V.copy()
-    invariants = Invariants(gm, q, v, 0.0)
+    invariants = Invariants(PointMasses(gm, q, v))
     assert any("massless" in note for note in invariants.notes)
     changed = v.copy()
     changed[0] *= 1.01
@@ -44,14 +46,14 @@ def test_about_one_massive_body_the_worst_particle_counts_with_its_own_energy():
 def test_a_vanishing_angular_momentum_is_compared_with_the_size_of_its_terms():
     gm, q = np.ones(2), np.array([[1.0, 0, 0], [-1.0, 0, 0]])
     v = np.array([[0.0, 1, 0], [0.0, 1, 0]])  # q x v of the two cancel
-    invariants = Invariants(gm, q, v, 0.0)
+    invariants = Invariants(PointMasses(gm, q, v))
     assert any("angular momentum vanishes" in note for note in invariants.notes)
     _, momentum = invariants.errors(q[None], (v * [[1.0], [1.25]])[None])
     assert momentum[0] == 0.125  # |dL| = 0.25 over terms that sum to 2
 
 
 def test_one_body_alone_has_no_such_errors():
-    measured = Invariants(np.ones(1), np.zeros((1, 3)), np.ones((1, 3)), 0.0).errors(
+    measured = Invariants(PointMasses(np.ones(1), np.zeros((1, 3)), np.ones((1, 3)))).errors(
         np.zeros((4, 1, 3)), np.ones((4, 1, 3))
     )
     assert all(np.all(np.isnan(x)) and x.shape == (4,) for x in measured)

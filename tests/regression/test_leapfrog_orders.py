@@ -7,21 +7,15 @@ G = 1, so that the unit of time is a year over 2 pi, 58.1 days) with dt = 1, a 7
 
 import numpy as np
 import pytest
-import rebound
 
 import orbits
+
+from ..problems import rebounds_outer_solar_system
 
 BOUNDS = {2: 1e-3, 4: 3e-6, 6: 1e-9, 8: 1e-13}
 """Upstream writes 1e13 at order 8, where 1e-13 is meant: its leapfrog reaches 1.7e-14."""
 
 STEPS = 1000
-
-
-def outer_solar_system():
-    sim = rebound.Simulation()
-    sim.add("outer solar system")
-    sim.move_to_com()
-    return sim
 
 
 def method(order, scheme=None):
@@ -30,14 +24,14 @@ def method(order, scheme=None):
 
 
 def worst_energy_error(integrator):
-    system = orbits.from_rebound(outer_solar_system())
+    system = orbits.from_rebound(rebounds_outer_solar_system())
     run = orbits.propagate(system, integrator, dt=1.0, duration=float(STEPS), samples=STEPS + 1)
     energy = np.asarray(run.energy())
     return np.abs(energy / energy[0] - 1.0).max()
 
 
 def leapfrog_energy_error(order):
-    sim = outer_solar_system()
+    sim = rebounds_outer_solar_system()
     sim.integrator, sim.dt = "leapfrog", 1.0
     sim.integrator.order = order
     start, worst = sim.energy(), 0.0

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orbits.regression import yardstick
+from orbits.point_masses import PointMasses
+from orbits.regression import reference
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmarks" / "references.py"
 
@@ -36,11 +37,11 @@ def test_where_a_rounded_rotated_start_leads_is_known_to_more_digits_than_its_ro
     q, v = np.array([0.9, 0.1, 0.2]), np.array([-0.2, 1.0, 0.1])
     q, v = np.array([-1e-3 * q, q]), np.array([-1e-3 * v, v])
     at = np.array([span])
-    end = references.exact(yardstick.exact(gm, q, v, at).q[0])
+    end = references.exact(reference.exact(PointMasses(gm, q, v), at).q[0])
     starts = [references.rotated(q, v, rotation) for rotation in references.rotations(3)[1:]]
     rounding = 0.0
     for start, truth in zip(starts, references.ends(gm, q, v, end, starts, span), strict=True):
-        really = yardstick.exact(gm, start.q, start.v, at).q[0]
+        really = reference.exact(PointMasses(gm, start.q, start.v), at).q[0]
         # Two exact solutions, each rounded to float64 once, differ by less than an ulp of 1.3.
         assert references.errors(really, start, truth).max() < 3e-16
         rounding = max(rounding, references.errors(really, start, end).max())

@@ -62,9 +62,9 @@ def test_a_bound_is_exceeded_by_more_by_nan_and_by_nothing_measured():
     assert len(bounds.failures({}, {}, {}, " km")) == 2
 
 
-def test_a_yardstick_worse_than_the_bound_cannot_vouch_for_it():
+def test_a_reference_solution_worse_than_the_bound_cannot_vouch_for_it():
     (failure,) = Bounds({}, {"Earth": 1.0}).failures({}, {"Earth": 0.5}, {"Earth": 2.0}, " km")
-    assert "yardstick's own error" in failure
+    assert "reference solution's own error" in failure
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_a_yardstick_worse_than_the_bound_cannot_vouch_for_it():
         ({"position_km": {"Eart": 1.0}}, SOLAR, UnknownNameError, "Did you mean 'Earth'"),
         ({"energy": -1.0}, SOLAR, InputError, ">= 0"),
         ({"energy": math.nan}, SOLAR, InputError, "finite"),
-        ({"energy": "small"}, SOLAR, InputError, "expected a number"),
+        ({"energy": "small"}, SOLAR, InputError, "must be a real number"),
         ({"position_km": [1.0, 2.0]}, SOLAR, InputError, "position_km"),
         ({"position": 1 * u.day}, SOLAR, InputError, "position"),
         ({"position_km": 1.0}, DIMENSIONLESS, InputError, "use 'position'"),

@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 import orbits
 from orbits import integrators
 from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
-from orbits.propagation import run as run_module
+from orbits.propagation import sample_store
 from orbits.scenario import bundled, load, perform
-from orbits.scenario.values import quantity
+from orbits.scenario.certifying import certify_scenario
+from orbits.scenario.typed import quantity
 
 STUDIES = [
     *("arenstorf", "brouwer", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum"),
@@ -102,6 +103,16 @@ def test_a_scenario_file_runs_as_a_program_of_its_own(tmp_path):
     assert not list(tmp_path.rglob("*.png"))
 
 
+def test_steps_and_durations_in_words_are_the_same_for_run_comparison_and_certificate(tmp_path):
+    scenario = pair(dt="P/100", duration="2", against=("ias15",), tolerances={"energy": 1e-9})
+    outcome = perform(scenario, out=tmp_path, plot=False)
+    assert outcome.ok
+    assert outcome.run.dt.value == pytest.approx(2 * np.pi / 100, rel=0.02)  # the star has a mass of its own
+    assert outcome.report.settings["dt"] == outcome.run.dt.value
+    (one,) = certify_scenario(scenario, out=tmp_path).certified
+    assert one.certificate.dt == outcome.run.dt.value
+
+
 def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
     perform(pair(), out=tmp_path)
     first = (tmp_path / "run.h5").read_bytes()
@@ -112,13 +123,13 @@ def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
 
 @pytest.mark.parametrize("changes", [{}, {"dt": 0.025}], ids=["the same", "with another step"])
 def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_another(tmp_path, changes, monkeypatch):
-    add = run_module._Keeper.add
+    add = sample_store.SampleStore.add
 
     def add_then_stop(self, q, v):
         add(self, q, v)
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(run_module._Keeper, "add", add_then_stop)
+    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
     with pytest.raises(Interrupted):
         perform(pair(), out=tmp_path / "stopped")
     monkeypatch.undo()

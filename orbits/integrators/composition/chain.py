@@ -13,9 +13,9 @@ from orbits.integrators.base import NOT_FINITE, OK
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, drift, first_not_finite, kick, load_particles, store_particles
-from orbits.kernels.stopping import look_at_particles
+from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
 from orbits.kernels.summation import accumulate, add_product
 
 
@@ -34,12 +34,12 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
     for step in range(steps):
         record_state(path, step, q, v, size)
         record = field_record[step % field_record.shape[0]]
-        record[0, :size] = q[:size]
+        copy(q, 0, size, record[0])
         if coefficients[0, 0] != 0.0:
             kick(v, v_lo, coefficients[0, 0], g, size)
         for i in range(substeps):
             drift(q, q_lo, coefficients[1, i], v, v_lo, size)
-            record[i + 1, :size] = q[:size]
+            copy(q, 0, size, record[i + 1])
             length = coefficients[0, i + 1]
             if length != 0.0:
                 accelerate(tag, parameters, q, g)
@@ -50,7 +50,23 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field_record,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
     substeps = coefficients.shape[1] - 1
@@ -81,6 +97,6 @@ def advance_particles(
         store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
         store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
         record_particles(track, steps, x, y, z, vx, vy, vz)
-        look_at_particles(watch, track, h, steps, p, stop)
+        call_observer(observer, context, track, h, steps, p, stop)
     lost = first_not_finite(q, v, start, stop)
     return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), evaluations

@@ -13,8 +13,8 @@ from orbits.integrators.base import OK
 from orbits.kernels.binding import dimension
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import Watch, record_state
-from orbits.kernels.stopping import look_at_particles
+from orbits.kernels.observing import call_observer
+from orbits.kernels.paths import record_state
 
 
 @kernel
@@ -41,32 +41,30 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field_record,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     """March particles start ... stop - 1, eight at a time, through the recorded field of the substeps."""
     method, tables, lengths, _ = coefficients
     substeps = lengths.shape[0]
     rows, columns = field_record.shape[1] // substeps, field_record.shape[2]
-    # What lies between the ends of a step is seen by nobody: the method looks at no bodies and writes its track aside.
-    none = watch.bodies * 0
-    nothing = Watch(
-        watch.path,
-        watch.stride,
-        none,
-        none + 1,
-        none - 1,
-        watch.mu,
-        watch.annuli,
-        watch.reaches,
-        watch.record,
-        watch.stops[:0],
-        watch.hits,
-        watch.bold,
-        watch.mild,
-        watch.keen,
-        watch.passages,
-        watch.listed,
-    )
+    # What lies between the ends of a step is not observed: the method writes its track aside.
+    none = 0 * observer
     aside, own_work = work[:12], work[12:]
     evaluations = 0
     for p in range(start, stop, WIDTH):
@@ -91,14 +89,15 @@ def advance_particles(
                     1,
                     p,
                     last,
-                    nothing,
+                    none,
+                    none,
                     aside,
                 )
                 evaluations += count
                 if status != OK:
                     return status, step, where, evaluations
         _record(track, steps, q, v, p, last)
-        look_at_particles(watch, track, h, steps, p, stop)
+        call_observer(observer, context, track, h, steps, p, stop)
     return OK, steps, 0, evaluations
 
 

@@ -29,8 +29,8 @@ from orbits.kernels.iteration import (
     unsettled_coordinate,
 )
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, row_sums, store, total
+from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_state
-from orbits.kernels.stopping import look_at_particles
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_sum
 from orbits.tableaux import SymplecticTableau
 
@@ -173,7 +173,23 @@ def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, fi
 
 @kernel
 def advance_particles(
-    tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, steps, start, stop, watch, track
+    tag,
+    parameters,
+    coefficients,
+    h,
+    q,
+    q_lo,
+    v,
+    v_lo,
+    memory,
+    work,
+    field_record,
+    steps,
+    start,
+    stop,
+    observer,
+    context,
+    track,
 ):
     """March particles start ... stop - 1, one at a time, through the stages that the massive bodies went through.
 
@@ -255,5 +271,5 @@ def advance_particles(
         for k in range(3):
             track[6 * steps + k, slot], track[6 * steps + 3 + k, slot] = q[k, particle], v[k, particle]
         if slot == WIDTH - 1 or particle == stop - 1:
-            look_at_particles(watch, track, h, steps, particle - slot, stop)
+            call_observer(observer, context, track, h, steps, particle - slot, stop)
     return OK, steps, 0, evaluations

@@ -44,7 +44,7 @@ class Formula:
     parameters: tuple[Any, ...]
 
 
-def source(formula: Formula) -> str:
+def module_text(formula: Formula) -> str:
     """Return the module's source. Raises InputError for a Lagrangian that cannot be used, with the reason."""
     import sympy
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from orbits.checks import finite_number
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
-from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, Symmetries, real, require_name
-from orbits.lagrangians.symbolic.generation import Formula, name_of, source
+from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, Symmetries, require_name
+from orbits.lagrangians.symbolic.generation import Formula, module_text, name_of
 from orbits.lagrangians.symbolic.modules import digest, module
 
 
@@ -24,15 +25,27 @@ def from_sympy(
     name: str = "lagrangian",
     example: Motion | None = None,
     symmetries: Symmetries = (),
-    source_: str = "",
+    source: str = "",
 ) -> Lagrangian:
-    """Return a Lagrangian from an expression L(q, v, t; parameters) in SymPy; see `Lagrangian.from_sympy`."""
+    """Return a Lagrangian from an expression in SymPy; its kernels are kept on disk for other processes.
+
+    L : SymPy expression of q, v, t and the parameters, twice differentiable
+    q, v : d coordinates and their velocities: symbols, or functions of t and their derivatives
+    t : the time, if L depends on it; parameters : values by symbol
+    symmetries : a list of them, or a function that makes it from the parameters' values by name
+
+    Raises InputError, with the reason, for what cannot be used: symbols without a value, functions that cannot be
+    compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse.
+
+        q, v, g = sympy.symbols("q v g")
+        pendulum = orbits.Lagrangian.from_sympy(v**2 / 2 + g * sympy.cos(q), q=[q], v=[v], parameters={g: 9.81})
+    """
     formula = _checked(L, q, v, t, {} if parameters is None else parameters, name)
     import sympy
 
     parts = ([formula.L], formula.q, formula.v, formula.parameters, [] if t is None else [t])
     key = digest(name, repr([[sympy.srepr(x) for x in part] for part in parts]))
-    compiled = _compiled(name, key, lambda: source(formula))
+    compiled = _compiled(name, key, lambda: module_text(formula))
     names = [name_of(x) for x in formula.q]
     return Lagrangian(
         name=name,
@@ -42,7 +55,7 @@ def from_sympy(
         compile=lambda: compiled,
         example=example,
         groups=symmetries,
-        source=source_,
+        source=source,
     )
 
 
@@ -76,7 +89,7 @@ def shipped(
         t = sympy.Symbol("t")
         p = {key: sympy.Symbol(f"p_{key}") for key in parameters}
         L = sympy.sympify(expression(q, v, t, types.SimpleNamespace(**p)))
-        return source(Formula(name, L, tuple(q), tuple(v), t, tuple(p.values())))
+        return module_text(Formula(name, L, tuple(q), tuple(v), t, tuple(p.values())))
 
     return Lagrangian(
         name=name,
@@ -132,7 +145,7 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
     if len(set(names)) < len(names):
         raise InputError(f"'{name}': two parameters have the same name: {', '.join(sorted(names))}")
     for key, value in parameters.items():
-        number = real(value, str(key))
+        number = finite_number(value, f"parameter {key}")
         signs = ((key.is_positive, number > 0), (key.is_negative, number < 0), (key.is_nonnegative, number >= 0))
         if any(assumed and not so for assumed, so in signs):
             raise InputError(

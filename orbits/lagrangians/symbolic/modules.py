@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
 import sys
 import threading
 from collections.abc import Callable
@@ -12,8 +10,8 @@ from pathlib import Path
 from types import ModuleType
 
 from orbits.kernels import trust
-from orbits.kernels.compile import source_stamp
 from orbits.kernels.keeping import checksum
+from orbits.kernels.stamp import source_stamp
 
 _LOADING = threading.RLock()
 
@@ -24,26 +22,13 @@ def digest(*parts: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def folder() -> Path:
-    """Return the folder of generated modules: in NUMBA_CACHE_DIR, else XDG_CACHE_HOME or ~/.cache, else a private
-    temporary folder. A folder in which other users may write is passed over, with a warning.
-    """
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
-    place = Path(chosen) / "orbits" if chosen else home / "orbits" / "lagrangians"
-    with contextlib.suppress(OSError):
-        trust.make_private(place)
-        return place
-    return trust.temporary_folder()
-
-
 def module(key: str, write: Callable[[], str]) -> ModuleType:
     """Return the generated module of that key, made by `write` if no process has made it before."""
     name = f"orbits_lagrangian_{key}"
     with _LOADING:  # another thread must not see a module half executed
         if name in sys.modules:
             return sys.modules[name]
-        path = folder() / f"{name}.py"
+        path = trust.user_folder("lagrangians") / f"{name}.py"
         text, warning = _kept(path)
         if text is None:
             # The first to come is the one that stays: another one would have another time stamp, with which the code

@@ -1,0 +1,95 @@
+"""Names of bodies: what one may be, where it stands among others, and which bodies are meant by a choice of names."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import InputError, UnknownNameError, shown
+
+LONGEST_NAME = 128
+
+EARTH_AND_MOON = ("earth", "moon")
+BOTH = "Earth-Moon barycenter"
+
+
+def checked_names(names: Any) -> tuple[str, ...]:
+    """Return names as a tuple of str; raise InputError for one that is no name, and for names that occur twice."""
+    try:
+        given = None if isinstance(names, str) else list(names)
+    except TypeError:
+        given = None
+    if given is None:
+        raise InputError(
+            f"names is {shown(names)}; expected a sequence of strings, one for each body, such as ['Sun']."
+        )
+    result = []
+    for i, name in enumerate(given):
+        if not isinstance(name, str):
+            raise InputError(f"the name of body {i} is {shown(name)}; expected a string.")
+        if not name or len(name) > LONGEST_NAME or name != name.strip() or not name.isprintable():
+            raise InputError(
+                f"the name of body {i} is {shown(name)}; expected 1 to {LONGEST_NAME} printable characters without "
+                "blanks at the ends."
+            )
+        result.append(str(name))
+    if len(set(result)) < len(result):
+        twice = next(name for name in result if result.count(name) > 1)
+        places = [i for i, name in enumerate(result) if name == twice]
+        raise InputError(f"bodies {places[0]} and {places[1]} are both called {shown(twice)}; give each its own name.")
+    return tuple(result)
+
+
+def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
+    """Return the place of `name` in `names`, whatever its case where that is not ambiguous.
+
+    Raises UnknownNameError with the names that come close, or that differ in their case only.
+    """
+    place = place_of(name, names)
+    if place is not None:
+        return place
+    given = shown(name).strip("'\"").lower()
+    alike = [n for n in names if n.lower() == given]
+    if alike:
+        raise UnknownNameError(
+            f"{what} {shown(name)} could be {' or '.join(map(repr, alike))}; expected the case of one of them."
+        )
+    close = difflib.get_close_matches(given, {n.lower(): None for n in names}, n=3, cutoff=0.6)
+    part = re.compile(rf"\b{re.escape(given)}\b") if given else None
+    meant = [n for n in names if n.lower() in close or (part and part.search(n.lower()))]
+    hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
+    if given in EARTH_AND_MOON and BOTH in meant:
+        hint = f" {BOTH!r} stands for both as one; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them apart."
+    raise UnknownNameError(f"there is no {what} {shown(name)}; expected one of {few(names)}.{hint}")
+
+
+def place_of(name: object, names: Sequence[str]) -> int | None:
+    """Return the place of `name` in `names`, or that of the only one that differs in its case alone; else None."""
+    if not isinstance(name, str):
+        return None
+    if name in names:
+        return names.index(name)
+    alike = [i for i, other in enumerate(names) if other.lower() == name.lower()]
+    return alike[0] if len(alike) == 1 else None
+
+
+def few(names: Sequence[str], most: int = 12) -> str:
+    """Return names as a list in words, cut short when there are many."""
+    if len(names) <= most:
+        return ", ".join(names)
+    return f"{', '.join(names[:most])} and {len(names) - most} more"
+
+
+def chosen(names: Sequence[str], bodies: Sequence[str] | None) -> slice | NDArray[np.intp]:
+    """Return what picks these bodies from an axis of all of them. Raises UnknownNameError, and InputError for twice."""
+    if bodies is None:
+        return slice(None)
+    wanted = checked_names([bodies] if isinstance(bodies, str) else bodies)
+    places = [index_of(name, names) for name in wanted]
+    checked_names([names[i] for i in places])  # "Sun" and "sun" are one
+    return np.array(places, dtype=np.intp)

@@ -1,0 +1,256 @@
+"""The search for closest approaches in the states at the beginning of each step of a block.
+
+Between two states that are close in time, the relative motion of a pair is a cubic Hermite polynomial; where its
+distance stops falling lies a closest approach. A pair is looked at often enough for neither its distance nor its
+direction to change much in between, and what was found is narrowed down to the step where it is: where the steps
+resolve the passages, a record depends on the states alone, not on when they were looked at.
+
+Eight pairs are looked at together: one body, and eight massive bodies or eight particles.
+"""
+
+from __future__ import annotations
+
+import math
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.encounters import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
+from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, sqrt, unit
+from orbits.kernels.observing import call_enter, call_observer, call_search
+from orbits.kernels.paths import hermite
+from orbits.kernels.watch import flat, no_particles, watch_at
+
+FRACTION = 0.8
+"""How much of the time in which a pair's speed or acceleration covers its distance may pass between two looks."""
+
+MARGIN = 1.05
+"""By how much the apsides of a particle may move within a block."""
+
+CROWD = 64
+"""Bodies from which on pairs that stay far apart are told beforehand."""
+
+DETOUR = 1.25
+"""How much faster than at the looks a body may be in between."""
+
+SLACK = 0.995
+"""How much smaller than estimated an approach may turn out."""
+
+CAUTION = 0.5
+"""The share of a limit at which a passage is looked at closely, its speed and distance being only estimated."""
+
+MANY = 1e18
+
+
+@kernel(inline=True)
+def _estimate(h, before, now, x0, y0, z0, u0, v0, w0, x1, y1, z1, u1, v1, w1):
+    """Return the squared least distance between two looks that are h apart, by two secants; `before` < 0 <= `now`."""
+    s = before / (before - now)
+    x, u, _ = hermite(s, h, x0, u0, x1, u1)
+    y, v, _ = hermite(s, h, y0, v0, y1, v1)
+    z, w, _ = hermite(s, h, z0, w0, z1, w1)
+    middle = (x * u + y * v + z * w) * h
+    s = select(middle < 0.0, s + (1.0 - s) * middle / (middle - now), s * before / (before - middle))
+    x, _, _ = hermite(s, h, x0, u0, x1, u1)
+    y, _, _ = hermite(s, h, y0, v0, y1, v1)
+    z, _, _ = hermite(s, h, z0, w0, z1, w1)
+    return x * x + y * y + z * z
+
+
+@kernel(inline=True)
+def _is_near_or_fast(bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
+    """Return for eight pairs, of which the velocities at two looks and an estimate of the squared least distance are
+    known, whether the passage may be one for the list.
+    """
+    speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
+    angle = CAUTION * bold
+    return (h * h * speed2 > angle * angle * SLACK * d2) + (SLACK * d2 < reach * reach)
+
+
+@kernel(inline=True)
+def _is_sharp(watch, h, x, y, z, u, v, w):
+    """Return for eight pairs with the dominant body whether the osculating orbit is eccentric, its pericentre one for
+    the list. (Between looks that are several steps apart, a sharp one makes a polynomial useless.)
+    """
+    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
+    swept2 = cx * cx + cy * cy + cz * cz
+    parameter = swept2 / watch.mu
+    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
+    e2 = 1.0 - parameter * inverse_a
+    least = parameter / (1.0 + sqrt(maximum(e2, full(0.0))))
+    least2, angle, mild = least * least, CAUTION * watch.keen, CAUTION * watch.mild
+    return (e2 > mild * mild) * (h * h * swept2 > angle * angle * least2 * least2)
+
+
+@kernel(inline=True)
+def _steps_until(valid, x, y, z, u, v, w, du, dv, dw, h, left):
+    """Return after how many of the steps that are left to look again at pairs whose velocities change by (du, dv, dw)
+    in one step.
+    """
+    r2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
+    # distance / speed, or what it takes the acceleration to cover the distance, whichever is shorter
+    fall = sqrt(r2 * (du * du + dv * dv + dw * dw)) / abs(h)
+    time2 = -largest(select(valid > 0.0, -r2 / (maximum(speed2, fall) + 1e-300 * r2), full(-MANY)))
+    count = min(FRACTION * math.sqrt(time2) / abs(h), 1.0 * left)
+    return int(count) if count >= 1.0 else 1
+
+
+@kernel
+def longest_way(context, h, steps):
+    """Return more than any body travels in a block of `steps` steps of h, or in a step divided by the bold angle; for
+    a few bodies, no bound: it costs more than what it saves.
+    """
+    watch = watch_at(context)
+    n, P, path = watch.bodies, watch.stride, watch.path
+    if n < CROWD:
+        return math.inf
+    fastest2 = 0.0
+    for step in range(steps + 1):
+        first = (2 * step + 1) * P
+        for i in range(n):
+            u, v, w = path[first + i], path[first + n + i], path[first + 2 * n + i]
+            fastest2 = max(fastest2, u * u + v * v + w * w)
+    return DETOUR * abs(h) * max(1.0 * steps, 1.0 / watch.bold) * math.sqrt(fastest2)
+
+
+@kernel
+def search(context, track, h, steps, j, row, valid):
+    """Look for closest approaches between body j and eight rows from `row` on, those whose lane is 1 in `valid`.
+
+    The rows are massive bodies behind j, or the particles whose states are in `track`.
+    """
+    watch = watch_at(context)
+    n, P, path, record, dominant = watch.bodies, watch.stride, watch.path, watch.record, watch.dominant
+    # Where x of the rows is, how far y and z, the velocities and the next step are behind it.
+    states, begin, spacing, half, stride = path, row, n, P, 2 * P
+    if row >= n:
+        states, begin, spacing, half, stride = flat(track), 0, WIDTH, 3 * WIDTH, 6 * WIDTH
+    reach = full(watch.reaches[j])
+    if row < n:
+        reach = maximum(load(watch.reaches, row), reach)
+    column = DOMINANT if j == dominant else OTHER
+    ruled = j == dominant or row <= dominant < row + WIDTH
+    k = last = 0
+    before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
+    while True:
+        a, c = 2 * k * P + j, begin + k * stride
+        b, d = a + P, c + half
+        x = load(states, c) - path[a]
+        y = load(states, c + spacing) - path[a + n]
+        z = load(states, c + 2 * spacing) - path[a + 2 * n]
+        u = load(states, d) - path[b]
+        v = load(states, d + spacing) - path[b + n]
+        w = load(states, d + 2 * spacing) - path[b + 2 * n]
+        now = (x * u + y * v + z * w) * h
+        turned = valid * (before < 0.0) * (now >= 0.0)
+        if any_lane(turned):
+            d2 = _estimate(
+                h * (k - last), before * (k - last), now * (k - last), x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
+            )
+            if row < n:
+                nearest = record[DISTANCE2, OTHER, j]
+                if row <= dominant < row + WIDTH:
+                    nearest = max(nearest, record[DISTANCE2, DOMINANT, j])
+                known = maximum(load(record[DISTANCE2, column], row), full(nearest))
+            elif j == dominant or dominant < 0:
+                known = load(record[DISTANCE2, column], row)
+            else:
+                known = full(watch.annuli[j, REACH] * watch.annuli[j, REACH])
+            wanted = (SLACK * d2 < known) + _is_near_or_fast(watch.bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w)
+            if k - last > 1 and dominant < 0:
+                wanted = full(1.0)
+            elif ruled:
+                wanted = wanted + _is_sharp(watch, h, x0, y0, z0, u0, v0, w0)
+            turned = turned * wanted
+            for i in range(WIDTH):
+                if lane(turned, i) != 0.0:
+                    one, other = (j, row + i) if row < n else (row + i, j)
+                    call_enter(watch.enter, context, track, one, other, last, k, h)
+        if k == steps:
+            break
+        before, last = now, k
+        x0, y0, z0, u0, v0, w0 = x, y, z, u, v, w
+        b, d = b + 2 * P, d + stride
+        u = load(states, d) - path[b] - u
+        v = load(states, d + spacing) - path[b + n] - v
+        w = load(states, d + 2 * spacing) - path[b + 2 * n] - w
+        k += _steps_until(valid, x, y, z, u0, v0, w0, u, v, w, h, steps - k)
+
+
+@kernel
+def follow_bodies(context, h, steps):
+    """Look for closest approaches among the massive bodies in a block of `steps` steps of h."""
+    watch = watch_at(context)
+    if watch.first == 0:
+        note_rows(context, 0, watch.bodies)
+    way = longest_way(context, h, steps)
+    for i in range(watch.bodies - 1):
+        follow_row(context, h, steps, way, i)
+
+
+@kernel
+def follow_row(context, h, steps, way, i):
+    """Look at body i and those behind it; `way` is more than any body travels."""
+    watch = watch_at(context)
+    n, path, reaches = watch.bodies, watch.path, watch.reaches
+    closest = watch.record[DISTANCE2, OTHER]
+    for start in range(i + 1, n, WIDTH):
+        valid = full(1.0)
+        for j in range(n, start + WIDTH):
+            valid = valid - unit(j - start)
+        if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
+            # Bodies that stay farther apart in this block than both have already been from another, and than any
+            # reach, are not looked at: two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
+            x, y, z = (
+                load(path, start) - path[i],
+                load(path, n + start) - path[n + i],
+                load(path, 2 * n + start) - path[2 * n + i],
+            )
+            reach = maximum(load(reaches, start), full(reaches[i]))
+            known = maximum(maximum(load(closest, start), full(closest[i])), reach * reach)
+            if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
+                continue
+        call_search(watch.search, context, no_particles(), h, steps, i, start, valid)
+
+
+@kernel
+def follow_particles(context, track, h, steps, start, stop):
+    """Look for closest approaches of particles start ... start + 7, those below `stop`, whose states are in `track`;
+    then, where there are conditions, whether one is met.
+
+    track : (6 (steps + 1), 8), x, y, z and their velocities at the beginning of each step and at the end
+    """
+    watch = watch_at(context)
+    n, annuli, dominant = watch.bodies, watch.annuli, watch.dominant
+    stop = min(start + WIDTH, stop)
+    if watch.first == 0:
+        for p in range(start, stop):
+            note_particle(context, track, n + p)
+    valid = full(0.0)
+    for p in range(start, stop):
+        valid = valid + unit(p - start)
+    lowest, highest = full(0.0), full(MANY)
+    if dominant >= 0:
+        lowest, highest = _apsides(watch, track)
+    for j in range(n):
+        if dominant >= 0 and j != dominant:
+            reach = annuli[j, REACH]
+            meets = (lowest < MARGIN * annuli[j, FAR] + reach) * (MARGIN * highest > annuli[j, NEAR] - reach)
+            if not any_lane(meets * valid):
+                continue
+        call_search(watch.search, context, track, h, steps, j, n + start, valid)
+    call_observer(watch.then, context, track, h, steps, start, stop)
+
+
+@kernel(inline=True)
+def _apsides(watch, track):
+    """Return the osculating pericentre and apocentre distances of eight particles about the dominant body."""
+    n, P, path, j = watch.bodies, watch.stride, watch.path, watch.dominant
+    x, y, z = load(track, 0) - path[j], load(track, 1) - path[n + j], load(track, 2) - path[2 * n + j]
+    u, v, w = load(track, 3) - path[P + j], load(track, 4) - path[P + n + j], load(track, 5) - path[P + 2 * n + j]
+    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
+    inverse_r = 1.0 / sqrt(x * x + y * y + z * z)
+    parameter = (cx * cx + cy * cy + cz * cz) / watch.mu
+    inverse_a = 2.0 * inverse_r - (u * u + v * v + w * w) / watch.mu
+    e = sqrt(maximum(1.0 - parameter * inverse_a, full(0.0)))
+    lowest = parameter / (1.0 + e)
+    highest = select(inverse_a > 0.0, (1.0 + e) / maximum(inverse_a, full(1e-300)), full(MANY))
+    return lowest, highest

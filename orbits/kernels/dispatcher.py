@@ -1,0 +1,109 @@
+"""What `@kernel` makes of a function: Numba's dispatcher with three habits of its own.
+
+* It compiles for compiled callers without the wrapper through which Python calls: that wrapper costs a fifth of the
+  time that compiling takes, and most kernels are never called from Python. Those that are get an entry of their own.
+* It compiles without Numba's runtime (`_nrt`): no reference counts, and no memory to allocate.
+* It says what is wrong in words where a kernel allocates.
+
+Private to Numba, as the cache; pyproject.toml pins the range in which tests have seen it work.
+"""
+
+from __future__ import annotations
+
+import inspect
+import linecache
+import re
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numba import types
+from numba.core.errors import NumbaError
+from numba.core.registry import CPUDispatcher
+
+from orbits.errors import InputError
+from orbits.kernels.keeping import KernelCache
+from orbits.kernels.stamp import is_covered
+
+NEEDS_RUNTIME = ("NRT required but not enabled", "Only accept returning of array passed into the function")
+"""What Numba says when a function allocates that is compiled without a runtime to allocate with."""
+
+
+class _Compiled(CPUDispatcher):
+    """A function and what was compiled of it, one entry for each signature.
+
+    options : Numba's
+    stamp : what cached code belongs to; None where nothing can be cached
+    purpose : a word that tells its cache from others of the same function
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None, purpose: str = ""
+    ) -> None:
+        super().__init__(function, targetoptions={"nopython": True, "_nrt": False, "no_cfunc_wrapper": True, **options})
+        self._options, self._stamp, self._purpose = options, stamp, purpose
+        # The size and time of a file of somebody else's must be those that it had when it was read.
+        self._covered = is_covered(inspect.getfile(function))
+        if not self._covered and stamp is not None:
+            self._cache = self.cache
+
+    @cached_property
+    def cache(self) -> KernelCache:
+        """Where compiled code is kept."""
+        return KernelCache(self.py_func, str(self._stamp), covered=self._covered, purpose=self._purpose)
+
+    def compile(self, signature: Any) -> Any:
+        """Compile for a signature, or find it compiled. Raises InputError where the function allocates."""
+        if self._stamp is not None:
+            self._cache = self.cache
+        try:
+            return super().compile(signature)
+        except NumbaError as error:
+            if any(sign in str(error) for sign in NEEDS_RUNTIME):
+                raise InputError(_allocates(self.py_func, str(error))) from error
+            raise
+
+
+class Kernel(_Compiled):
+    """A kernel as Python calls it; compiled code that calls it has `callee` compiled instead."""
+
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> None:
+        super().__init__(function, options, stamp)
+        if not self._covered:
+            vars(self)["callee"] = self._made_callee()
+
+    @cached_property
+    def callee(self) -> _Compiled:
+        """The same function for compiled callers. It has no entry for Python: calling it would end the process."""
+        return self._made_callee()
+
+    def _made_callee(self) -> _Compiled:
+        return _Compiled(self.py_func, {**self._options, "no_cpython_wrapper": True}, self._stamp, "callee")
+
+    def _reduce_states(self) -> dict[str, Any]:
+        return {"function": self.py_func, "options": self._options, "stamp": self._stamp}
+
+    @classmethod
+    def _rebuild(cls, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> Kernel:
+        return cls(function, options, stamp)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What compiled code takes this object for."""
+        return types.Dispatcher(self.callee)
+
+
+def _allocates(function: Callable[..., Any], report: str) -> str:
+    """Say where a kernel allocates, from Numba's report, and what to do."""
+    file = inspect.getfile(function)
+    seen = re.findall(r"at (\S+) \((\d+)\)", report)
+    places = [int(line) for path, line in seen if Path(path).name == Path(file).name]
+    line = linecache.getline(file, places[-1]).strip() if places else ""
+    where = f", line {places[-1]}" + (f", `{line}`" if line else "") if places else ""
+    return (
+        f"the kernel {function.__name__} ({file}{where}) allocates memory, or returns an array that was not an "
+        "argument; kernels run inside a step and cannot. What allocates: np.zeros and its like, lists, arithmetic with "
+        "whole arrays (2.0 * q), np.sum and its like, and out[:] = q. Loop over the elements, and write into arrays "
+        "that the kernel is given."
+    )

@@ -1,0 +1,215 @@
+"""What is looked at in a block of steps, and the memory in which compiled code finds it.
+
+An observer is given one number, the *context*: the address of a row of words that Python has written. Its fields:
+
+path : flat; n bodies' q and v at the beginning of each step and at the end, each padded to `stride`
+stride : length of a padded vector
+bodies : n
+first : steps taken before this block
+dominant : the body that rules the motion of the others, or -1
+mu : its GM
+annuli : (n, 3), see `encounters.py`
+reaches : (n + padding,), how close to a body flybys are listed; 0 where no body dominates
+record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
+stops : (conditions, 4), see `stopping.py`
+hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
+    which condition first held for which row and body
+bold : angle of a step, h x speed / distance, from which on every passage by another than the dominant body is listed
+mild, keen : eccentricity, and angle of a step, from which on pericentres about the dominant body are listed
+passages : (room, columns), see `encounters.py`: the passages of this block that are listed
+listed : (2,) int64; how many are in the list, and how many there were
+search, enter : addresses of `approach_search.search` and `encounters.enter_passage`: the search among bodies and that
+    of particles share them, and each is compiled once
+then : address of the observer that comes after `follow_particles`, or 0
+
+A kernel reads them as attributes of `watch_at(context)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.datamodel.models import PrimitiveModel
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, register_model
+from numba.np.arrayobj import populate_array
+from numpy.typing import NDArray
+
+from orbits.kernels.lanes import WIDTH
+
+INT64, DOUBLE = ir.IntType(64), ir.DoubleType()
+
+
+def _array(dimensions: int, dtype: Any = types.float64) -> Any:
+    return types.Array(dtype, dimensions, "C")
+
+
+_KINDS: dict[str, Any] = {
+    "path": _array(1),
+    "stride": types.int64,
+    "bodies": types.int64,
+    "first": types.int64,
+    "dominant": types.int64,
+    "mu": types.float64,
+    "annuli": _array(2),
+    "reaches": _array(1),
+    "record": _array(3),
+    "stops": _array(2),
+    "hits": _array(2, types.int64),
+    "bold": types.float64,
+    "mild": types.float64,
+    "keen": types.float64,
+    "passages": _array(2),
+    "listed": _array(1, types.int64),
+    "search": types.int64,
+    "enter": types.int64,
+    "then": types.int64,
+}
+"""The fields of a context. A number takes a word; an array its address and the length of each dimension."""
+
+_LENGTHS = {name: 1 + kind.ndim if isinstance(kind, types.Array) else 1 for name, kind in _KINDS.items()}
+_PLACES = dict(zip(_KINDS, accumulate(_LENGTHS.values(), initial=0), strict=False))
+WORDS = sum(_LENGTHS.values())
+"""Words of 8 bytes in a context."""
+
+
+class WatchType(types.Type):
+    """The Numba type of what `watch_at` returns: an address, whose attributes are the fields of the context there."""
+
+    def __init__(self) -> None:
+        super().__init__(name="Watch")
+
+
+_WATCH = WatchType()
+
+
+@register_model(WatchType)
+class _WatchModel(PrimitiveModel):
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, INT64)
+
+
+@infer_getattr
+class _WatchFields(AttributeTemplate):
+    key = WatchType
+
+    def generic_resolve(self, value, attribute):
+        return _KINDS.get(attribute)
+
+
+@lower_getattr_generic(WatchType)
+def _load_field(cx, builder, watch, value, name):
+    words, kind, place = builder.inttoptr(value, INT64.as_pointer()), _KINDS[name], _PLACES[name]
+
+    def word(at):
+        return builder.load(builder.gep(words, [INT64(at)]))
+
+    if not isinstance(kind, types.Array):
+        return builder.bitcast(word(place), DOUBLE) if kind == types.float64 else word(place)
+    data = builder.inttoptr(word(place), cx.get_data_type(kind.dtype).as_pointer())
+    return _made(cx, builder, kind, data, [word(place + 1 + k) for k in range(kind.ndim)])
+
+
+def _made(cx, builder, kind, data, shape):
+    """Return a contiguous array of 8-byte numbers that owns no memory."""
+    strides = [INT64(8)]
+    for length in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], length))
+    array = cx.make_array(kind)(cx, builder)
+    populate_array(array, data, shape, strides, 8, None)
+    return array._getvalue()
+
+
+@intrinsic
+def watch_at(typingctx, context):
+    """Return the fields at an address, as attributes that are loaded where they are used."""
+    return _WATCH(types.int64), lambda cx, builder, sig, args: args[0]
+
+
+@intrinsic
+def flat(typingctx, array):
+    """Return the rows of a contiguous array of two dimensions, one after the other."""
+    if not (isinstance(array, types.Array) and array.ndim == 2 and array.layout == "C"):
+        return None
+    kind = _array(1, array.dtype)
+
+    def codegen(cx, builder, sig, args):
+        rows = cx.make_array(sig.args[0])(cx, builder, args[0])
+        length = builder.mul(*cgutils.unpack_tuple(builder, rows.shape, 2))
+        return _made(cx, builder, kind, rows.data, [length])
+
+    return kind(array), codegen
+
+
+@intrinsic
+def no_particles(typingctx):
+    """Return an empty array in the place of the states of particles."""
+    kind = _array(2)
+
+    def codegen(cx, builder, sig, args):
+        return _made(cx, builder, kind, builder.inttoptr(INT64(0), DOUBLE.as_pointer()), [INT64(0), INT64(WIDTH)])
+
+    return kind(), codegen
+
+
+class Contexts:
+    """One context for each task that looks at a block at the same time as others; the arrays in them are kept alive.
+
+    addresses : of the contexts
+    """
+
+    def __init__(self, count: int) -> None:
+        self._words = np.zeros((count, WORDS), dtype=np.int64)
+        self._numbers = self._words.view(np.float64)
+        self._kept: dict[str, Any] = {}
+        self.addresses = [self._words.ctypes.data + 8 * WORDS * k for k in range(count)]
+
+    def __getstate__(self) -> None:
+        """Refuse to be copied or pickled: the addresses would still be those of the arrays of the original."""
+        raise TypeError("contexts hold addresses and cannot be copied or pickled; make new ones and enter the arrays.")
+
+    def enter(self, **values: Any) -> None:
+        """Enter values into all contexts. Raises TypeError for an array of another kind than kernels read."""
+        for name, value in values.items():
+            kind, at = _KINDS[name], _PLACES[name]
+            if isinstance(kind, types.Array):
+                if self._kept.get(name) is not value:
+                    self._words[:, at : at + 1 + kind.ndim] = _described(name, value)
+                    self._kept[name] = value
+            elif kind == types.float64:
+                self._numbers[:, at] = value
+            else:
+                self._words[:, at] = value
+
+    def enter_each(self, name: str, arrays: Sequence[NDArray[Any]]) -> None:
+        """Enter an array of its own into each context."""
+        at = _PLACES[name]
+        for row, array in zip(self._words, arrays, strict=True):
+            row[at : at + 1 + array.ndim] = _described(name, array)
+        self._kept[name] = list(arrays)
+
+    def share(self, others: Contexts, own: Sequence[str]) -> None:
+        """Take over the first of other contexts in all of these, but for the fields `own`."""
+        shared = np.ones(WORDS, dtype=bool)
+        for name in own:
+            shared[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = False
+        self._words[:, shared] = others._words[0, shared]
+        self._kept.update({name: arrays for name, arrays in others._kept.items() if name not in own})
+
+
+def _described(name: str, array: NDArray[Any]) -> tuple[int, ...]:
+    """Return the words of an array."""
+    kind = _KINDS[name]
+    expected = np.int64 if kind.dtype == types.int64 else np.float64
+    if array.dtype != expected or array.ndim != kind.ndim or not array.flags.c_contiguous:
+        raise TypeError(
+            f"{name} must be a contiguous array of {kind.ndim} dimensions of {np.dtype(expected)}, got "
+            f"{array.ndim} of {array.dtype}"
+        )
+    return array.ctypes.data, *array.shape

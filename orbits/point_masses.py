@@ -1,0 +1,28 @@
+"""The one record of point masses as floats, in any consistent system of units."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class PointMasses(NamedTuple):
+    """Bodies at a time: gm (n,), q and v (n, 3), float64, and the softening length.
+
+    Length, time and GM are in one system of units, with G absorbed into GM; gm = 0 is a massless particle.
+    """
+
+    gm: Array
+    q: Array
+    v: Array
+    softening: float = 0.0
+
+    @property
+    def massive(self) -> NDArray[np.bool_]:
+        """Which bodies have a mass, (n,)."""
+        massive: NDArray[np.bool_] = self.gm > 0.0
+        return massive

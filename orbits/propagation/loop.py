@@ -1,0 +1,210 @@
+"""The loop of a run from sample to sample, with all the ways in which it ends."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.errors import IntegrationError, Interrupted, OrbitsError, StepWarning, StorageError
+from orbits.integrators.base import Integrator
+from orbits.propagation import judgement
+from orbits.propagation.passages_seen import Record
+from orbits.propagation.progress import Progress
+from orbits.propagation.replay import REPLAY, seen_by
+from orbits.propagation.sample_store import SampleStore
+from orbits.propagation.signals import StopRequest
+from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
+from orbits.system import System
+from orbits.time_grid import TimeGrid
+from orbits.trajectory import Statistics, Trajectory
+
+if TYPE_CHECKING:
+    from orbits.archive import ArchiveWriter
+    from orbits.integrators.marcher import Marcher
+
+Array = NDArray[np.float64]
+Callback = Callable[[u.Quantity, System], object]
+
+
+@dataclass
+class RunEnds:
+    """What may end a run early, and what did."""
+
+    conditions: Conditions
+    callback: Callback | None
+    check_step: bool
+    stopped: Stop | None = None
+    begun: float = 0.0
+
+    def ended(self, system: System, marcher: Marcher) -> bool:
+        """Note whether a condition holds that ends the run."""
+        found = None if marcher.met is None else self.conditions.met(*marcher.met)
+        found = found or self.conditions.overdue(time.perf_counter() - self.begun)
+        if found is not None:
+            self.note(system, marcher, *found)
+        return found is not None
+
+    def note(self, system: System, marcher: Marcher, reason: str, condition: Condition | None) -> None:
+        """Keep the reason and the state."""
+        at = _moved(system, marcher.step * marcher.h, *marcher.state())
+        t = u.Quantity(marcher.step * marcher.h, system.units.time)
+        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
+
+
+def march(
+    system: System,
+    integrator: Integrator,
+    marcher: Marcher,
+    grid: TimeGrid,
+    first: int,
+    begin: Callable[[], ArchiveWriter | None],
+    progress: bool | None,
+    watch: RunEnds,
+) -> Trajectory:
+    """March from sample `first` to the last one; every way out leaves the archive closed and readable.
+
+    begin : opens the archive to write to, if there is one
+    """
+    begun = time.perf_counter()
+    failure: IntegrationError | StorageError | None = None
+    writer: ArchiveWriter | None = None
+    try:
+        # A signal is noted before there is a file, so that none is left behind without a word of how to go on.
+        with StopRequest() as stop:
+            writer = begin()
+            marcher.compile()
+            compiled = time.perf_counter()
+            store = SampleStore(len(system.names), len(grid) - first, writer)
+            unit, steps = system.units.time, grid.whole_steps
+            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
+            try:
+                try:
+                    _sample(system, marcher, grid, first, store, bar, stop, watch)
+                except IntegrationError as error:
+                    failure = error
+                finally:
+                    bar.close()
+                store.commit(marcher)
+            except StorageError as error:
+                failure = error
+        statistics = Statistics(
+            steps=marcher.step,
+            evaluations=marcher.evaluations,
+            particle_evaluations=marcher.particle_evaluations,
+            wall_time=time.perf_counter() - compiled,
+            compile_time=compiled - begun,
+        )
+        try:
+            trajectory = _result(system, integrator, grid, store, writer, statistics)
+        except OrbitsError as error:
+            # From a device that has failed, what was committed can perhaps not be read either.
+            raise failure or error from None
+    except BaseException:
+        if writer is not None:
+            writer.close()
+        raise
+    finally:
+        marcher.close()
+    trajectory.stopped = watch.stopped
+    trajectory.record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+    try:
+        if watch.check_step and len(trajectory.record.listed):
+            with StopRequest() as late:
+                judgement.warn_of(trajectory, seen_by(trajectory))
+            if late.name:
+                raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
+    except StepWarning as warning:  # an error by the filters that are set: the run is not lost by it
+        warning.trajectory = trajectory
+        if failure is None and not _was_stopped(stop, trajectory, watch):
+            raise
+    if failure is not None:
+        failure.trajectory = trajectory
+        raise failure
+    if _was_stopped(stop, trajectory, watch):
+        at = f"{marcher.step * marcher.h:,.6g} of {grid.end:,.6g} {system.units.time}".rstrip()
+        how = (
+            f"go on with: orbits resume {writer.path}"
+            if writer is not None
+            else "nothing was stored; give archive=... to be able to resume"
+        )
+        raise Interrupted(
+            f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(grid)} samples done; {how}",
+            trajectory=trajectory,
+        )
+    return trajectory
+
+
+def _was_stopped(stop: StopRequest, trajectory: Trajectory, watch: RunEnds) -> bool:
+    """Whether a signal ended a run before its end."""
+    return bool(stop.name) and not trajectory.complete and watch.stopped is None
+
+
+def _result(
+    system: System,
+    integrator: Integrator,
+    grid: TimeGrid,
+    store: SampleStore,
+    writer: ArchiveWriter | None,
+    statistics: Statistics,
+) -> Trajectory:
+    if writer is not None:
+        # Through the file that was written, whatever its path leads to by now.
+        path = str(writer.path) if writer.in_place else None
+        return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
+    q, v = store.arrays()
+    return Trajectory(
+        system,
+        grid.times[: len(q)].copy(),
+        q,
+        v,
+        step=grid.h,
+        integrator=integrator,
+        statistics=statistics,
+        complete=len(q) == len(grid),
+        again=REPLAY,
+    )
+
+
+def _sample(
+    system: System,
+    marcher: Marcher,
+    grid: TimeGrid,
+    first: int,
+    store: SampleStore,
+    bar: Progress,
+    stop: StopRequest,
+    watch: RunEnds,
+) -> None:
+    """Visit every sample from `first` on, or as many as there are before a stop is asked for."""
+    watch.begun = time.perf_counter()
+    steps, remainders = grid.steps, grid.remainders
+    for index in range(first, len(grid)):
+        if stop.name:
+            return
+        while marcher.step < steps[index]:
+            marcher.advance(min(marcher.block, int(steps[index]) - marcher.step))
+            bar.update(marcher.step * marcher.h)
+            if stop.name or watch.ended(system, marcher):
+                return
+            if store.overdue:
+                store.commit(marcher)
+        state = marcher.state_after(float(remainders[index]))
+        store.add(*state)
+        if watch.callback is not None:
+            t = float(grid.times[index])
+            if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, t, *state)):
+                watch.note(system, marcher, "the callback ended the run", None)
+                return
+        if store.full:
+            store.commit(marcher)
+
+
+def _moved(system: System, t: float, q: Array, v: Array) -> System:
+    epoch = None if system.epoch is None else system.epoch + u.Quantity(t, system.units.time)
+    return system.replaced(q=q, v=v, epoch=epoch)

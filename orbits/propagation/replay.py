@@ -1,0 +1,73 @@
+"""What marches a finished run again: for states between its samples, and for what it passed on its way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from orbits.errors import InputError
+
+if TYPE_CHECKING:
+    from orbits.propagation.approach import Approach
+    from orbits.propagation.approaches import Approaches
+    from orbits.propagation.passages_seen import Seen
+    from orbits.trajectory import Trajectory
+    from orbits.trajectory.again import March
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Marches runs again with their own method and step; what `propagate` and `resume` hand to a `Trajectory`."""
+
+    def begun(self, run: Trajectory) -> March:
+        """Return the march of a run from its initial state."""
+        from orbits.propagation.binding import bound
+
+        return bound(run.system, run.integrator, run.step)
+
+    def at(self, run: Trajectory, t: Any) -> Any:
+        """Return the state of a run at a time, or the states at several."""
+        from orbits.propagation.dense import state_at
+
+        return state_at(run, t)
+
+    def closest_approaches(self, run: Trajectory) -> Approaches:
+        """Return how close bodies came to one another in a run.
+
+        Raises InputError for a trajectory of which samples alone are known.
+        """
+        from orbits.propagation.approaches import Approaches
+
+        return Approaches(run, seen_by(run))
+
+    def unresolved(self, run: Trajectory) -> list[Approach]:
+        """Return the close passages of a run that its step could not resolve, worst first; raises as the above."""
+        from orbits.propagation.approaches import Approaches
+        from orbits.propagation.judgement import spoiling
+        from orbits.propagation.refinement import refine
+
+        seen = seen_by(run)
+        approaches = Approaches(run, seen)
+        if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
+            approaches.know_all()
+        found = [k for k, _ in spoiling(run, seen)]
+        refine(run, seen, found)
+        return [approaches.one(k) for k in found]
+
+
+REPLAY = Replay()
+
+
+def seen_by(run: Trajectory) -> Seen:
+    """Return the passages of a run, which are found once and kept with it."""
+    if run.record is None and run.archive is None:
+        raise InputError(
+            f"{run!r} holds samples alone, and closest approaches are found while a run goes on; expected the "
+            "whole run as orbits.propagate or orbits.resume returned it."
+        )
+    if run.passages is None:
+        from orbits.propagation.passages_seen import Seen
+
+        run.passages = Seen.by(run, run.record)
+    seen: Seen = run.passages
+    return seen

@@ -1,0 +1,219 @@
+"""Conditions that end a run before its duration is over."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import index_of
+from orbits.checks import positive_number
+from orbits.errors import InputError, shown
+from orbits.kernels.stopping import ANY, CLOSER, FARTHER
+from orbits.units import quantity_from_text
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+
+@dataclass(frozen=True)
+class CloserThan:
+    """Stop after the step in which two bodies came closer than a distance, even if only between its ends.
+
+    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
+    body, other : names; None stands for any. One of the two has to have mass.
+
+    Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
+    """
+
+    distance: Any
+    body: str | None = None
+    other: str | None = None
+
+    def __post_init__(self) -> None:
+        _check_pair(self)
+
+
+@dataclass(frozen=True)
+class FartherThan:
+    """Stop after the first step at whose end two bodies are farther apart than a distance.
+
+    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
+    body, other : names; None stands for any. One of the two has to have mass.
+
+    Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
+    """
+
+    distance: Any
+    body: str | None = None
+    other: str | None = None
+
+    def __post_init__(self) -> None:
+        _check_pair(self)
+
+
+@dataclass(frozen=True)
+class EnergyErrorAbove:
+    """Stop after the first step at whose end the energy of the massive bodies has changed by more than a fraction.
+
+    Raises InputError for a fraction that is not one finite number above 0.
+    """
+
+    fraction: float
+
+    def __post_init__(self) -> None:
+        positive_number(self.fraction, "EnergyErrorAbove.fraction")
+
+
+@dataclass(frozen=True)
+class WallTimeOver:
+    """Stop when the run has taken longer than this on the clock, looked at between blocks of steps.
+
+    duration : a quantity, or a number of seconds. Where a run stops for this reason depends on the machine.
+
+    Raises InputError for what is not one finite time above 0.
+    """
+
+    duration: Any
+
+    def __post_init__(self) -> None:
+        _seconds(self.duration)
+
+
+Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why and where a run ended early.
+
+    reason : in words; condition : the one that was met, or None where the callback ended the run
+    time : since the epoch, with unit; system : the state there, at the end of a step
+    """
+
+    reason: str
+    condition: Condition | None
+    time: u.Quantity
+    system: System
+
+
+class Conditions:
+    """Conditions in the units of a system, as the marcher wants them.
+
+    stops : (conditions, 4), see `orbits.kernels.stopping`; energy, seconds : bounds, infinite where there is none
+    """
+
+    def __init__(self, system: System, stop: Condition | Sequence[Condition]) -> None:
+        given = [stop] if isinstance(stop, Condition) else stop
+        if not isinstance(given, list | tuple) or not all(isinstance(c, Condition) for c in given):
+            raise InputError(
+                f"stop = {shown(stop)}; expected conditions such as orbits.CloserThan(0.01 * u.au, 'Apophis', "
+                "'Earth'), orbits.FartherThan, orbits.EnergyErrorAbove or orbits.WallTimeOver, one or a list of them."
+            )
+        self._system = system
+        self._distances = [c for c in given if isinstance(c, CloserThan | FartherThan)]
+        self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
+        self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
+        self.stops: NDArray[np.float64] = np.empty((len(self._distances), 4))
+        for row, condition in enumerate(self._distances):
+            self.stops[row] = self._row(condition)
+        self.energy = math.inf if self._energy is None else float(self._energy.fraction)
+        self.seconds = math.inf if self._clock is None else _seconds(self._clock.duration)
+
+    def met(self, condition: int, row: int, body: int) -> tuple[str, Condition]:
+        """Return in words which condition ended a march, and the condition itself."""
+        if condition < 0:
+            assert self._energy is not None
+            return f"the energy error exceeded {self._energy.fraction:g}", self._energy
+        found = self._distances[condition]
+        names, unit = self._system.names, self._system.units.length
+        distance = f"{math.sqrt(self.stops[condition, 3]):g} {unit}".rstrip()
+        if isinstance(found, CloserThan):
+            return f"{names[row]} came closer than {distance} to {names[body]}", found
+        return f"{names[row]} went farther than {distance} from {names[body]}", found
+
+    def overdue(self, seconds: float) -> tuple[str, Condition] | None:
+        """Return why a run that has taken so long ends, or None."""
+        if seconds <= self.seconds or self._clock is None:
+            return None
+        return f"it took longer than {self.seconds:g} s", self._clock
+
+    def _row(self, condition: CloserThan | FartherThan) -> tuple[float, float, float, float]:
+        system, what = self._system, type(condition).__name__
+        bound = positive_number(system.units.length_value(condition.distance, what), what)
+        rows = [ANY if n is None else index_of(n, system.names, "body") for n in (condition.body, condition.other)]
+        named = [row for row in rows if row != ANY]
+        if len(named) == 2:
+            if named[0] == named[1]:
+                raise InputError(f"{what}: {condition.body!r} twice; expected two bodies.")
+            if not system.massive[named].any():
+                raise InputError(
+                    f"{what}: {condition.body} and {condition.other} are both massless particles, which are not "
+                    "followed in pairs; expected a body with mass among the two."
+                )
+            distance = float(np.linalg.norm(system.values.q[named[0]] - system.values.q[named[1]]))
+            if (distance < bound) == isinstance(condition, CloserThan) and distance != bound:
+                raise InputError(
+                    f"{what}: {condition.body} and {condition.other} are {distance:g} {system.units.length} apart at "
+                    f"the start already; the bound is {bound:g}. Give another one."
+                )
+        kind = CLOSER if isinstance(condition, CloserThan) else FARTHER
+        return kind, rows[0], rows[1], bound * bound
+
+    @staticmethod
+    def _least(conditions: list[Any], field: str) -> Any:
+        if len(conditions) > 1:
+            raise InputError(f"stop holds {len(conditions)} {type(conditions[0]).__name__}; expected at most one.")
+        return conditions[0] if conditions else None
+
+
+def check_callback(callback: Any) -> None:
+    """Raise InputError for what cannot be called with a time and a system."""
+    if callback is None:
+        return
+    expected = "expected a function of the time and the system, or None."
+    if not callable(callback):
+        raise InputError(f"callback is {shown(callback)}; {expected}")
+    try:
+        signature = inspect.signature(callback)
+    except (TypeError, ValueError):  # some functions written in C do not tell
+        return
+    try:
+        signature.bind(None, None)
+    except TypeError as error:
+        raise InputError(f"callback takes {signature}, which two arguments do not fit ({error}); {expected}") from None
+
+
+def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity, system: System) -> bool:
+    """Call it; return whether it ends the run. Raises InputError for an answer that is not True, False or None."""
+    answer = callback(t, system)
+    if answer is None or isinstance(answer, bool | np.bool_):
+        return bool(answer)
+    raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
+
+
+def _check_pair(condition: CloserThan | FartherThan) -> None:
+    what = type(condition).__name__
+    expected = "a quantity, a number, or a text with a unit, such as '0.1 AU'"
+    distance = quantity_from_text(condition.distance, f"{what}.distance", expected)
+    object.__setattr__(condition, "distance", distance)
+    positive_number(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
+    for name in (condition.body, condition.other):
+        if not isinstance(name, str | None):
+            raise InputError(f"{what} of {shown(name)}; expected the name of a body, or None for any.")
+
+
+def _seconds(value: Any) -> float:
+    value = quantity_from_text(value, "WallTimeOver.duration", "a time, such as 60 * u.s")
+    try:
+        return positive_number(u.Quantity(value, u.s).value, "WallTimeOver.duration")
+    except InputError:
+        raise
+    except (u.UnitConversionError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"WallTimeOver.duration is {shown(value)}; expected a time, such as 60 * u.s.") from error

@@ -1,0 +1,255 @@
+"""What positions are measured against.
+
+Exact, where one attractor rules: a single massive body with any number of massless ones, or two massive bodies alone.
+Kepler's problem is then solved in universal variables with 200-bit floats (60 digits), elliptic, parabolic and
+hyperbolic alike; the float64 positions that come back are the exact solution of the float64 initial values, correctly
+rounded (but for ties beyond the 27th digit).
+
+Otherwise converged: Gauss collocation with 8 stages (order 16) at half the step or less; the largest difference to the
+same with 7 and with 6 stages is printed as its own error. One method at half and at a quarter of the step agrees with
+itself better than it is right: the coefficients h a_ij are then the same floats but for a power of two, rounded alike,
+and pull both runs to the same side. Here the step is a power of two, so that multiplying by it rounds nothing, and the
+coefficients of the other runs are others. What all collocation and the one force kernel do alike is not seen; peers
+share no code with either.
+
+Source: Rein & Tamayo (2015), sec. 2.3, and Danby (1992), sec. 6.9, for universal variables.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.point_masses import PointMasses
+
+if TYPE_CHECKING:
+    from orbits.system import System
+    from orbits.time_grid import TimeGrid
+
+Array = NDArray[np.float64]
+
+PRECISION = 200
+"""Bits of the mpmath floats: 34 digits are left where near-parabolic motion cancels 26 of 60."""
+
+_CONVERGED = 2.0**-90  # relative; Newton converges quadratically, so what is left is of the order of 2^-180
+_SERIES_BELOW = 1e-10  # of theta^2 = beta X^2: beneath it four terms of the series are good to 1e-40
+
+
+@dataclass(frozen=True)
+class ReferenceSolution:
+    """Reference positions and how far they can be trusted.
+
+    q : (samples, bodies, 3) float64, in the caller's length unit
+    error : (bodies,) float64, its own largest error per body, same unit
+    kind : "exact" or "converged"
+    description : one sentence for the foot of a table
+    """
+
+    q: Array
+    error: Array
+    kind: str
+    description: str
+
+
+def exact_applies(start: PointMasses) -> bool:
+    """Whether the exact solution is known: unsoftened, and one attractor, or two massive bodies with nothing else.
+
+    A body that falls straight into the attractor (no angular momentum about it) is not integrable through the
+    collision by anyone, so it does not count.
+    """
+    gm, q, v, softening = start
+    massive = np.flatnonzero(gm > 0)
+    if softening != 0.0 or not (len(massive) == 1 or (len(massive) == 2 and len(gm) == 2)):
+        return False
+    if len(gm) == 1:
+        return True
+    centre = massive[0]
+    others = np.arange(len(gm)) != centre
+    areal = np.cross((q - q[centre])[others], (v - v[centre])[others])
+    return bool(np.all(np.any(areal != 0.0, axis=1)))
+
+
+def exact(start: PointMasses, times: Array) -> ReferenceSolution:
+    """The exact positions at `times` of a system for which `exact_applies`.
+
+    times : (samples,) float64
+    A few tenths of a millisecond per moving body and sample.
+    """
+    import mpmath
+
+    gm, q, v, _ = start
+    with mpmath.workprec(PRECISION):
+        out = _two_massive(gm, q, v, times) if np.count_nonzero(gm) == 2 else _one_massive(gm, q, v, times)
+    error = np.spacing(np.abs(out)).max(axis=(0, 2)) / 2
+    return ReferenceSolution(out, error, "exact", "exact two-body solution, 200-bit arithmetic, rounded to float64")
+
+
+def _one_massive(gm: Array, q: Array, v: Array, times: Array) -> Array:
+    """The attractor moves uniformly; every massless body has its own Kepler orbit about it."""
+    from mpmath import mpf
+
+    centre = int(np.argmax(gm))
+    mu = mpf(float(gm[centre]))
+    t = [mpf(x) for x in times.tolist()]
+    q0, v0 = _vector(q[centre]), _vector(v[centre])
+    base = [[a + b * s for a, b in zip(q0, v0, strict=True)] for s in t]
+    out = np.empty((len(times), len(gm), 3))
+    for body in range(len(gm)):
+        if body == centre:
+            out[:, body] = [[float(x) for x in row] for row in base]
+            continue
+        relative = _kepler(mu, _difference(q[body], q[centre]), _difference(v[body], v[centre]), t)
+        out[:, body] = [
+            [float(a + b) for a, b in zip(row, origin, strict=True)] for row, origin in zip(relative, base, strict=True)
+        ]
+    return out
+
+
+def _two_massive(gm: Array, q: Array, v: Array, times: Array) -> Array:
+    """The barycentre moves uniformly; the relative vector is a Kepler orbit under the sum of both GM."""
+    from mpmath import mpf
+
+    m = [mpf(x) for x in gm.tolist()]
+    total = m[0] + m[1]
+    q0, v0 = [_vector(x) for x in q], [_vector(x) for x in v]
+    centre = [(m[0] * a + m[1] * b) / total for a, b in zip(*q0, strict=True)]
+    motion = [(m[0] * a + m[1] * b) / total for a, b in zip(*v0, strict=True)]
+    t = [mpf(x) for x in times.tolist()]
+    relative = _kepler(total, _difference(q[1], q[0]), _difference(v[1], v[0]), t)
+    out = np.empty((len(times), 2, 3))
+    for i, s in enumerate(t):
+        for axis in range(3):
+            barycentre = centre[axis] + motion[axis] * s
+            out[i, 0, axis] = float(barycentre - m[1] / total * relative[i][axis])
+            out[i, 1, axis] = float(barycentre + m[0] / total * relative[i][axis])
+    return out
+
+
+def _vector(x: Array) -> list[Any]:
+    from mpmath import mpf
+
+    return [mpf(component) for component in x.tolist()]
+
+
+def _difference(a: Array, b: Array) -> list[Any]:
+    return [x - y for x, y in zip(_vector(a), _vector(b), strict=True)]
+
+
+def _kepler(mu: Any, q: list[Any], v: list[Any], times: list[Any]) -> list[list[Any]]:
+    """Relative positions at `times` of a Kepler orbit, as mpmath vectors.
+
+    Solves t = r0 X + eta G2(X) + zeta G3(X) for X, with G_n the universal functions of beta = 2 mu/r0 - v^2; then
+    q(t) = (1 - mu G2/r0) q + (t - mu G3) v. The right side grows with X (its derivative is r > 0), which brackets X.
+    """
+    from mpmath import floor, mpf, pi, sqrt
+
+    r0 = sqrt(sum(x * x for x in q))
+    beta = 2 * mu / r0 - sum(x * x for x in v)
+    eta = sum(a * b for a, b in zip(q, v, strict=True))
+    zeta = mu - beta * r0
+    period = 2 * pi * mu / (beta * sqrt(beta)) if beta > 0 else None
+    reduced = [t - period * floor(t / period) if period is not None else t for t in times]
+    starts = _starting_values(float(beta), float(r0), float(eta), float(zeta), np.array([float(t) for t in reduced]))
+    out = []
+    for t, start in zip(reduced, starts.tolist(), strict=True):
+        x = mpf(start)
+        while True:
+            g1, g2, g3 = _universal(beta, x)
+            residual = t - (r0 * x + eta * g2 + zeta * g3)
+            correction = residual / (r0 + eta * g1 + zeta * g2)
+            if abs(correction) <= abs(x) * _CONVERGED:
+                break
+            x += correction
+        f, g = 1 - mu * g2 / r0, t - mu * g3
+        out.append([f * a + g * b for a, b in zip(q, v, strict=True)])
+    return out
+
+
+def _universal(beta: Any, x: Any) -> tuple[Any, Any, Any]:
+    """G1, G2, G3 at X, in mpmath: sin, 1 - cos and their kin, with the sign of beta choosing circular or hyperbolic."""
+    from mpmath import cos_sin, cosh, sinh, sqrt
+
+    theta2 = beta * x * x
+    if abs(theta2) < _SERIES_BELOW:
+        g3 = x**3 / 6 * (1 - theta2 / 20 * (1 - theta2 / 42 * (1 - theta2 / 72)))
+        g2 = x**2 / 2 * (1 - theta2 / 12 * (1 - theta2 / 30 * (1 - theta2 / 56)))
+        return x - beta * g3, g2, g3
+    root = sqrt(abs(beta))
+    c, s = cos_sin(root * x) if beta > 0 else (cosh(root * x), sinh(root * x))
+    g1 = s / root
+    return g1, (1 - c) / beta, (x - g1) / beta
+
+
+def _starting_values(beta: float, r0: float, eta: float, zeta: float, t: Array) -> Array:
+    """X in float64 for every time at once: Newton's method kept inside a bracket by bisection."""
+    if beta > 0:
+        low, high = np.zeros_like(t), np.full_like(t, 2 * np.pi / np.sqrt(beta) * (1 + 1e-12))
+    else:
+        low = -_reach(beta, r0, eta, zeta, np.maximum(-t, 0), -1)
+        high = _reach(beta, r0, eta, zeta, np.maximum(t, 0), 1)
+    x = 0.5 * (low + high)
+    for _ in range(120):
+        value, slope = _kepler_equation(beta, r0, eta, zeta, x)
+        low, high = np.where(value < t, x, low), np.where(value < t, high, x)
+        newton = x + (t - value) / slope
+        inside = (newton > low) & (newton < high)
+        new = np.where(inside, newton, 0.5 * (low + high))
+        if np.all(np.abs(new - x) <= 4e-16 * np.abs(x)):
+            return new
+        x = new
+    return x
+
+
+def _reach(beta: float, r0: float, eta: float, zeta: float, t: Array, sign: int) -> Array:
+    """|X| at or beyond the solution for sign * t, t >= 0, by doubling from where no exponential can overflow."""
+    bound = np.minimum(t / r0, 1 / np.sqrt(-beta)) if beta else t / r0
+    while True:
+        value, _ = _kepler_equation(beta, r0, eta, zeta, sign * bound)
+        short = sign * value < t
+        if not np.any(short):
+            return bound
+        bound = np.where(short, 2 * bound, bound)
+
+
+def _kepler_equation(beta: float, r0: float, eta: float, zeta: float, x: Array) -> tuple[Array, Array]:
+    """t(X) and its derivative r(X) in float64."""
+    theta2 = beta * x * x
+    root = np.sqrt(np.abs(beta)) if beta else 1.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        s, c = (np.sin(root * x), np.cos(root * x)) if beta > 0 else (np.sinh(root * x), np.cosh(root * x))
+        small = np.abs(theta2) < 1e-3
+        divisor = beta if beta else 1.0
+        g3 = np.where(small, x**3 / 6 * (1 - theta2 / 20 * (1 - theta2 / 42)), (x - s / root) / divisor)
+        g2 = np.where(small, x**2 / 2 * (1 - theta2 / 12 * (1 - theta2 / 30)), (1 - c) / divisor)
+        g1 = x - beta * g3
+        return r0 * x + eta * g2 + zeta * g3, r0 + eta * g1 + zeta * g2
+
+
+def power_of_two(step: float) -> float:
+    """Return the largest power of two that is not above `step` > 0: multiples by it are exact."""
+    return float(2.0 ** np.floor(np.log2(step)))
+
+
+def converged(system: System, grid: TimeGrid, threads: int | None = None) -> ReferenceSolution:
+    """Positions by Gauss collocation with 8 stages at the step and the samples of `grid`.
+
+    The largest difference to the same with 7 or 6 stages over the samples, per body, is its error. Where round-off is
+    all that is left, each difference is that of two random walks, and may be small by chance: hence two of them.
+    Cost: three times that of a run at this step, massless particles included.
+    Raises IntegrationError when the stages do not converge.
+    """
+    from orbits.integrators.gauss import Gauss
+    from orbits.propagation.run import propagated
+
+    judge, *others = (
+        propagated(system, Gauss(stages=stages), grid, threads=threads, progress=False, check_step=False)
+        for stages in (8, 7, 6)
+    )
+    q, *checks = (np.asarray(run.q.to_value(system.units.length)) for run in (judge, *others))
+    error = np.max([np.linalg.norm(q - check, axis=-1).max(axis=0) for check in checks], axis=0)
+    named = f"{grid.dt:.6g} {system.units.time}".strip()
+    description = f"Gauss(stages=8) at dt = {named}, compared with 7 and 6 stages"
+    return ReferenceSolution(q, error, "converged", description)

@@ -1,0 +1,149 @@
+"""A report as rich tables, readable at 100 columns."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from orbits.export import html_table
+from orbits.regression.summary import summarize
+
+if TYPE_CHECKING:
+    from orbits.regression.report import Report, Row
+
+BODIES_IN_FULL = 12
+"""Up to this many bodies each gets a line of its own."""
+
+_STYLE = {"ok": "green", "FAIL": "bold red", "n/a": "dim"}
+
+
+def render(report: Report) -> RenderableType:
+    """The methods, then the bodies (and the massless particles in summary), then what a reader must know."""
+    parts: list[RenderableType] = [_methods(report)]
+    if any(row.positions for row in report.rows):
+        detailed = report.names if len(report.names) <= BODIES_IN_FULL else report.massive
+        if 1 < len(detailed) <= BODIES_IN_FULL:
+            parts.append(_bodies(report, detailed))
+        if len(report.names) > BODIES_IN_FULL and len(report.massive) < len(report.names):
+            parts.append(_particles(report))
+    parts += [Text(line) for line in _footer(report)]
+    parts += [Text(f"FAIL  {failure}", style="bold red") for failure in report.failures]
+    return Group(*parts)
+
+
+def html(report: Report) -> str:
+    """The table of methods as HTML for a notebook, with all that `_footer` says and every failure below."""
+    unit = f" [{report.length_unit}]" if report.length_unit else ""
+    head = ("method", "steps", "wall [s]", "max |ΔE/E|", "max |ΔL/L|", f"max |Δq|{unit}", "of body", "verdict")
+    rows = [
+        (
+            row.method.removesuffix("()"),
+            "n/a" if row.steps is None else f"{row.steps:,}",
+            *(short(x) for x in (row.wall_s, row.energy, row.angular_momentum, row.position)),
+            row.worst_body or "",
+            row.verdict,
+        )
+        for row in report.rows
+    ]
+    below = [*_footer(report), *(f"FAIL {failure}" for failure in report.failures)]
+    lines = "".join(f"<p>{escape(line)}</p>" for line in below)
+    return html_table(str(report.settings.get("title") or "Comparison"), head, rows) + lines
+
+
+def _methods(report: Report) -> Table:
+    table = _table(str(report.settings.get("title") or "Comparison"))
+    table.add_column("\nmethod", overflow="fold")
+    position = f"max |Δq|\n{report.length_unit}" if report.length_unit else "max\n|Δq|"
+    for head in ("\nsteps", "wall\ns", "compile\ns", "max\n|ΔE/E|", "max\n|ΔL/L|", position):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("of\nbody", overflow="fold", max_width=12)
+    table.add_column("\nverdict", no_wrap=True)
+    for row in report.rows:
+        measured = (row.wall_s, row.compile_s, row.energy, row.angular_momentum, row.position)
+        table.add_row(
+            Text(row.method.removesuffix("()")),
+            "n/a" if row.steps is None else f"{row.steps:,}",
+            *("" if x is None and row.verdict != "n/a" else short(x) for x in measured),
+            Text(row.worst_body or ""),
+            Text(row.verdict, style=_STYLE.get(row.verdict, "")),
+        )
+    return table
+
+
+def _bodies(report: Report, bodies: Sequence[str]) -> Table:
+    table = _table(f"Largest position error{_in(report)} over all samples")
+    rows = [row for row in report.rows if row.positions]
+    table.add_column("body", overflow="fold")
+    for row in rows:
+        table.add_column(_stacked(row.method), justify="right", overflow="fold", min_width=8)
+    if report.reference is not None:
+        table.add_column("reference\nitself", justify="right", overflow="fold", min_width=8)
+    for body in bodies:
+        own = [] if report.reference is None else [short(report.reference.errors.get(body))]
+        table.add_row(Text(body), *(short(row.positions.get(body)) for row in rows), *own)
+    return table
+
+
+def _particles(report: Report) -> Table:
+    attracting = set(report.massive)
+    particles = [name for name in report.names if name not in attracting]
+    table = _table(f"Largest position error{_in(report)} of the {len(particles):,} massless particles")
+    table.add_column("method", overflow="fold")
+    for head in ("median", "99th percentile", "worst"):
+        table.add_column(head, justify="right")
+    table.add_column("worst particle", overflow="fold")
+    for row in report.rows:
+        if row.positions:
+            summary = summarize(row.positions, particles)
+            table.add_row(
+                Text(row.method.removesuffix("()")),
+                *(short(summary[key]) for key in ("median", "p99", "worst")),
+                Text(summary["name"]),
+            )
+    return table
+
+
+def _footer(report: Report) -> list[str]:
+    lines = []
+    if report.reference is not None:
+        unit = f" {report.length_unit}" if report.length_unit else ""
+        own = f"its own error {short(report.reference.error)}{unit}"
+        lines.append(f"Reference solution: {report.reference.description}; {own}.")
+    return [*lines, *report.notes, *(_note(row) for row in report.rows if row.note)]
+
+
+def _note(row: Row) -> str:
+    return row.note if row.method in row.note else f"{row.method}: {row.note}"
+
+
+def _stacked(method: str) -> str:
+    """A method's label in lines short enough for the head of a column."""
+    words = method.removesuffix("()").replace(" ", "\n").replace("-", "-\n").replace("(", "\n(")
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "\n", words)
+
+
+def _in(report: Report) -> str:
+    return f" in {report.length_unit}" if report.length_unit else ""
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+
+
+def short(x: float | None) -> str:
+    """Two significant digits, as short as can be read: 0.072, 13, 1.4e+05, 3.1e-15; "n/a" for None and NaN."""
+    if x is None or math.isnan(x):
+        return "n/a"
+    if x == 0:
+        return "0"
+    if 0.01 <= abs(x) < 1000:
+        return f"{x:.{max(0, 1 - math.floor(math.log10(abs(x))))}f}"
+    return f"{x:.1e}"

@@ -1,0 +1,113 @@
+"""What a system must be: every check names the body and the value, and says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.body_names import few
+from orbits.errors import InputError, shown
+from orbits.point_masses import PointMasses
+from orbits.units import UnitSystem
+
+Floats = NDArray[np.float64]
+
+
+def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any, units: UnitSystem) -> PointMasses:
+    """Return the floats of a system in `units`, read-only and C-contiguous.
+
+    Raises InputError for what cannot be one, naming body and value.
+    """
+    values = PointMasses(
+        gm=checked_array("gm", units.gm_value(gm, "gm"), names, None, units.gm),
+        q=checked_array("q", units.length_value(q, "q"), names, 3, units.length),
+        v=checked_array("v", units.speed_value(v, "v"), names, 3, units.speed),
+        softening=scalar(units.length_value(softening, "softening"), "softening", units.length),
+    )
+    check_not_negative("gm", values.gm, names, units.gm)
+    check_some_mass(values.gm, names)
+    if values.softening < 0.0:
+        raise InputError(f"softening is {shown(values.softening)} {units.length}; expected a length >= 0.")
+    if values.softening == 0.0:
+        check_apart(values.gm, values.q, names, units.length)
+    return values
+
+
+def checked_radii(names: Sequence[str], radii: Any, units: UnitSystem) -> Floats | None:
+    """Return radii as floats in `units`, or None; raise InputError, naming the body, for one that is negative."""
+    if radii is None:
+        return None
+    values = checked_array("radii", units.length_value(radii, "radii"), names, None, units.length)
+    check_not_negative("radii", values, names, units.length)
+    return values
+
+
+def checked_units(units: Any) -> UnitSystem:
+    """Return a unit system as it was given. Raises InputError for anything else."""
+    if isinstance(units, UnitSystem):
+        return units
+    raise InputError(f"units is {shown(units)}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
+
+
+def scalar(value: Floats, what: str, unit: Any) -> float:
+    """Return a single finite float; raise InputError for an array or a number that is not finite."""
+    if value.shape != () or not np.isfinite(value):
+        raise InputError(f"{what} is {value.tolist()} {unit}; expected one finite number.")
+    return float(value)
+
+
+def checked_array(what: str, values: Floats, names: Sequence[str], width: int | None, unit: Any) -> Floats:
+    """Return a read-only C-contiguous copy of shape (n,) or (n, width); raise InputError where it is not finite."""
+    n = len(names)
+    shape = (n,) if width is None else (n, width)
+    if values.shape != shape:
+        rows = "one value" if width is None else "one row x, y, z"
+        raise InputError(
+            f"{what} has shape {values.shape}; expected {shape}: {rows} for each of the {n} names ({few(names)})."
+        )
+    copy = np.array(values, dtype=np.float64, order="C")
+    wrong = ~np.isfinite(copy) if width is None else ~np.isfinite(copy).all(axis=1)
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"{what} of {names[i]!r} is {copy[i].tolist()} {unit}; expected finite numbers.")
+    copy.flags.writeable = False
+    return copy
+
+
+def check_not_negative(what: str, values: Floats, names: Sequence[str], unit: Any) -> None:
+    """Raise InputError, naming the body, where a value is negative."""
+    if (values < 0.0).any():
+        i = int(np.argmax(values < 0.0))
+        remedy = " A body without mass has gm = 0." if what == "gm" else ""
+        raise InputError(f"{what} of {names[i]!r} is {values[i].item()!r} {unit}; expected >= 0.{remedy}")
+
+
+def check_some_mass(gm: Floats, names: Sequence[str]) -> None:
+    """Raise InputError when there is no body, or none with mass."""
+    if not len(names):
+        raise InputError("a system without bodies; expected at least one with gm > 0.")
+    if not (gm > 0.0).any():
+        raise InputError(f"gm of {few(names)} is 0; expected at least one body with gm > 0: nothing attracts here.")
+
+
+def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
+    """Raise InputError, naming both, when two bodies, one of them massive, are at the same place."""
+    order = np.lexsort(q.T)
+    same = (q[order[1:]] == q[order[:-1]]).all(axis=1)
+    if not same.any():
+        return
+    # Bodies at one place are neighbours in the sorted order: number the places and look for mass among company.
+    place = np.concatenate([[0], np.cumsum(~same)])
+    company, mass = np.bincount(place), np.bincount(place, weights=gm[order] > 0.0)
+    wrong = np.flatnonzero((company > 1) & (mass > 0))
+    if len(wrong):
+        bodies = np.sort(order[place == wrong[0]])
+        heavy = bodies[gm[bodies] > 0.0][0]
+        other = next(i for i in bodies if i != heavy)
+        raise InputError(
+            f"{names[min(heavy, other)]!r} and {names[max(heavy, other)]!r} are both at {q[heavy].tolist()} {unit}; "
+            "expected different places: at none the attraction is infinite. Move one, or give a softening length."
+        )

@@ -1,0 +1,260 @@
+"""`TimeGrid`: the step and the samples of a run as floats, with what follows from them.
+
+Steps stay on t = k h, a time is so many whole steps and an exact remainder.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.checks import single_number
+from orbits.errors import InputError, shown
+from orbits.time_grid.reading import is_date, snapped, times_since
+from orbits.time_grid.step_length import step_length
+from orbits.units import quantity_from_text
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+Array = NDArray[np.float64]
+
+MOST_STEPS = 2**53
+"""Of a run: the number of a step is then exact as a float."""
+
+MOST_SAMPLES = 10**8
+"""Of a run."""
+
+SLACK = 1e-9
+"""Part of the spacing of samples by which an extension may miss the next one, and still ends with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimeGrid:
+    """Steps of one length from the epoch on, and the samples among them; floats in the unit of time of a system.
+
+    h : the step, its sign the direction of the run; `TimeGrid.of` rounds it to 24 bits
+    times : (n,) of the samples since the epoch, in ascending order in that direction; read-only
+
+    Raises InputError for a step that is 0 or not finite, and for times that no run has.
+    """
+
+    h: float
+    times: Array
+
+    def __post_init__(self) -> None:
+        h, times = float(self.h), np.array(self.times, dtype=np.float64)
+        if not math.isfinite(h) or h == 0.0:
+            raise InputError(f"dt is {h}; expected a step that is finite and not 0.")
+        if times.ndim != 1 or not times.size or not np.isfinite(times).all():
+            raise InputError(f"times have shape {times.shape}; expected at least one time, all finite.")
+        onward = times * np.sign(h)
+        disorder = np.flatnonzero(np.diff(onward) <= 0.0)
+        if onward[0] < 0.0 or disorder.size:
+            k = int(disorder[0]) + 1 if onward[0] >= 0.0 else 0
+            raise InputError(
+                f"times[{k}] is {times[k]:g}; expected times from 0 on, in ascending order in the direction of "
+                f"dt = {h:g}."
+            )
+        with np.errstate(over="ignore"):
+            steps = onward[-1] / abs(h)
+        if not steps <= MOST_STEPS:
+            raise InputError(f"the last of times is {steps:.3g} steps of dt = {h:g} away; at most 2^53 are possible.")
+        times.flags.writeable = False
+        object.__setattr__(self, "h", h)
+        object.__setattr__(self, "times", times)
+
+    @classmethod
+    def of(
+        cls, system: System, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101
+    ) -> TimeGrid:
+        """Return the grid of a run of `system`: the one place where dt is read, signed and rounded.
+
+        dt, duration, until, samples : as `orbits.propagate` takes them
+        Raises InputError for what cannot be run, EpochError for dates where the system has no epoch.
+        """
+        length = _length(system, duration, until)
+        h = step_length(system, dt, length)
+        if abs(length) / h > MOST_STEPS:
+            raise InputError(
+                f"duration / dt is {abs(length) / h:.3g} steps; at most 2^53 = 9.0e15 are possible. "
+                "Use a longer dt or a shorter duration."
+            )
+        return cls(math.copysign(h, length), _sample_times(system, samples, length))
+
+    @property
+    def dt(self) -> float:
+        """The length of a step, > 0."""
+        return abs(self.h)
+
+    @property
+    def direction(self) -> float:
+        """1 forwards in time, -1 backwards."""
+        return math.copysign(1.0, self.h)
+
+    @property
+    def end(self) -> float:
+        """The time of the last sample, where the run ends."""
+        return float(self.times[-1])
+
+    @property
+    def whole_steps(self) -> int:
+        """How many whole steps there are up to the end."""
+        return round((self.end - math.fmod(self.end, self.h)) / self.h)
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """The whole steps before each sample, (n,)."""
+        return self._split[0]
+
+    @property
+    def remainders(self) -> Array:
+        """What is left from there to each sample, (n,), exactly: less than a step, of the sign of h."""
+        return self._split[1]
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.times)
+
+    def is_that_of(self, other: TimeGrid) -> bool:
+        """Whether both have the same step and the same samples, to the last bit."""
+        return self.h == other.h and np.array_equal(self.times, other.times)
+
+    def with_step(self, system: System, dt: Any, what: str = "dt") -> TimeGrid:
+        """Return the same samples with another step, read as that of `of`; InputError calls it `what`."""
+        return TimeGrid(math.copysign(step_length(system, dt, self.end, what), self.h), self.times)
+
+    def begun(self, steps: float) -> TimeGrid:
+        """Return the beginning of the run: its start and its state after so many steps."""
+        return TimeGrid(self.h, np.array([0.0, steps * self.h]))
+
+    def extended(self, system: System, until: Any) -> TimeGrid:
+        """Return the grid up to a later time, sampled as densely as before.
+
+        until : a date or a time since the epoch of `system`, as `orbits.propagate` takes it
+        Raises InputError unless it can be reached, and for one before the end.
+        """
+        h, times, end = self.h, self.times, self.end
+        target = single_number(times_since(system, until, "until"), "until")
+        if not math.isfinite(target) or abs(target / h) > MOST_STEPS:
+            raise InputError(f"until = {target:g} cannot be reached with steps of {abs(h):g}; give a nearer time")
+        if (target - end) * self.direction < 0.0:
+            raise InputError(f"until = {target:g} lies before the end of the run, {end:g} {system.units.time}")
+        if target == end:
+            return self
+        if len(times) < 2:
+            return TimeGrid(h, np.array([end, target]))
+        spacing = (end - times[0]) / (len(times) - 1)
+        count = int(np.floor((target - end) / spacing * (1 + 1e-12)))
+        if count > MOST_SAMPLES:
+            raise InputError(
+                f"until = {target:g} asks for {count:.3g} more samples; at most {MOST_SAMPLES:.0e} are possible"
+            )
+        more = end + spacing * np.arange(1, count + 1)
+        if count and abs(more[-1] - target) <= SLACK * abs(spacing):
+            more[-1] = target
+        else:
+            more = np.append(more, target)
+        return TimeGrid(h, np.concatenate([times, more]))
+
+    @cached_property
+    def _split(self) -> tuple[NDArray[np.int64], Array]:
+        return split(self.times, self.h)
+
+
+def split(times: ArrayLike, h: float) -> tuple[NDArray[np.int64], Array]:
+    """Return (k, r) with times = k h + r exactly, k >= 0 whole steps and a remainder of less than a step in the
+    direction of h.
+    """
+    remainder = np.fmod(times, h)
+    steps = np.rint((times - remainder) / h).astype(np.int64)
+    return steps, remainder
+
+
+def _length(system: System, duration: Any, until: Any) -> float:
+    """Return how far a run goes, in the system's unit of time; negative for backwards. One of the two is None.
+
+    Raises InputError where both or none are given, and unless the length is finite and not zero.
+    """
+    if (duration is None) == (until is None):
+        what = "neither duration nor until is" if until is None else "duration and until are both"
+        raise InputError(
+            f"{what} given; expected one of them: how long (duration=10 * u.yr), or up to when (until='2030-01-01')"
+        )
+    if until is None:
+        return _duration(system, duration)
+    value = single_number(times_since(system, until, "until"), "until")
+    if not math.isfinite(value):
+        raise InputError(f"until must be finite, got {value}; a run has to end")
+    if value == 0.0:
+        raise InputError(f"until = {shown(until)} is the epoch of the system, where the run begins; give another time")
+    return value
+
+
+def _duration(system: System, duration: Any) -> float:
+    if is_date(duration):
+        raise InputError(f"duration = {shown(duration)} is a date; expected how long a run is. Its end is until=...")
+    if isinstance(duration, str):
+        unit = system.units.time or "units of time"
+        expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
+        duration = quantity_from_text(duration, "duration", expected)
+    value = single_number(system.units.time_value(duration, "duration"), "duration")
+    if not math.isfinite(value):
+        raise InputError(f"duration must be finite, got {value}; a run has to end")
+    if value == 0.0:
+        raise InputError("duration is 0; give a positive one to go forwards in time or a negative one to go backwards")
+    return value
+
+
+def _sample_times(system: System, samples: Any, duration: float) -> Array:
+    """Return the times of the samples in the system's unit of time, from a count with both ends or from times.
+
+    samples : a count, or times in a row as `times_since` takes them, within the run of that duration
+
+    Raises InputError unless the times are finite, within the run and strictly ordered in the direction of the run.
+    """
+    if isinstance(samples, bool) or (isinstance(samples, float) and not samples.is_integer()):
+        raise InputError(f"samples must be a whole number or an array of times, got {shown(samples)}")
+    if isinstance(samples, int | np.integer | float) and not isinstance(samples, np.timedelta64):
+        count = int(samples)
+        if count < 2:
+            raise InputError(
+                f"samples = {shown(count)}: a count includes both ends, so at least 2; for the end alone: "
+                "samples=[duration]"
+            )
+        if count > MOST_SAMPLES:
+            raise InputError(f"samples = {shown(count)}: at most {MOST_SAMPLES:.0e} are possible; take fewer")
+        times: Array = np.arange(count) * duration / (count - 1)
+        times[-1] = duration
+        return times + 0.0  # no -0 at the start of a run backwards
+    times = times_since(system, samples, "samples")
+    if times.ndim != 1 or times.size == 0:
+        raise InputError(
+            f"samples must be a count or a one-dimensional array of times, got shape {times.shape}; a single time is "
+            "[time]"
+        )
+    times = snapped(times, 0.0, duration)
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        raise InputError(f"samples[{bad[0]}] is {times[bad[0]]}; every sample time must be finite")
+    direction = math.copysign(1.0, duration)
+    outside = np.flatnonzero((times * direction < 0.0) | (times * direction > abs(duration)))
+    if outside.size:
+        k = outside[0]
+        raise InputError(
+            f"samples[{k}] = {times[k]:.10g} lies outside the run from 0 to {duration:.10g} "
+            f"(times count from the epoch, in {system.units.time or 'units of time'})"
+        )
+    disorder = np.flatnonzero(np.diff(times) * direction <= 0.0)
+    if disorder.size:
+        k = disorder[0]
+        raise InputError(
+            f"samples[{k + 1}] = {times[k + 1]:g} does not come after samples[{k}] = {times[k]:g} in the direction of "
+            "the run; sort the times and drop duplicates"
+        )
+    return times + 0.0

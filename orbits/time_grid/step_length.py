@@ -1,0 +1,79 @@
+"""The length of a step as callers give it: a quantity, a number, a text, or a fraction of the shortest period."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+from orbits.checks import single_number
+from orbits.errors import InputError, shown
+from orbits.units import quantity_from_text
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+STEP_BITS = 24
+"""Of the mantissa of a step, so that k h is exact."""
+
+
+def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float:
+    """Return dt > 0 in the unit of time of `system`, rounded to 24 significant bits, whatever the sign it is given.
+
+    dt : a quantity, a number in that unit, or a text: "6 d", "P/20", P being the shortest orbital period that is seen
+        within `span`
+
+    Raises InputError, calling it `what`, for anything else, and unless it is finite and not zero.
+    """
+    value = abs(single_number(system.units.time_value(_from_text(system, dt, span, what), what), what))
+    if not (math.isfinite(value) and value > 0.0):
+        raise InputError(f"{what} must be finite and not zero, got {value:g}; it is the length of a step")
+    h = rounded_step(value)
+    if not (h > 0.0 and math.isfinite(h)):
+        raise InputError(
+            f"{what} = {value:g} is out of the range of floats; choose units in which it is of ordinary size"
+        )
+    return h
+
+
+def rounded_step(dt: float) -> float:
+    """Return dt rounded to 24 significant bits, so that k * dt is exact for every k below 2^29."""
+    mantissa, exponent = math.frexp(dt)
+    return math.ldexp(round(math.ldexp(mantissa, STEP_BITS)), exponent - STEP_BITS)
+
+
+def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
+    """Return dt, where a text such as "P/20" or "6 d" is turned into a number or a quantity.
+
+    Raises InputError for a text that is neither, and for "P/..." where nothing is bound.
+    """
+    if not isinstance(dt, str):
+        return dt
+    match = re.fullmatch(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*", dt)
+    if match is None:
+        expected = (
+            f'a quantity (6 * u.day), a number in {system.units.time or "units of time"}, a text with a unit ("6 d"), '
+            'or a fraction of the shortest period ("P/20")'
+        )
+        return quantity_from_text(dt, what, expected)
+    period, parts = fastest_passage_of(system, span)[5], float(match[1])
+    if not (math.isfinite(period) and period > 0.0):
+        raise InputError(
+            f"{what} = {shown(dt)}: P is the shortest orbital period, and no body is bound to another. Give a time."
+        )
+    if not parts > 0.0:
+        raise InputError(f"{what} = {shown(dt)}; expected P divided by a number above 0.")
+    return period / parts
+
+
+def fastest_passage_of(system: System, span: float) -> tuple[int, int, float, float, float, float]:
+    """Return what `orbits.kernels.passages.fastest_passage` finds in a system: rows of both bodies, distance, speed and
+    eccentricity of their passage, and the shortest period.
+    """
+    from orbits.kernels.passages import fastest_passage
+
+    values = system.values
+    found: tuple[int, int, float, float, float, float] = fastest_passage(
+        values.gm, values.softening, values.q, values.v, (values.gm > 0.0).nonzero()[0], span
+    )
+    return found

@@ -1,0 +1,44 @@
+"""What an archive says of the run in it, and how a run is told from another one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orbits.errors import ArchiveError, InputError
+
+if TYPE_CHECKING:
+    from orbits.archive import Archive
+    from orbits.certificate import Certificate
+    from orbits.integrators.base import Integrator
+    from orbits.trajectory.trajectory import Trajectory
+
+
+def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
+    """Return the method that the run in an archive was made with, and what was measured of it before, if it was.
+
+    Raises ArchiveError for a method that is not known, and for a certificate that is none.
+    """
+    from orbits import integrators
+    from orbits.certificate import Certificate
+
+    try:
+        text = archive.certificate_text
+        return integrators.build(archive.integrator), Certificate.from_record(json.loads(text)) if text else None
+    except InputError as error:
+        raise ArchiveError(
+            f"{archive.path}: {str(error).rstrip('.')}. Read the samples themselves with orbits.Archive.open(path), or "
+            "get a version of orbits that knows this method."
+        ) from error
+
+
+def identity_of(run: Trajectory, samples: int) -> str:
+    """Return a digest of what a run began from, how it was made, and its first so many times."""
+    values = run.system.values
+    digest = hashlib.sha256(repr((run.names, run.integrator.label, run.step, values.softening)).encode())
+    for array in (values.gm, values.q, values.v, run.times[:samples]):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

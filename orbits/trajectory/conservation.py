@@ -1,0 +1,160 @@
+"""What gravity conserves, over all samples of a run, and how far it strays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits import diagnostics
+from orbits.body_names import few
+from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
+from orbits.errors import InputError
+from orbits.export import html_table
+
+if TYPE_CHECKING:
+    from orbits.system import System
+    from orbits.trajectory.parts import Samples
+
+Array = NDArray[np.float64]
+
+BLOCK_BYTES = 32 * 1024 * 1024
+"""How much of a run is in memory at a time while a quantity of all samples is computed."""
+
+
+@dataclass(frozen=True)
+class ConservedQuantities:
+    """How far each quantity that gravity conserves strays from its first value; `diagnostics.Drift` values.
+
+    Energy is compared with its own size, angular momentum with the size of its vector (where these vanish by
+    cancellation, below a millionth of their terms: with sum m v^2 / 2 and sum m |q| |v|), linear momentum with
+    sum m |v| and the centre of mass, whose uniform motion is taken off, with the largest distance from it.
+
+    massive : the bodies that these are the quantities of
+    particles : how many massless ones the run has, whose orbits nothing here judges
+    """
+
+    energy: diagnostics.Drift
+    angular_momentum: diagnostics.Drift
+    linear_momentum: diagnostics.Drift
+    centre_of_mass: diagnostics.Drift
+    massive: tuple[str, ...] = ()
+    particles: int = 0
+
+    @property
+    def covers(self) -> str:
+        """What these quantities are those of, in words, and what they say nothing of."""
+        if not self.particles:
+            return f"of {few(self.massive)}"
+        some = "one massless particle" if self.particles == 1 else f"{self.particles:,} massless particles"
+        unseen = f"nothing here judges the orbits of the {some}"
+        if len(self.massive) == 1:
+            return f"of {self.massive[0]} alone, which nothing disturbs; {unseen}"
+        return f"of {few(self.massive)} only; {unseen}"
+
+    def __str__(self) -> str:
+        rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
+        for name, d in self._drifts.items():
+            rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
+        rows += [self.covers] if self.particles else []
+        return "\n".join(rows)
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        printer.text(str(self))
+
+    def _repr_html_(self) -> str:
+        head = ["", "max change", "in ulps", "at the end"]
+        rows = [
+            [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"]
+            for name, d in self._drifts.items()
+        ]
+        covers = f"; {self.covers}" if self.particles else ""
+        return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
+
+    @property
+    def _drifts(self) -> dict[str, diagnostics.Drift]:
+        names = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
+        return {name.replace("_", " "): getattr(self, name) for name in names}
+
+
+class Conservation:
+    """What `Trajectory` has for conserved quantities."""
+
+    if TYPE_CHECKING:  # set by `Trajectory`
+        system: System
+        times: Array
+        _q: Samples
+        _v: Samples
+
+        def __len__(self) -> int: ...
+
+    def energy(self) -> u.Quantity:
+        """Return the energy of the massive bodies, shape (n,)."""
+        gm, softening = self._gm(), self.system.values.softening
+        values = self._of_massive(lambda q, v: diagnostics.energy(gm, q, v, softening))
+        return u.Quantity(values / self.system.units.G, self.system.units.energy)
+
+    def linear_momentum(self) -> u.Quantity:
+        """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
+        values = self._of_massive(lambda q, v: diagnostics.linear_momentum(self._gm(), v))
+        return u.Quantity(values / self.system.units.G, self.system.units.momentum)
+
+    def angular_momentum(self) -> u.Quantity:
+        """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
+        values = self._of_massive(lambda q, v: diagnostics.angular_momentum(self._gm(), q, v))
+        return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
+
+    def centre_of_mass(self) -> u.Quantity:
+        """Return the centre of mass of the massive bodies, shape (n, 3)."""
+        values = self._of_massive(lambda q, v: diagnostics.centre_of_mass(self._gm(), q))
+        return u.Quantity(values, self.system.units.length)
+
+    def drift(self) -> ConservedQuantities:
+        """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
+
+        They are those of the massive bodies: a massless particle moves in their field and carries no charge of the
+        whole, so nothing here judges its orbit. Raises InputError for a run without samples.
+        """
+        if not len(self):
+            raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
+        gm, start, massive = self._gm(), self.system.values, self.system.massive
+        q, v = start.q[massive], start.v[massive]
+        energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
+        return ConservedQuantities(
+            energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
+            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)),
+            linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
+            centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
+            massive=tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass),
+            particles=int(np.count_nonzero(~massive)),
+        )
+
+    def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield (samples, q, v) of the massive bodies block by block, so that memory stays bounded."""
+        massive = np.flatnonzero(self.system.massive)
+        contiguous = massive[-1] - massive[0] + 1 == len(massive)
+        columns: Any = slice(massive[0], massive[-1] + 1) if contiguous else massive
+        rows = max(1, BLOCK_BYTES // (48 * len(self.system.names)))
+        for start in range(0, len(self), rows):
+            block = slice(start, min(start + rows, len(self)))
+            yield block, self._q[block, columns], self._v[block, columns]
+
+    def _gm(self) -> Array:
+        return self.system.values.gm[self.system.massive]
+
+    def _of_massive(self, function: Callable[[Array, Array], Array]) -> Array:
+        nothing = np.empty((0, int(self.system.massive.sum()), 3))
+        return np.concatenate([function(nothing, nothing), *(function(q, v) for _, q, v in self.blocks())])
+
+    def _drift(self, values: Array, terms: Callable[[Array, Array], Array], first: Any = None) -> diagnostics.Drift:
+        """The drift of a quantity; `terms` (of q and v) are the sizes of what it is the sum of, times G."""
+        start, massive, G = self.system.values, self.system.massive, self.system.units.G
+        begin = float(terms(start.q[massive], start.v[massive])) / G
+        scale = own_scale(
+            values[0] if first is None else first, begin, lambda: float(self._of_massive(terms).max()) / G
+        )
+        return diagnostics.drift(values, scale)

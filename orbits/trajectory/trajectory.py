@@ -1,0 +1,350 @@
+"""`Trajectory`: sampled states with units and names, in memory or read lazily from an archive."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import few, index_of
+from orbits.checks import is_whole
+from orbits.diagnostics.states import finite, numbers
+from orbits.errors import ArchiveError, InputError, shown
+from orbits.export import Labelled, Tabular, html_pairs
+from orbits.system import OrbitalElements, System, osculating
+from orbits.system.making import primary_name
+from orbits.system.presenting import NANOSECONDS, labelled_run, span
+from orbits.trajectory.again import MarchedAgain
+from orbits.trajectory.archived import identity_of, made_by
+from orbits.trajectory.conservation import Conservation
+from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
+
+if TYPE_CHECKING:
+    from astropy.time import Time
+
+    from orbits.archive import Archive
+    from orbits.certificate import Certificate
+    from orbits.integrators.base import Integrator
+    from orbits.propagation.passages_seen import Record
+    from orbits.propagation.stop_conditions import Stop
+    from orbits.trajectory.again import MarchesAgain
+
+Array = NDArray[np.float64]
+
+
+class Trajectory(MarchedAgain, Conservation, Tabular):
+    """The samples of a run.
+
+    system : the initial state, which also gives names, GM, units and epoch
+    times : (n,) float64, since the epoch, in the system's unit of time
+    q, v : (n, bodies, 3) float64, in the system's units; arrays, or what an archive reads from
+    step : the signed step actually used, in the unit of time; NaN of a method that chooses its steps as it goes
+    integrator, statistics : how it was made and what it cost
+    complete : whether every sample that was asked for is there
+    path, archive : the archive it reads from, if it does
+    certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
+    stopped : why and where a condition or a callback ended the run, or None
+    record : what was seen of the passages on the way, for what marches it again
+    again : what marches it again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
+        `orbits.propagation`
+
+    run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample, run[10:20]
+    a `Trajectory` of some of the samples.
+    Raises InputError for q and v of another shape, for times that are not finite, and for what is no system or method.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        times: Array,
+        q: Samples,
+        v: Samples,
+        *,
+        step: float,
+        integrator: Integrator,
+        statistics: Statistics | None = None,
+        complete: bool = True,
+        path: str | None = None,
+        certificate: Certificate | None = None,
+        stopped: Stop | None = None,
+        record: Record | None = None,
+        again: MarchesAgain | None = None,
+        close: Callable[[], None] | None = None,
+    ) -> None:
+        if not isinstance(system, System):
+            raise InputError(f"system is {shown(system)}; expected the System at the start of the run.")
+        if not hasattr(integrator, "label"):
+            raise InputError(f"integrator is {shown(integrator)}; expected a method such as orbits.Gauss(stages=8).")
+        self.times = finite(numbers(times, "times"), "times")
+        if self.times.ndim != 1:
+            raise InputError(f"times has shape {self.times.shape}; expected one time for each sample, shape (n,).")
+        expected = (len(self.times), len(system), 3)
+        shapes = tuple(getattr(x, "shape", None) for x in (q, v))
+        if shapes != (expected, expected):
+            raise InputError(
+                f"q and v have shapes {shapes[0]} and {shapes[1]}; {expected} fits these times and bodies."
+            )
+        self.system = system
+        self.integrator = integrator
+        self.statistics = statistics
+        self.step = step
+        self.complete = complete
+        self.path = path
+        self._place = None if path is None else os.path.abspath(path)
+        self.certificate = certificate
+        self.stopped = stopped
+        self.archive: Archive | None = None
+        self.record = record
+        self.passages: Any = None
+        self._again = self.marched_again_by if again is None else again
+        self._q, self._v, self._close = q, v, close
+
+    @classmethod
+    def open(cls, path: str | PathLike[str], *, statistics: Statistics | None = None) -> Trajectory:
+        """Return the trajectory in an archive, complete or not; it is read when it is asked for.
+
+        Raises ArchiveError for a file that is missing, truncated, foreign or newer, or of a method that is not known.
+        """
+        from orbits.archive import Archive
+
+        return cls.of_archive(Archive.open(path), path=str(path), statistics=statistics)
+
+    @classmethod
+    def of_archive(
+        cls,
+        archive: Archive,
+        *,
+        path: str | None,
+        statistics: Statistics | None = None,
+        again: MarchesAgain | None = None,
+    ) -> Trajectory:
+        """Return the trajectory in an open archive, which is closed with it, or at once where this fails.
+
+        path : where it can be opened again, or None where it cannot; again : what marches it again
+        Raises ArchiveError for a method that is not known, and for a certificate that is none.
+        """
+        try:
+            integrator, certificate = made_by(archive)
+            run = cls(
+                archive.system,
+                archive.times[: archive.committed],
+                archive.q,
+                archive.v,
+                step=archive.dt,
+                integrator=integrator,
+                statistics=statistics,
+                complete=archive.complete,
+                path=path,
+                certificate=certificate,
+                again=again,
+                close=archive.close,
+            )
+        except BaseException:
+            archive.close()
+            raise
+        run.archive = archive
+        return run
+
+    def close(self) -> None:
+        """Close the archive behind this trajectory; nothing can be read from it afterwards."""
+        if self._close is not None:
+            self._close()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of the second axis of q and v."""
+        return self.system.names
+
+    @property
+    def t(self) -> u.Quantity:
+        """Times since the epoch, shape (n,)."""
+        return u.Quantity(self.times, self.system.units.time)
+
+    @property
+    def epochs(self) -> Time:
+        """Times as astropy Time (TDB), shape (n,), printed with as many digits as tell samples apart, to a nanosecond.
+
+        Raises InputError for a system without an epoch.
+        """
+        self._epoch()
+        moments = self.system.epoch + self.t
+        gaps = np.abs(np.diff(self.t.to_value(u.s)))
+        closest = float(gaps[gaps > 0.0].min(initial=1.0))
+        moments.precision = int(np.clip(np.ceil(-np.log10(closest)) + 1, 3, NANOSECONDS))
+        return moments
+
+    def epoch_at(self, time: float) -> Time | None:
+        """Return the epoch `time` (a number in the unit of time) after the start, or None for a system without one."""
+        return None if self.system.epoch is None else self.system.epoch + u.Quantity(time, self.system.units.time)
+
+    @property
+    def dt(self) -> u.Quantity:
+        """The step actually used, > 0: the one asked for, rounded to 24 bits.
+
+        Raises InputError for a run of a method that chooses its steps as it goes.
+        """
+        if math.isnan(self.step):
+            raise InputError(f"{self.integrator.label} chooses its steps as it goes, so there is no dt of this run.")
+        return u.Quantity(abs(self.step), self.system.units.time)
+
+    @property
+    def q(self) -> u.Quantity:
+        """Positions, shape (n, bodies, 3), read-only. From an archive they are read where they are used: run.q[-1]."""
+        return u.Quantity(_as_array(self._q), self.system.units.length, copy=False)
+
+    @property
+    def v(self) -> u.Quantity:
+        """Velocities, shape (n, bodies, 3), read-only. From an archive they are read where they are used: run.v[-1]."""
+        return u.Quantity(_as_array(self._v), self.system.units.speed, copy=False)
+
+    @property
+    def made_by(self) -> str:
+        """The method, and its step where it has one, in words: Gauss(stages=8), dt = 6 d."""
+        if math.isnan(self.step):
+            return self.integrator.label
+        return f"{self.integrator.label}, dt = {abs(self.step):g} {self.system.units.time}".rstrip()
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.times)
+
+    def __getitem__(self, key: str | int | slice) -> Any:
+        """Return the path of a body by name, the `System` at a sample by number (negative ones from the end), or a
+        `Trajectory` of the samples of a slice, whose times still count from the epoch of the run.
+
+        Raises UnknownNameError, or IndexError.
+        """
+        units = self.system.units
+        if isinstance(key, str):
+            i = index_of(key, self.names, "body")
+            q, v = self._q[:, i], self._v[:, i]
+            return BodyTrajectory(self.names[i], self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
+        if isinstance(key, slice):
+            return self._some(key)
+        if not is_whole(key):
+            raise InputError(
+                f'run[{shown(key)}]: give a name, run["Sun"], the number of a sample, run[-1], or a slice, run[10:20].'
+            )
+        if not -len(self) <= key < len(self):
+            raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
+        k = int(key) % len(self)
+        return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
+
+    def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
+        """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
+
+        primary : a body, "barycentre" or "jacobi"; may be left out where only one body has mass
+        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `System.add`
+        """
+        values = self.system.values
+        primary = primary_name(self.names, values.gm, primary)
+        return osculating(
+            self.names,
+            values.gm,
+            _as_array(self._q),
+            _as_array(self._v),
+            units=self.system.units,
+            primary=primary,
+            frame=frame,
+            t=self.times,
+            epoch=self.system.epoch,
+        )
+
+    def plot(self, **options: Any) -> Any:
+        """Draw the paths; see `orbits.plotting.plot_trajectory`."""
+        from orbits.plotting import plot_trajectory
+
+        return plot_trajectory(self, **options)
+
+    def _some(self, samples: slice) -> Trajectory:
+        try:
+            times = self.times[samples]
+        except (TypeError, ValueError) as error:
+            raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
+        return self.with_samples(
+            times, _as_array(self._q)[samples], _as_array(self._v)[samples], certificate=self.certificate
+        )
+
+    def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
+        """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), as floats."""
+        return Trajectory(
+            self.system,
+            times,
+            q,
+            v,
+            step=self.step,
+            integrator=self.integrator,
+            certificate=certificate,
+            again=self._again,
+        )
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
+
+    def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
+        known: dict[str, str | float] = {"integrator": self.integrator.label}
+        known |= {} if math.isnan(self.step) else {"dt": abs(self.step)}
+        return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
+
+    def __reduce__(self) -> Any:
+        """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
+        if self._place is None:
+            return super().__reduce__()
+        known = {"stopped": self.stopped, "record": self.record, "_again": self._again}
+        return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the open file behind: the samples themselves are copied where no path leads to it."""
+        return {**vars(self), "archive": None, "_close": None}
+
+    def _repr_html_(self) -> str:
+        epoch = self.system.epoch
+        pairs = {"bodies": few(self.names), "epoch": "none" if epoch is None else f"{epoch.isot} TDB"}
+        pairs |= {"units": self.system.units.name}
+        if self.statistics is not None:
+            pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
+        if self.certificate is not None:
+            pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
+        return html_pairs(repr(self), pairs.items())
+
+    def __repr__(self) -> str:
+        where = f", in {self.path}" if self.path else ""
+        state = "" if self.complete else ", incomplete"
+        what = f"{len(self.names)} bodies, {len(self)} samples, {span(self.t)}"
+        return f"Trajectory({what}; {self.made_by}{state}{where})"
+
+    def sample(self, k: int) -> tuple[Array, Array]:
+        """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
+        return self._q[k], self._v[k]
+
+    def _epoch(self) -> None:
+        if self.system.epoch is None:
+            raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
+
+
+def _reopened(path: str, samples: int, statistics: Statistics | None, identity: str) -> Trajectory:
+    """Return the run in an archive where a copy of it is wanted, as it was with that many samples."""
+    run = Trajectory.open(path, statistics=statistics)
+    try:
+        if len(run) < samples:
+            raise ArchiveError(f"{path} holds {len(run)} samples; expected the {samples} of the run that was copied.")
+        if identity_of(run, samples) != identity:
+            raise ArchiveError(f"{path} holds another run by now; expected the one that was copied.")
+    except BaseException:
+        run.close()
+        raise
+    return run
+
+
+def _as_array(samples: Samples) -> Array:
+    """Return all samples as one read-only array; those in an archive are mapped, not read."""
+    mapped = getattr(samples, "mapped", None)
+    array: Array = samples[:] if mapped is None else mapped()
+    array.flags.writeable = False
+    return array

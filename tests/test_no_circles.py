@@ -1,0 +1,47 @@
+"""No file of the package imports another one that leads back to it, at its top or inside a function."""
+
+from collections.abc import Mapping
+
+import grimp
+import pytest
+
+
+def circle(imports: Mapping[str, set[str]]) -> list[str]:
+    """Return the names that import one another in a ring, in this order, or nothing.
+
+    imports : what each imports
+    """
+    left = {name: set(found) & set(imports) for name, found in imports.items()}
+    while ends := [name for name, found in left.items() if not found]:
+        left = {name: found.difference(ends) for name, found in left.items() if found}
+    path = [min(left)] if left else []  # whatever is left imports something that is left: one gets back somewhere
+    while path:
+        after = min(left[path[-1]])
+        if after in path:
+            return path[path.index(after) :]
+        path.append(after)
+    return path
+
+
+@pytest.fixture(scope="module")
+def files() -> dict[str, set[str]]:
+    """What each file imports, for running it: what is imported for type checkers alone does not count."""
+    graph = grimp.build_graph("orbits", exclude_type_checking_imports=True, cache_dir=None)
+    return {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+
+
+def test_no_file_imports_its_way_back_to_itself(files):
+    found = circle(files)
+    assert not found, " -> ".join([*found, found[0]])
+
+
+def test_imports_inside_functions_count_and_a_circle_of_many_files_is_seen(files):
+    assert "orbits.propagation.binding" in files["orbits.propagation.replay"]  # imported inside a function
+    closed = {**files, "orbits.kernels.summation": files["orbits.kernels.summation"] | {"orbits.scenario.command"}}
+    assert {"orbits.kernels.summation", "orbits.scenario.command"} <= set(circle(closed))
+
+
+def test_what_merely_leads_into_a_circle_is_not_part_of_it():
+    imports = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}
+    assert sorted(circle(imports)) == ["b", "c"]
+    assert circle({"a": {"b"}, "b": {"c", "d"}, "c": {"d"}, "d": set()}) == []
