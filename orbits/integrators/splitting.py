@@ -10,19 +10,18 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.4, II.5; Blanes & Moan (2002).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.integrators.forms import Form, padded
+from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.barrier import accelerate_shared
 from orbits.kernels.binding import field
 from orbits.kernels.compile import kernel
-from orbits.kernels.state import copied, drift, drifted, kick, kicked
+from orbits.kernels.state import copy, drift, drifted, kick, kicked
 from orbits.kernels.steps import OK
-
-Array = np.typing.NDArray[np.float64]
 
 
 @kernel(inline=True)
@@ -41,7 +40,7 @@ def step(method, model, t, h, state, storage):
     g, stages, share = storage.scratch[0], storage.stages, storage.share
     start, stop = share.start, share.stop
     evaluations = 0
-    copied(q, stages[0], start, stop)
+    copy(q, start, stop, stages[0])
     if kicks[0] != 0.0:
         if kicks[last] == 0.0:
             accelerate_shared(share, model, q, g)
@@ -49,7 +48,7 @@ def step(method, model, t, h, state, storage):
         kick(v, v_lo, kicks[0], g, start, stop)
     for i in range(last):
         drift(q, q_lo, drifts[i], v, v_lo, start, stop)
-        copied(q, stages[i + 1], start, stop)
+        copy(q, start, stop, stages[i + 1])
         if kicks[i + 1] != 0.0:
             accelerate_shared(share, model, q, g)
             evaluations += 1
@@ -93,12 +92,17 @@ class Splitting(Form):
     lengths: Callable[[float], tuple[Array, Array]]
     drifts: int
 
-    kernels = {
+    kernels: ClassVar[Mapping[str, Any]] = {
         "begin": begin,
         "step": step,
         "begin_particles": begin_particles,
         "step_particles": step_particles,
     }
+
+    @property
+    def shared(self) -> bool:
+        """Each thread moves its share of the coordinates."""
+        return True
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the kicks and the drifts, (2, s + 1), the last drift being 0."""

@@ -7,22 +7,43 @@ atoms, and what a thread wrote before a meeting, all threads read after it.
 from __future__ import annotations
 
 import sys
+from typing import Any, NamedTuple
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
+from orbits.kernels.binding import accelerate, accelerate_some, bodies
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes.type import element_pointer
+from orbits.kernels.steps import OPTIONS
 
 ARRIVED, CLAIMED, ABANDONED = 0, 8, 16
 """Places of the counters, each in a line of the processor's cache of its own."""
 
 COUNTERS = 24
 
+PIECE = 64
+"""Bodies whose accelerations a thread takes at once: whole pairs of registers."""
+
 SPINS = 2000
 """How often a thread looks whether the others have come, before it lets another program have the processor."""
+
+
+
+class Barrier(NamedTuple):
+    """Where threads meet.
+
+    counters : (COUNTERS,) int64, of all threads together
+    threads : how many there are
+    rounds : (1,) int64, how often this thread has shared out accelerations
+    """
+
+    counters: Any
+    threads: Any
+    rounds: Any
+
 
 _YIELD = "SwitchToThread" if sys.platform == "win32" else "sched_yield"
 
@@ -66,37 +87,48 @@ def _pointer(context, builder, sig, args):
 
 
 @kernel
-def meet(counters, team, meeting):
-    """Wait until all of a team have come to a meeting; the first one is number 1."""
+def meet(counters, threads, meeting):
+    """Wait until all threads have come to a meeting; the first one is number 1."""
     _add(counters, ARRIVED)
     looks = 0
-    while _read(counters, ARRIVED) < team * meeting and _read(counters, ABANDONED) == 0:
+    while _read(counters, ARRIVED) < threads * meeting and _read(counters, ABANDONED) == 0:
         looks += 1
         if looks > SPINS:
             _give_way()
 
 
 @kernel
-def claim(counters, team, round_, count):
+def claim(counters, threads, round_, count):
     """Return the next of the pieces 0 ... count - 1 of a round, or `count` when all are taken.
 
-    Each of the team asks until it is told so, once, before it goes to a meeting; rounds count from 0 and are of one
-    size.
+    Each thread asks until it is told so, once, before it goes to a meeting; rounds count from 0 and are of one size.
     """
-    piece = _add(counters, CLAIMED) - round_ * (count + team)
+    piece = _add(counters, CLAIMED) - round_ * (count + threads)
     return piece if 0 <= piece < count else count
 
 
-@kernel(inline=True)
-def _accelerate_together(share, model, q, g):
+def accelerate_shared(share, model, q, g):
+    """Write the accelerations of all bodies: a thread alone by itself, one of several with the others."""
+    raise NotImplementedError("accelerate_shared() is for compiled code only")
+
+
+@overload(accelerate_shared, jit_options=OPTIONS)
+def _accelerate_shared(share, model, q, g):
+    if isinstance(share.types[2], types.NoneType):
+        return lambda share, model, q, g: accelerate(model.tag, model.parameters, q, g)
+    return lambda share, model, q, g: accelerate_together(share.barrier, model, q, g)
+
+
+@kernel
+def accelerate_together(barrier, model, q, g):
     """Write the accelerations of all bodies, each thread those of the pieces that it claims."""
-    counters, threads, _, rounds = share.barrier
-    pieces = (bodies(model.tag, model.parameters) + PIECE - 1) // PIECE
-    round_ = rounds[0]
-    rounds[0] = round_ + 1
-    meet(counters, threads, 2 * round_ + 1)
-    piece = claim(counters, threads, round_, pieces)
+    n = bodies(model.tag, model.parameters)
+    pieces = (n + PIECE - 1) // PIECE
+    round_ = barrier.rounds[0]
+    barrier.rounds[0] = round_ + 1
+    meet(barrier.counters, barrier.threads, 2 * round_ + 1)
+    piece = claim(barrier.counters, barrier.threads, round_, pieces)
     while piece < pieces:
-        accelerate_piece(model, q, g, piece)
-        piece = claim(counters, threads, round_, pieces)
-    meet(counters, threads, 2 * round_ + 2)
+        accelerate_some(model.tag, model.parameters, q, g, PIECE * piece, min(PIECE * (piece + 1), n))
+        piece = claim(barrier.counters, barrier.threads, round_, pieces)
+    meet(barrier.counters, barrier.threads, 2 * round_ + 2)

@@ -7,8 +7,8 @@ it (`orbits.marching.driver`) knows nothing of stages. A method enters compiled 
     begin(method, model, t, h, state, storage)
         what can be derived from the state, such as the first force; called when a block of steps begins
     step(method, model, t, h, state, storage) -> (status, where, evaluations)
-        one step of h from time t, in place. One that fails leaves the state as it was, and says at which body or
-        coordinate. Explicit methods always succeed: whether the state is finite is looked at once a block
+        one step of h from time t, in place. One that fails says at which body or coordinate; whoever goes on after it
+        has kept the state. Explicit methods always succeed: whether the state is finite is looked at once a block
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
         the same for massless particles, which are values: eight in lanes, or one with its stages in lanes, as the
@@ -27,7 +27,7 @@ from orbits.kernels.lanes import WIDTH
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """What became of a step."""
 
-INLINED = {"forceinline": True, "error_model": "numpy"}
+OPTIONS = {"forceinline": True, "error_model": "numpy", "_nrt": False}
 """Options of what only finds a kernel: without them its arguments pass through memory."""
 
 
@@ -77,8 +77,7 @@ class Method(NamedTuple):
 class Share(NamedTuple):
     """The coordinates that are one thread's to move, start ... stop - 1, start being a multiple of eight.
 
-    barrier : None for a thread alone; else the counters, the number of threads, which one this is, and (1,) int64, the
-        rounds that it has gone through
+    barrier : None for a thread alone, else a `Barrier`
     """
 
     start: Any
@@ -106,7 +105,7 @@ def begin(method, model, t, h, state, storage):
     raise NotImplementedError("begin() is for compiled code only")
 
 
-@overload(begin, jit_options=INLINED)
+@overload(begin, jit_options=OPTIONS)
 def _begin(method, model, t, h, state, storage):
     compiled = _kernel(method, "begin")
     if compiled is None:
@@ -119,7 +118,7 @@ def step(method, model, t, h, state, storage):
     raise NotImplementedError("step() is for compiled code only")
 
 
-@overload(step, jit_options=INLINED)
+@overload(step, jit_options=OPTIONS)
 def _step(method, model, t, h, state, storage):
     compiled = _kernel(method, "step")
     return compiled and (
@@ -132,7 +131,7 @@ def begin_particles(method, model, particles, storage):
     raise NotImplementedError("begin_particles() is for compiled code only")
 
 
-@overload(begin_particles, jit_options=INLINED)
+@overload(begin_particles, jit_options=OPTIONS)
 def _begin_particles(method, model, particles, storage):
     compiled = _kernel(method, "begin_particles")
     if compiled is None:
@@ -145,7 +144,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
     raise NotImplementedError("step_particles() is for compiled code only")
 
 
-@overload(step_particles, jit_options=INLINED)
+@overload(step_particles, jit_options=OPTIONS)
 def _step_particles(method, model, t, h, particles, carry, storage):
     compiled = _kernel(method, "step_particles")
     return compiled and (
@@ -155,15 +154,9 @@ def _step_particles(method, model, t, h, particles, carry, storage):
     )
 
 
-def width(method):
-    """Return how many particles `step_particles` takes at once: 8 in lanes, or 1 with its stages in lanes."""
-    raise NotImplementedError("width() is for compiled code only")
-
-
-@overload(width, jit_options=INLINED)
-def _width(method):
-    lanes = _kernel(method, "width") or WIDTH
-    return lambda method: lanes
+def lanes_of(method):
+    """Return how many particles `step_particles` of a `Method` of that Numba type takes at once: 8 or 1."""
+    return _kernel(method, "width") or WIDTH
 
 
 def _kernel(method, name):

@@ -1,0 +1,115 @@
+"""Steps gamma_i h of any form of a method, one after the other.
+
+`method.coefficients` is (tag of the form, its coefficients for each substep, lengths of the substeps, their beginnings
+as offsets from that of the step). The stages of a step are those of its substeps, one below the other.
+
+Source: Hairer, Lubich & Wanner (2006), sec. II.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from orbits.integrators.forms import Array, Form
+from orbits.kernels import steps
+from orbits.kernels.compile import kernel
+from orbits.kernels.steps import OK, Method, Storage
+
+
+@kernel(inline=True)
+def _substep(storage, i, substeps):
+    """Return the storage of a substep."""
+    rows = storage.stages.shape[0] // substeps
+    return Storage(storage.carry, storage.scratch, storage.stages[i * rows : (i + 1) * rows], storage.share)
+
+
+@kernel(inline=True)
+def step(method, model, t, h, state, storage):
+    """Take all substeps."""
+    tag, tables, lengths, offsets = method.coefficients
+    evaluations = 0
+    for i in range(lengths.shape[0]):
+        own, base, now = _substep(storage, i, lengths.shape[0]), Method(tag, tables[i]), t + offsets[i]
+        steps.begin(base, model, now, lengths[i], state, own)
+        status, where, count = steps.step(base, model, now, lengths[i], state, own)
+        evaluations += count
+        if status != OK:
+            return status, where, evaluations
+    return OK, 0, evaluations
+
+
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take all substeps of particles; what they carry goes from each to the next."""
+    tag, tables, lengths, offsets = method.coefficients
+    before, evaluations = particles, 0
+    for i in range(lengths.shape[0]):
+        own, base = _substep(storage, i, lengths.shape[0]), Method(tag, tables[i])
+        particles, carry, status, count = steps.step_particles(
+            base, model, t + offsets[i], lengths[i], particles, carry, own
+        )
+        evaluations += count
+        if status != OK:
+            return before, carry, status, evaluations
+    return particles, carry, OK, evaluations
+
+
+@kernel(inline=True)
+def begin_particles(method, model, particles, storage):
+    """As the form that is composed."""
+    tag, tables, lengths, _ = method.coefficients
+    return steps.begin_particles(Method(tag, tables[0]), model, particles, _substep(storage, 0, lengths.shape[0]))
+
+
+@dataclass(frozen=True)
+class Chain(Form):
+    """A form of a method composed.
+
+    base : the form; lengths : returns the lengths of the substeps of a step of h; substeps : their number
+    """
+
+    base: Form
+    lengths: Callable[[float], Array]
+    substeps: int
+
+    kernels: ClassVar[Mapping[str, Any]] = {
+        "step": step,
+        "step_particles": step_particles,
+        "begin_particles": begin_particles,
+    }
+
+    def own_kernels(self) -> Mapping[str, Any]:
+        """Return the kernels; particles lie as the base has them, where it has them."""
+        base = self.base.own_kernels()
+        if "step_particles" not in base:
+            return {"step": step}
+        return {**self.kernels, "width": base.get("width", 8)}
+
+    def coefficients(self, h: float, before: float) -> Any:
+        """Return what the kernels want; the first substep follows the last one of a step of `before`."""
+        lengths = self.lengths(h)
+        previous = [lengths[-1] if before == h else self.lengths(before)[-1], *lengths[:-1]]
+        tables = [self.base.coefficients(x, y) for x, y in zip(lengths, previous, strict=True)]
+        return self.base.tag, np.array(tables), lengths, np.append(0.0, np.cumsum(lengths)[:-1])
+
+    def stages_shape(self, size: int) -> tuple[int, int]:
+        """The stages of the substeps, one below the other."""
+        rows, columns = self.base.stages_shape(size)
+        return self.substeps * rows, columns
+
+    def carry_rows(self, size: int) -> int:
+        """As for the base."""
+        return self.base.carry_rows(size)
+
+    @property
+    def particle_carry_rows(self) -> int:
+        """As for the base."""
+        return self.base.particle_carry_rows
+
+    def scratch_shape(self, size: int) -> tuple[int, int]:
+        """As for the base."""
+        return self.base.scratch_shape(size)

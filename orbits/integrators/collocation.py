@@ -1,0 +1,325 @@
+"""Variational partitioned Runge–Kutta methods for separable Lagrangians, q'' = g(q), in their second-order form.
+
+With L_i = h b_i g(Q_i), the velocities of the stages eliminated:
+
+    Q_i = q + h c_i v + h sum_j eta_ij L_j,     eta_ij = (A A_bar)_ij / b_j
+    v+  = v + sum_i L_i,     q+ = q + h v + h sum_i (1 - c_i) L_i
+
+The stages of a coordinate are the lanes of R registers: an array of stages has R blocks of rows, one for each register.
+They are iterated, each component, until the largest change stops falling: to the round-off floor, with no tolerance.
+The iteration starts from the polynomial through the stages of the step before.
+
+Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & West (2001), sec. 2.6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+from numba.extending import overload
+
+from orbits.integrators.forms import Array, Form, padded
+from orbits.kernels.binding import accelerate, bodies, dimension, field, kernel_of
+from orbits.kernels.compile import kernel
+from orbits.kernels.iteration import (
+    CONVERGED,
+    FLOOR,
+    LIMIT,
+    LOST,
+    NEAR_FLOOR,
+    PATIENCE,
+    TIGHT,
+    begin,
+    falling,
+    settled,
+    unsettled_body,
+    unsettled_coordinate,
+)
+from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, row_sums, store, total
+from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, OPTIONS, Particles
+from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
+from orbits.tableaux import SymplecticTableau
+
+# Rows of the table of one register of stages. ETA is the first of 8 R rows: row j holds column j of the matrix, this
+# register's stages in the lanes; START follows, in the same form.
+HC, HC_LO, HB, REST, ETA = 0, 1, 2, 3, 4
+
+
+def registers(method):
+    """Return R, a constant of the form."""
+    raise NotImplementedError("registers() is for compiled code only")
+
+
+@overload(registers, jit_options=OPTIONS)
+def _registers(method):
+    count = kernel_of(method.types[0], "registers")
+    return lambda method: count
+
+
+@kernel(inline=True)
+def combine(table, first, rows, block, k):
+    """Return sum_j column_j * rows[.., j] over all registers, whose rows stand `block` apart."""
+    even = load(table, first) * rows[k, 0]
+    odd = load(table, first + 1) * rows[k, 1]
+    for j in range(2, WIDTH, 2):
+        even = even + load(table, first + j) * rows[k, j]
+        odd = odd + load(table, first + j + 1) * rows[k, j + 1]
+    for r in range(1, (table.shape[0] - ETA) // (2 * WIDTH)):
+        at, row = first + WIDTH * r, r * block + k
+        for j in range(0, WIDTH, 2):
+            even = even + load(table, at + j) * rows[row, j]
+            odd = odd + load(table, at + j + 1) * rows[row, j + 1]
+    return even + odd
+
+
+@kernel(inline=True)
+def moved(h, q, q_lo, v, v_lo, drift):
+    """Return (q, q_lo) + h (v, v_lo) + drift, drift being of the size of h v."""
+    p, e = two_product(v, h)
+    s, f = two_sum(p, fma(v_lo, h, e + drift))
+    return add_compensated(q, q_lo + f, s)
+
+
+@kernel(inline=True)
+def step(method, model, t, h, state, storage):
+    """Take one step; `storage.carry` holds L of the step before, zeros for a cold start."""
+    R, coefficients = registers(method), method.coefficients
+    q, q_lo, v, v_lo = state
+    size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
+    blocks = (size + WIDTH - 1) // WIDTH
+    rows = WIDTH * blocks
+    L, Q, scratch = storage.carry, storage.stages, storage.scratch
+    block = Q.shape[0] // R
+    start = ETA + WIDTH * R
+    change, history = scratch[:rows], scratch[rows : rows + 3 * blocks]
+    base = scratch[rows + 3 * blocks : rows + 3 * blocks + R * block]
+    # With one register the changes of the stages take the place of the accelerations.
+    g = change if R == 1 else scratch[rows + 3 * blocks + R * block :]
+    evaluations = 0
+    for r in range(R):
+        table = coefficients[r]
+        hc, hc_lo = load(table, HC), load(table, HC_LO)
+        for k in range(size):
+            # Sum the increments first: q is O(30 au), what moves it is O(1e-3 au).
+            increment = fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k])
+            store(base, r * block + k, increment)
+            store(Q, r * block + k, q[k] + (increment + h * combine(table, start, L, block, k)))
+    iteration, patience, last = 0, PATIENCE, False
+    while True:
+        for r in range(R):
+            accelerate(model.tag, model.parameters, Q if R == 1 else Q[r * block : (r + 1) * block], g)
+            hb = load(coefficients[r], HB)
+            for k in range(size):
+                new = hb * load(g, k)
+                moved_by = abs(new) if iteration == 0 else abs(new - load(L, r * block + k))
+                store(change, k, moved_by if r == 0 else maximum(load(change, k), moved_by))
+                store(L, r * block + k, new)
+        evaluations += 1
+        if last:
+            break
+        if iteration == 0:
+            begin(change, history, blocks)
+        elif not falling(change, history, blocks):
+            patience -= 1
+            last = patience == 0 or settled(history, blocks, NEAR_FLOOR if count > 0 else FLOOR)
+        iteration += 1
+        if iteration == LIMIT:
+            break
+        for r in range(R):
+            table = coefficients[r]
+            for k in range(size):
+                store(Q, r * block + k, q[k] + (load(base, r * block + k) + h * combine(table, ETA, L, block, k)))
+    if not settled(history, blocks, CONVERGED):
+        body = unsettled_body(history, blocks, count, CONVERGED)
+        if count > 0 and body >= 0:
+            return NOT_CONVERGED, body, evaluations
+    if count == 0:
+        where = unsettled_coordinate(history, blocks, size, TIGHT, FLOOR)
+        if where >= 0:
+            return NOT_CONVERGED, where, evaluations
+
+    finite = True
+    for b in range(blocks):
+        first = WIDTH * b
+        stop = min(first + WIDTH, size)
+        kick, kick_lo = compensated_row_sums(L, first)
+        rest = load(coefficients[0], REST)
+        for k in range(first, stop):
+            store(change, k, rest * load(L, k))
+        drift = row_sums(change, first)
+        for r in range(1, R):
+            rest = load(coefficients[r], REST)
+            for k in range(first, stop):
+                store(change, k, rest * load(L, r * block + k))
+            more, more_lo = compensated_row_sums(L, r * block + first)
+            kick, lost = two_sum(kick, more)
+            kick_lo = kick_lo + (lost + more_lo)
+            drift = drift + row_sums(change, first)
+        store(base, b, kick_lo)
+        store(history, b, kick)
+        store(history, blocks + b, drift)
+        finite &= not any_lane(1.0 - (kick * 0.0 == 0.0) * (drift * 0.0 == 0.0))
+    if not finite:
+        return NOT_FINITE, 0, evaluations
+    for b in range(blocks):
+        k = WIDTH * b
+        v_now, v_rest = load(v, k), load(v_lo, k)
+        x, x_rest = moved(h, load(q, k), load(q_lo, k), v_now, v_rest, h * load(history, blocks + b))
+        store(q, k, x)
+        store(q_lo, k, x_rest)
+        v_now, v_rest = add_compensated(v_now, v_rest + load(base, b), load(history, b))
+        store(v, k, v_now)
+        store(v_lo, k, v_rest)
+    return OK, 0, evaluations
+
+
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of one particle through the stages that the massive bodies went through.
+
+    carry : (3 R, 8), L of the step before. A step that fails returns the particle as it was.
+    """
+    R, coefficients = registers(method), method.coefficients
+    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
+    L, scratch, stages = carry, storage.scratch, storage.stages
+    block = stages.shape[0] // R
+    start = ETA + WIDTH * R
+    base, Q = scratch, scratch[3 * R :]
+    for r in range(R):
+        table = coefficients[r]
+        hc, hc_lo = load(table, HC), load(table, HC_LO)
+        x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
+        y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
+        z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
+        store(base, 3 * r, x_base)
+        store(base, 3 * r + 1, y_base)
+        store(base, 3 * r + 2, z_base)
+        store(Q, 3 * r, x + (x_base + h * combine(table, start, L, 3, 0)))
+        store(Q, 3 * r + 1, y + (y_base + h * combine(table, start, L, 3, 1)))
+        store(Q, 3 * r + 2, z + (z_base + h * combine(table, start, L, 3, 2)))
+    least = last_change = scale = 0.0
+    iteration, patience, last, evaluations = 0, PATIENCE, False, 0
+    while True:
+        now = size = 0.0
+        for r in range(R):
+            sources = stages if R == 1 else stages[r * block : (r + 1) * block]
+            ax, ay, az = field(
+                model.tag, model.parameters, sources, load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)
+            )
+            hb = load(coefficients[r], HB)
+            lx, ly, lz = hb * ax, hb * ay, hb * az
+            off = abs(lx - load(L, 3 * r)) + abs(ly - load(L, 3 * r + 1)) + abs(lz - load(L, 3 * r + 2))
+            now = max(now, largest(off))
+            if iteration == 0:
+                size = max(size, largest(abs(lx) + abs(ly) + abs(lz)))
+            store(L, 3 * r, lx)
+            store(L, 3 * r + 1, ly)
+            store(L, 3 * r + 2, lz)
+        evaluations += 1
+        if iteration == 0:
+            now = scale = least = size
+        if last:
+            break
+        if iteration > 0:
+            if not (now < least and now * now > LOST * scale * last_change):
+                patience -= 1
+                last = patience == 0 or least <= NEAR_FLOOR * scale or now <= NEAR_FLOOR * scale
+            least = min(least, now)
+        last_change = now
+        iteration += 1
+        if iteration == LIMIT:
+            break
+        for r in range(R):
+            table = coefficients[r]
+            store(Q, 3 * r, x + (load(base, 3 * r) + h * combine(table, ETA, L, 3, 0)))
+            store(Q, 3 * r + 1, y + (load(base, 3 * r + 1) + h * combine(table, ETA, L, 3, 1)))
+            store(Q, 3 * r + 2, z + (load(base, 3 * r + 2) + h * combine(table, ETA, L, 3, 2)))
+    if not least <= CONVERGED * scale:
+        return particles, carry, NOT_CONVERGED, evaluations
+    x_kick, x_kick_lo, x_drift = _sums(coefficients, R, L, 0)
+    y_kick, y_kick_lo, y_drift = _sums(coefficients, R, L, 1)
+    z_kick, z_kick_lo, z_drift = _sums(coefficients, R, L, 2)
+    if (x_kick + y_kick + z_kick + x_drift + y_drift + z_drift) * 0.0 != 0.0:
+        return particles, carry, NOT_FINITE, evaluations
+    x, x_lo = moved(h, x, x_lo, vx, vx_lo, h * x_drift)
+    y, y_lo = moved(h, y, y_lo, vy, vy_lo, h * y_drift)
+    z, z_lo = moved(h, z, z_lo, vz, vz_lo, h * z_drift)
+    vx, vx_lo = add_compensated(vx, vx_lo + x_kick_lo, x_kick)
+    vy, vy_lo = add_compensated(vy, vy_lo + y_kick_lo, y_kick)
+    vz, vz_lo = add_compensated(vz, vz_lo + z_kick_lo, z_kick)
+    return Particles(x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo), carry, OK, evaluations
+
+
+@kernel(inline=True)
+def _sums(coefficients, R, L, k):
+    """Return sum_i L_i as a pair, and sum_i (1 - c_i) L_i, of component k of a particle."""
+    own = load(L, k)
+    kick, kick_lo, drift = total(own), 0.0, total(load(coefficients[0], REST) * own)
+    for r in range(1, R):
+        own = load(L, 3 * r + k)
+        kick, lost = two_sum(kick, total(own))
+        kick_lo += lost
+        drift += total(load(coefficients[r], REST) * own)
+    return kick, kick_lo, drift
+
+
+@dataclass(frozen=True)
+class Collocation(Form):
+    """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians."""
+
+    tableau: SymplecticTableau
+
+    kernels: ClassVar[Mapping[str, Any]] = {"step": step, "step_particles": step_particles, "width": 1}
+
+    @property
+    def registers(self) -> int:
+        """How many registers of eight the stages of a coordinate fill."""
+        return (self.tableau.stages + WIDTH - 1) // WIDTH
+
+    def own_kernels(self) -> Mapping[str, Any]:
+        """Return the kernels for this number of registers."""
+        return {**self.kernels, "registers": self.registers}
+
+    def coefficients(self, h: float, before: float) -> Array:
+        """Return (R, 4 + 16 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
+
+        h c is a pair of doubled precision; eta stays unscaled, because h eta would be rounded once more.
+        """
+        tableau, s, count, ratio = self.tableau, self.tableau.stages, self.registers, h / before
+        lane = np.minimum(np.arange(WIDTH * count), s - 1)
+        out = np.zeros((count, ETA + 2 * WIDTH * count, WIDTH))
+        hc = h * tableau.nodes
+        rounding = [float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(tableau.nodes, hc, strict=True)]
+        weights = np.zeros(WIDTH * count)
+        weights[:s] = h * tableau.b
+        ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
+        start = tableau.eta @ ahead
+        for r in range(count):
+            own = slice(WIDTH * r, WIDTH * (r + 1))
+            out[r, HC], out[r, HC_LO] = hc[lane[own]], np.array(rounding)[lane[own]]
+            out[r, HB], out[r, REST] = weights[own], tableau.one_minus_nodes[lane[own]]
+            out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
+            out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
+        return out
+
+    def stages_shape(self, size: int) -> tuple[int, int]:
+        """One row of eight stages for each coordinate and register."""
+        return self.registers * padded(size), WIDTH
+
+    def carry_rows(self, size: int) -> int:
+        """The kicks of the stages of the step before, one row for each coordinate and register."""
+        return self.registers * padded(size)
+
+    @property
+    def particle_carry_rows(self) -> int:
+        """The same for each particle."""
+        return 3 * self.registers
+
+    def scratch_shape(self, size: int) -> tuple[int, int]:
+        """Increments and changes of each coordinate, and three numbers of history for each."""
+        rows, many = padded(size), self.registers > 1
+        return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, 6 * self.registers), WIDTH

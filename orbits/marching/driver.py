@@ -1,0 +1,275 @@
+"""The only loop: a clock, a step, and what is recorded of it.
+
+Arguments are flat, because Python calls these functions: building records on the way costs more than a step. The clock
+is that of constant steps: step k of a march from time t0 begins at t0 + k h.
+"""
+
+from __future__ import annotations
+
+from numba.extending import overload
+
+from orbits.kernels.barrier import Barrier
+from orbits.kernels.binding import dimension
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH, full, lane, select, unit
+from orbits.kernels.observing import call_observer
+from orbits.kernels.paths import record_particles, record_strip
+from orbits.kernels.state import (
+    Columns,
+    all_finite,
+    load_particle,
+    load_particles,
+    store_particle,
+    store_particles,
+)
+from orbits.kernels.steps import (
+    NOT_FINITE,
+    OK,
+    OPTIONS,
+    Method,
+    Model,
+    Particles,
+    Share,
+    State,
+    Storage,
+    begin,
+    begin_particles,
+    lanes_of,
+    step,
+    step_particles,
+)
+
+NOWHERE = 1e6
+"""Where the particles that fill the last eight are, and those that were retired: finite, and never read."""
+
+
+@kernel
+def march(
+    form, coefficients, tag, parameters, t0, first, h, q, q_lo, p, p_lo, carry, scratch, stages, path, every, steps
+):
+    """March by `steps` steps of h, the first of which is step `first` of a march from t0.
+
+    q, q_lo, p, p_lo : see `State`; carry, scratch : see `Storage`
+    stages : (slots, rows, columns), a slot for each step, or slots that are used over and over
+    path : flat, receives q and p, each padded, at the beginning of each `every`-th step; nothing where it is empty
+
+    Returns (status, steps done, body or coordinate, evaluations).
+    """
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    size = dimension(tag, parameters)
+    share = Share(0, size, None)
+    begin(method, model, t0 + first * h, h, state, Storage(carry, scratch, stages[0], share))
+    evaluations, slot, left, row = 0, 0, 0, 0
+    for k in range(steps):
+        if left == 0:
+            record_strip(path, row, q, p, 0, size)
+            left, row = every, row + 1
+        left -= 1
+        storage = Storage(carry, scratch, stages[slot], share)
+        status, where, count = step(method, model, t0 + (first + k) * h, h, state, storage)
+        evaluations += count
+        if status != OK:
+            return status, k, where, evaluations
+        slot = slot + 1 if slot + 1 < stages.shape[0] else 0
+    return (OK if all_finite(q, p, size) else NOT_FINITE), steps, 0, evaluations
+
+
+@kernel
+def march_together(
+    counters, threads, member, rounds, fresh,
+    form, coefficients, tag, parameters, t0, first, h, q, q_lo, p, p_lo, carry, scratch, stages, path, steps
+):  # fmt: skip
+    """March thousands of bodies as one of several threads: each moves a share of the coordinates.
+
+    rounds : (threads, 8) int64, a row for each thread; fresh : whether the scratch holds what `begin` would write
+    Other arguments are those of `march`.
+    """
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    size = dimension(tag, parameters)
+    groups = (size + WIDTH - 1) // WIDTH
+    start, stop = WIDTH * (groups * member // threads), min(WIDTH * (groups * (member + 1) // threads), size)
+    share = Share(start, stop, Barrier(counters, threads, rounds[member]))
+    rounds[member, 0] = 0
+    if not fresh:
+        begin(method, model, t0 + first * h, h, state, Storage(carry, scratch, stages[0], share))
+    for k in range(steps):
+        record_strip(path, k, q, p, start, stop)
+        storage = Storage(carry, scratch, stages[k % stages.shape[0]], share)
+        step(method, model, t0 + (first + k) * h, h, state, storage)
+
+
+@kernel
+def march_particles(
+    form, coefficients, tag, parameters, t0, first, h, q, q_lo, v, v_lo, carry, scratch, stages, retired,
+    steps, start, stop, observer, context, track
+):  # fmt: skip
+    """March massless particles start ... stop - 1 by `steps` steps through the stages of the massive bodies.
+
+    q, q_lo, v, v_lo : (3, padded); carry : (particles, rows, 8); stages : (steps, rows, columns)
+    retired : (padded, 2) int64, a row for each particle: why it was given up (0: it was not), and before which step.
+        A particle that cannot be stepped is retired alone: its state stays that before the step
+    observer, context : see `orbits.kernels.observing`; track : (rows, 8), where the states of eight, or of twice eight,
+        particles at the beginning of each step are kept for it
+
+    Returns how many evaluations there were.
+    """
+    method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
+    clock = t0, first, h, steps
+    storage = Storage(carry, scratch, stages, Share(0, 0, None))
+    watched = observer, context, track
+    return _march_particles(method, model, clock, columns, storage, retired, start, stop, watched)
+
+
+def _march_particles(method, model, clock, columns, storage, retired, start, stop, watched):
+    """March particles as their method has them: eight in lanes, or one with its stages in lanes."""
+    raise NotImplementedError("_march_particles() is for compiled code only")
+
+
+@overload(_march_particles, jit_options=OPTIONS)
+def _choose(method, model, clock, columns, storage, retired, start, stop, watched):
+    march = _march_in_lanes if lanes_of(method) == WIDTH else _march_one_by_one
+    return lambda method, model, clock, columns, storage, retired, start, stop, watched: march(
+        method, model, clock, columns, storage, retired, start, stop, watched
+    )
+
+
+@kernel(inline=True)
+def _march_in_lanes(method, model, clock, columns, storage, retired, start, stop, watched):
+    """March eight particles in lanes, and eight more: while one register waits, the other is busy with forces."""
+    t0, first, h, steps = clock
+    observer, context, track = watched
+    other = track[track.shape[0] // 2 :]
+    evaluations = 0
+    for p in range(start, stop, 2 * WIDTH):
+        P = p + WIDTH if p + WIDTH < stop else p
+        before = _at(storage, 0)
+        one, two = _present(columns, retired, p), _present(columns, retired, P)
+        one_carry = begin_particles(method, model, one, before)
+        two_carry = begin_particles(method, model, two, before)
+        for k in range(steps):
+            t, now = t0 + (first + k) * h, _at(storage, k)
+            record_particles(track, k, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+            record_particles(other, k, two.x, two.y, two.z, two.vx, two.vy, two.vz)
+            one, one_carry, _, count = step_particles(method, model, t, h, one, one_carry, now)
+            two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, now)
+            evaluations += count * min(2 * WIDTH, stop - p)
+        _finish(columns, retired, track, steps, p, one, stop)
+        call_observer(observer, context, track, h, steps, p, stop)
+        if p < P:
+            _finish(columns, retired, other, steps, P, two, stop)
+            call_observer(observer, context, other, h, steps, P, stop)
+    return evaluations
+
+
+@kernel(inline=True)
+def _march_one_by_one(method, model, clock, columns, storage, retired, start, stop, watched):
+    """March one particle after the other."""
+    t0, first, h, steps = clock
+    observer, context, track = watched
+    evaluations = 0
+    for p in range(start, stop):
+        lane_of_p = p % WIDTH
+        particle, carry, done = load_particle(columns, p), storage.carry[p], 0
+        if retired[p, 0] != OK:
+            for k in range(steps + 1):
+                _record_one(track, k, lane_of_p, NOWHERE, NOWHERE, NOWHERE, 0.0, 0.0, 0.0)
+        else:
+            while done < steps:
+                _record_one(
+                    track, done, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
+                )
+                t, now = t0 + (first + done) * h, _at(storage, done)
+                particle, carry, status, count = step_particles(method, model, t, h, particle, carry, now)
+                evaluations += count
+                if status != OK:
+                    retired[p, 0], retired[p, 1] = status, done
+                    break
+                done += 1
+            for k in range(done, steps + 1):
+                _record_one(
+                    track, k, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
+                )
+            store_particle(columns, p, particle)
+        if lane_of_p == WIDTH - 1 or p == stop - 1:
+            call_observer(observer, context, track, h, steps, p - lane_of_p, stop)
+    return evaluations
+
+
+@kernel(inline=True)
+def _at(storage, k):
+    """Return the storage of particles for step k: its stages."""
+    return Storage(storage.carry, storage.scratch, storage.stages[k], storage.share)
+
+
+@kernel(inline=True)
+def _record_one(track, k, slot, x, y, z, vx, vy, vz):
+    """Write the state of one particle at the beginning of step k."""
+    row = 6 * k
+    track[row, slot], track[row + 1, slot], track[row + 2, slot] = x, y, z
+    track[row + 3, slot], track[row + 4, slot], track[row + 5, slot] = vx, vy, vz
+
+
+@kernel
+def _present(columns, retired, p):
+    """Return particles p ... p + 7, those that are retired being far away from all others."""
+    particles = load_particles(columns, p)
+    there, any_retired = full(1.0), False
+    for k in range(WIDTH):
+        if retired[p + k, 0] != OK:
+            there, any_retired = there - unit(k), True
+    if not any_retired:
+        return particles
+    nowhere, zero = full(NOWHERE), full(0.0)
+    return Particles(
+        select(there > 0.0, particles.x, nowhere),
+        select(there > 0.0, particles.y, nowhere),
+        select(there > 0.0, particles.z, nowhere),
+        select(there > 0.0, particles.x_lo, zero),
+        select(there > 0.0, particles.y_lo, zero),
+        select(there > 0.0, particles.z_lo, zero),
+        select(there > 0.0, particles.vx, zero),
+        select(there > 0.0, particles.vy, zero),
+        select(there > 0.0, particles.vz, zero),
+        select(there > 0.0, particles.vx_lo, zero),
+        select(there > 0.0, particles.vy_lo, zero),
+        select(there > 0.0, particles.vz_lo, zero),
+    )
+
+
+@kernel
+def _finish(columns, retired, track, steps, p, particles, stop):
+    """Keep eight particles at the end of a block; those whose state is no longer finite are retired where it last was."""
+    record_particles(
+        track, steps, particles.x, particles.y, particles.z, particles.vx, particles.vy, particles.vz
+    )
+    kept = load_particles(columns, p)
+    store_particles(columns, p, particles)
+    for j in range(p, min(p + WIDTH, stop)):
+        if retired[j, 0] != OK:
+            _put_back(columns, j, kept)
+        elif not _is_finite(track, steps, j - p):
+            k = steps
+            while k > 0 and not _is_finite(track, k, j - p):
+                k -= 1
+            retired[j, 0], retired[j, 1] = NOT_FINITE, k
+
+
+@kernel(inline=True)
+def _put_back(columns, j, kept):
+    """Write the state of one particle that was loaded before."""
+    q, q_lo, v, v_lo = columns
+    slot = j % WIDTH
+    q[0, j], q[1, j], q[2, j] = lane(kept.x, slot), lane(kept.y, slot), lane(kept.z, slot)
+    q_lo[0, j], q_lo[1, j], q_lo[2, j] = lane(kept.x_lo, slot), lane(kept.y_lo, slot), lane(kept.z_lo, slot)
+    v[0, j], v[1, j], v[2, j] = lane(kept.vx, slot), lane(kept.vy, slot), lane(kept.vz, slot)
+    v_lo[0, j], v_lo[1, j], v_lo[2, j] = lane(kept.vx_lo, slot), lane(kept.vy_lo, slot), lane(kept.vz_lo, slot)
+
+
+@kernel(inline=True)
+def _is_finite(track, k, slot):
+    """Return whether a particle's state at the beginning of step k is finite."""
+    row = 6 * k
+    for i in range(6):  # noqa: SIM110 - Numba compiles loops, not all() of a generator
+        if not track[row + i, slot] * 0.0 == 0.0:
+            return False
+    return True
