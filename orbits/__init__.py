@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         StorageError,
         UnknownNameError,
     )
+    from orbits.forces.drag import Drag
     from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.flow import DiscretePath, Flow, march
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
+    from orbits.lagrangians.terms.lense_thirring import LenseThirring
+    from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.propagation import propagate, resume
     from orbits.propagation.stopping import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
@@ -72,6 +75,7 @@ __all__ = [
     "Composition",
     "ConvergenceError",
     "DiscretePath",
+    "Drag",
     "EnergyErrorAbove",
     "EpochError",
     "ExplicitEuler",
@@ -83,6 +87,7 @@ __all__ = [
     "IntegrationError",
     "Interrupted",
     "Lagrangian",
+    "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
     "MissingPackageError",
@@ -105,6 +110,7 @@ __all__ = [
     "UnitSystem",
     "UnknownNameError",
     "WallTimeOver",
+    "ZonalHarmonics",
     "__version__",
     "asteroids",
     "certify",
@@ -141,6 +147,7 @@ _HOME = {
         "StorageError",
         "UnknownNameError",
     ],
+    "forces.drag": ["Drag"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
     "integrators.flow": ["DiscretePath", "Flow", "march"],
@@ -154,6 +161,8 @@ _HOME = {
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
+    "lagrangians.terms.lense_thirring": ["LenseThirring"],
+    "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["propagate", "resume"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stopping": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],

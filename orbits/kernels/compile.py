@@ -23,7 +23,7 @@ from orbits.kernels.keeping import KernelCache
 
 config: Any = numba_config  # its attributes are set at run time
 
-KERNEL_FOLDERS = ("kernels", "lagrangians", "integrators")
+KERNEL_FOLDERS = ("kernels", "lagrangians", "forces", "integrators")
 
 
 @lru_cache(maxsize=1)

@@ -16,9 +16,9 @@ from orbits.integrators import named, registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
 from orbits.kernels.compile import cpu_features, cpu_name, source_stamp
-from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.propagation.stopping import Conditions
 from orbits.system import System
+from orbits.system.model import marched, require_newtonian
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
 """Entries of the provenance that must agree for a resumed run to give the same bits."""
@@ -45,14 +45,16 @@ def bound(
     whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool | np.timedelta64)
     if threads is not None and (not whole or threads < 1):
         raise InputError(f"threads must be a positive whole number or None for all processors, got {shown(threads)}")
-    integrator.check(newtonian, registry())
+    lagrangian, parameters = marched(system, integrator, registry())
+    if conditions is not None and conditions.energy < np.inf:
+        require_newtonian(system, "EnergyErrorAbove")
     values = system.values
     q, v = (values.q, values.v) if state is None else state
     massive: NDArray[np.bool_] = values.gm > 0.0
     return Marcher(
-        newtonian,
+        lagrangian,
         integrator,
-        parameters(values.gm[massive], values.softening),
+        parameters,
         massive,
         q,
         v,

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.integrators.marcher import Marcher
-from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.propagation.grid import split
 from orbits.propagation.passages_seen import Passage, Seen
+from orbits.system.model import model
 
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
@@ -64,8 +64,8 @@ class _Walk:
         self._bodies = np.flatnonzero(wanted)
         (step,), (rest,) = split(np.array([time]), h)
         self.step = int(step) + (rest != 0.0)
-        strengths = parameters(system.values.gm[self._massive], system.values.softening)
-        self._method = newtonian, trajectory.integrator, strengths
+        lagrangian, parameters = model(system)
+        self._method = lagrangian, trajectory.integrator, parameters
         self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
         if rest != 0.0:
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))

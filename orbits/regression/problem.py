@@ -11,6 +11,7 @@ from orbits.errors import InputError
 from orbits.regression.invariants import Invariants
 from orbits.report import Row, Series
 from orbits.system import System
+from orbits.system.model import require_newtonian
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ class Problem:
 
         if not isinstance(system, System):
             raise InputError(f"system must be an orbits.System, got a {type(system).__name__}")
+        require_newtonian(system, "the comparison with REBOUND")
         gm, q, v, softening = system.values
         physical = system.units.length.is_equivalent(u.km)
         return cls(

@@ -15,6 +15,7 @@ from orbits.system import checks, making
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.checks import StateValues
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, Modelled, checked_forces, checked_terms, together, whole
 from orbits.system.osculating import OrbitalElements, osculating
 from orbits.system.presenting import labelled_state, state_html
 from orbits.tables import Labelled, Tabular
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class System(FromCatalogues, Bodies, Tabular):
+class System(FromCatalogues, Bodies, Modelled, Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -36,6 +37,7 @@ class System(FromCatalogues, Bodies, Tabular):
     units : the system's units, `SOLAR`, `DIMENSIONLESS` or a `UnitSystem` of your own
     radii : (n,) radii of the bodies, or None
     softening : eps in the potential -gm/sqrt(r^2 + eps^2), a length >= 0
+    terms, forces : what acts besides Newton's gravity; see `with_terms` and `with_forces`
 
     Values are quantities in any fitting unit; plain numbers are in the units of the system. They are kept as float64 in
     those units, to the last bit where no conversion is needed.
@@ -45,7 +47,7 @@ class System(FromCatalogues, Bodies, Tabular):
     softened). Two systems are equal when all their values, units included, are.
     """
 
-    __slots__ = ("_epoch", "_names", "_radii", "_units", "_values")
+    __slots__ = ("_epoch", "_forces", "_names", "_radii", "_terms", "_units", "_values")
 
     _names: tuple[str, ...]
     _values: StateValues
@@ -63,6 +65,8 @@ class System(FromCatalogues, Bodies, Tabular):
         units: UnitSystem = SOLAR,
         radii: Any = None,
         softening: Any = 0.0,
+        terms: Any = (),
+        forces: Any = (),
     ) -> None:
         checks.checked_units(units)
         if epoch is not None and not units.is_physical:
@@ -70,12 +74,15 @@ class System(FromCatalogues, Bodies, Tabular):
                 f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
             )
         names = checks.checked_names(names)
+        values = checks.checked_values(names, gm, q, v, softening, units)
         for attribute, value in (
             ("_names", names),
-            ("_values", checks.checked_values(names, gm, q, v, softening, units)),
+            ("_values", values),
             ("_epoch", None if epoch is None else as_epoch(epoch)),
             ("_units", units),
             ("_radii", checks.checked_radii(names, radii, units)),
+            ("_terms", checked_terms(terms, names, values.gm, units)),
+            ("_forces", checked_forces(forces, names, units)),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -211,7 +218,8 @@ class System(FromCatalogues, Bodies, Tabular):
         return self.replaced(names=[self.names[i] for i in keep], gm=gm[keep], q=q[keep], v=v[keep], radii=radii)
 
     def replaced(self, **changes: Any) -> Self:
-        """Return this system with some values changed: names, gm, q, v, epoch, radii, softening; checked anew.
+        """Return this system with some values changed: names, gm, q, v, epoch, radii, softening, terms, forces; checked
+        anew.
 
         Plain numbers are in the units of the system. Raises as `System` does, and UnknownNameError for another name.
         """
@@ -308,24 +316,27 @@ class System(FromCatalogues, Bodies, Tabular):
                 f"system + {shown(other)}: expected another System. One body comes with system.add(name, ...), a "
                 "catalogue's with system.add_particles(catalogue)."
             )
-        return self.replaced(**making.united(self, other))
+        return self.replaced(**making.united(self, other), **together(self, other))
 
     # ----------------------------------------------------------------------------------------------------- questions
 
     def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies. Source: `orbits.diagnostics.energy`, divided by G."""
+        """Return the energy of the massive bodies, of the whole Lagrangian. Source: `orbits.diagnostics.energy`, over G."""
         gm, q, v, softening = self.values
-        return u.Quantity(diagnostics.energy(gm, q, v, softening) / self.units.G, self.units.energy)
+        value = whole(self, ENERGY, diagnostics.energy(gm, q, v, softening), q, v)
+        return u.Quantity(value / self.units.G, self.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
-        """Return the momentum of the massive bodies, shape (3,)."""
-        gm, _, v, _ = self.values
-        return u.Quantity(diagnostics.linear_momentum(gm, v) / self.units.G, self.units.momentum)
+        """Return the canonical momentum of the massive bodies, shape (3,)."""
+        gm, q, v, _ = self.values
+        value = whole(self, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v)
+        return u.Quantity(value / self.units.G, self.units.momentum)
 
     def angular_momentum(self) -> u.Quantity:
         """Return the angular momentum of the massive bodies about the origin, shape (3,)."""
         gm, q, v, _ = self.values
-        return u.Quantity(diagnostics.angular_momentum(gm, q, v) / self.units.G, self.units.angular_momentum)
+        value = whole(self, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v)
+        return u.Quantity(value / self.units.G, self.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
         """Return the centre of mass of the massive bodies, shape (3,)."""
@@ -368,7 +379,7 @@ class System(FromCatalogues, Bodies, Tabular):
             return NotImplemented
         mine, theirs = self._arguments(), other._arguments()
         return all(np.array_equal(mine[key], theirs[key]) for key in ("gm", "q", "v", "radii")) and all(
-            bool(mine[key] == theirs[key]) for key in ("names", "units", "softening", "epoch")
+            bool(mine[key] == theirs[key]) for key in ("names", "units", "softening", "epoch", "terms", "forces")
         )
 
     __hash__ = None  # type: ignore[assignment]
@@ -388,6 +399,8 @@ class System(FromCatalogues, Bodies, Tabular):
             "units": self._units,
             "radii": self._radii,
             "softening": softening,
+            "terms": self._terms,
+            "forces": self._forces,
         }
 
     def _extended(self, names: tuple[str, ...], gm: Floats, q: Floats, v: Floats, radius: Any) -> Self:
@@ -411,4 +424,4 @@ class System(FromCatalogues, Bodies, Tabular):
         particles = int(np.count_nonzero(~self.massive))
         kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
         epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
-        return f"System({checks.few(self.names)}; {kinds}; {epoch}; units {self.units.name})"
+        return f"System({checks.few(self.names)}; {kinds}; {epoch}; units {self.units.name}{self._acting()})"

@@ -21,6 +21,7 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.checks import few, index_of
 from orbits.system.making import primary_name
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, axis, whole
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.tables import Labelled, Tabular, html_pairs
 from orbits.trajectory.values import BodyTrajectory, ConservedQuantities, Samples, Statistics
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from orbits.spk import SpkFile
 
 Array = NDArray[np.float64]
+
+NONE = diagnostics.Drift(math.nan, math.nan, math.nan, math.nan)
+"""Of what is not conserved."""
 
 BLOCK_BYTES = 32 * 1024 * 1024
 """How much of a run is in memory at a time while a quantity of all samples is computed."""
@@ -242,19 +246,23 @@ class Trajectory(Tabular):
         return state_at(self, t)
 
     def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies, shape (n,)."""
-        gm, softening = self._gm(), self.system.values.softening
-        values = self._of_massive(lambda q, v: diagnostics.energy(gm, q, v, softening))
+        """Return the energy of the massive bodies, of the whole Lagrangian, shape (n,)."""
+        gm, softening, system = self._gm(), self.system.values.softening, self.system
+        values = self._of_massive(lambda q, v: whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v))
         return u.Quantity(values / self.system.units.G, self.system.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
         """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
-        values = self._of_massive(lambda q, v: diagnostics.linear_momentum(self._gm(), v))
+        gm, system = self._gm(), self.system
+        values = self._of_massive(lambda q, v: whole(system, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v))
         return u.Quantity(values / self.system.units.G, self.system.units.momentum)
 
     def angular_momentum(self) -> u.Quantity:
         """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
-        values = self._of_massive(lambda q, v: diagnostics.angular_momentum(self._gm(), q, v))
+        gm, system = self._gm(), self.system
+        values = self._of_massive(
+            lambda q, v: whole(system, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v)
+        )
         return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
@@ -265,6 +273,8 @@ class Trajectory(Tabular):
     def drift(self) -> ConservedQuantities:
         """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
 
+        Terms of the system count in all of them. Where they single out an axis, the angular momentum is that about it:
+        the rest is exchanged with a spin that is not followed. What a term does not conserve at all is NaN, and said.
         They are those of the massive bodies: a massless particle moves in their field and carries no charge of the
         whole, so nothing here judges its orbit. Raises InputError for a run without samples.
         """
@@ -273,13 +283,16 @@ class Trajectory(Tabular):
         gm, start, massive = self._gm(), self.system.values, self.system.massive
         q, v = start.q[massive], start.v[massive]
         energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
+        pole = axis(self.system)
+        angular = angular if pole is None else angular @ np.array(pole)
         return ConservedQuantities(
             energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
-            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)),
+            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)) if pole is None or any(pole) else NONE,
             linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
             centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
             massive=tuple(name for name, has_mass in zip(self.names, massive, strict=True) if has_mass),
             particles=int(np.count_nonzero(~massive)),
+            pole=pole,
         )
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:

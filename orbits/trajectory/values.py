@@ -56,6 +56,9 @@ class ConservedQuantities:
     cancellation, below a millionth of their terms: with sum m v^2 / 2 and sum m |q| |v|), linear momentum with
     sum m |v| and the centre of mass, whose uniform motion is taken off, with the largest distance from it.
 
+    Terms of the system are counted in: the energy is that of the whole Lagrangian, and where terms single out a `pole`,
+    a unit vector, the angular momentum is the component along it (zeros: terms with different poles keep none of it).
+
     massive : the bodies that these are the quantities of
     particles : how many massless ones the run has, whose orbits nothing here judges
     """
@@ -66,6 +69,7 @@ class ConservedQuantities:
     centre_of_mass: diagnostics.Drift
     massive: tuple[str, ...] = ()
     particles: int = 0
+    pole: tuple[float, float, float] | None = None
 
     @property
     def covers(self) -> str:
@@ -99,8 +103,11 @@ class ConservedQuantities:
 
     @property
     def _drifts(self) -> dict[str, diagnostics.Drift]:
-        names = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
-        return {name.replace("_", " "): getattr(self, name) for name in names}
+        names = ["energy", "angular_momentum", "linear_momentum", "centre_of_mass"]
+        words = {"angular_momentum": "ang. mom. of pole" if self.pole else "angular momentum"}
+        if self.pole is not None and not any(self.pole):
+            names.remove("angular_momentum")
+        return {words.get(name, name.replace("_", " ")): getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, repr=False)
