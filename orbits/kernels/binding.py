@@ -4,8 +4,8 @@ A Lagrangian enters compiled code as a tag: a value without content whose *type*
 below is resolved at compile time to the kernel that the Lagrangian registered under that name. (A kernel passed as an
 argument would never hit Numba's disk cache; a tag does.)
 
-A Lagrangian of bodies may be a sum of terms: a `SumTag`, with a tuple of parameter vectors, one for each term. The first
-term has kernels as every Lagrangian does, and writes; the others add to what is there (see `orbits.lagrangians.terms`).
+A Lagrangian of bodies may be a sum of terms: a `SumTag`, with a tuple of parameter vectors, one for each term. The
+first term has kernels as every Lagrangian does, and writes; the others add to that (see `orbits.lagrangians.terms`).
 Compiled code that calls the functions below does not see the difference.
 """
 
@@ -20,7 +20,7 @@ from numba.extending import NativeValue, intrinsic, overload, register_model, ty
 
 _KERNELS: dict[str, Mapping[str, Any]] = {}
 
-OPTIONS = {"forceinline": True, "error_model": "numpy", "_nrt": False}
+OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
 """How what only leads to a kernel is compiled: into its caller. As functions of their own, they would pass registers
 through memory.
 """
@@ -35,7 +35,7 @@ class Tag:
 
     def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
         self.name = name
-        self.type = TagType(name)
+        self.type: Any = TagType(name)
         _KERNELS[name] = dict(kernels)
 
     def provides(self, name: str) -> bool:
@@ -352,6 +352,6 @@ vectors, or rows of eight stages.
 """
 
 total_particle_force = totalling("particle_force", 3)
-"""total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity): return the force on a
-unit of mass, (fx, fy, fz), on massless particle number `particle`, or the first of eight in lanes.
+"""total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity): return
+(fx, fy, fz) on a unit of mass of massless particle number `particle`, or of eight from that on in lanes.
 """

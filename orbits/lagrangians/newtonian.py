@@ -31,7 +31,7 @@ from orbits.kernels.gravity import (
 from orbits.kernels.lanes import get, put, sqrt
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Compiled, Lagrangian, Motion
 from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
-from orbits.lagrangians.terms.base import SumOfTerms, Summand, compiled_sum, kept
+from orbits.lagrangians.terms.base import Summand, SumOfTerms, compiled_sum, kept
 
 
 @kernel(inline=True)

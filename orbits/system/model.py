@@ -46,7 +46,7 @@ class Modelled:
     def with_terms(self, *terms: Term) -> Self:
         """Return this system with more terms in its Lagrangian; `replaced(terms=())` takes them away.
 
-            system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg))
+            system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696e3 * u.km, pole=(286.13, 63.87) * u.deg))
 
         Raises InputError, naming the term, for what is none, numbers or units that cannot be, a body without mass, and
         a second term of one kind for one body; UnknownNameError for a body that there is not.
@@ -78,7 +78,9 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
         kind = type(term).__name__
         i = int(np.argmax(gm)) if term.body is None else index_of(term.body, names, f"body, for {kind},")
         if not gm[i] > 0.0:
-            raise InputError(f"{kind} belongs to a body with mass, but gm of {names[i]!r} is 0; expected a massive body.")
+            raise InputError(
+                f"{kind} belongs to a body with mass, but gm of {names[i]!r} is 0; expected a massive body."
+            )
         if any(type(other) is type(term) and other.body == names[i] for other in found):
             raise InputError(
                 f"{names[i]!r} has two terms {kind}; expected one. Take the first away: system.replaced(terms=())."
@@ -158,8 +160,10 @@ def require_no_forces(system: System, what: str) -> None:
     """Raise InputError, naming the forces, where there are some."""
     if system.forces:
         kinds = few([type(force).__name__ for force in system.forces])
-        raise InputError(f"{what} takes no forces without a Lagrangian, but here is {kinds}. Leave them out: "
-                         "system.replaced(forces=()).")
+        raise InputError(
+            f"{what} takes no forces without a Lagrangian, but here is {kinds}. Leave them out: "
+            "system.replaced(forces=())."
+        )
 
 
 def require_newtonian(system: System, what: str) -> None:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics
 from orbits.errors import EpochError, InputError, shown
-from orbits.system import checks, making
+from orbits.system import checks, making, model
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.checks import StateValues
-from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, Modelled, checked_forces, checked_terms, together, whole
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, Modelled, together, whole
 from orbits.system.osculating import OrbitalElements, osculating
 from orbits.system.presenting import labelled_state, state_html
 from orbits.tables import Labelled, Tabular
@@ -23,6 +23,9 @@ from orbits.units import SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:
     from astropy.time import Time
+
+    from orbits.forces.base import Force
+    from orbits.lagrangians.terms.base import Term
 
 Floats = NDArray[np.float64]
 
@@ -54,6 +57,8 @@ class System(FromCatalogues, Bodies, Modelled, Tabular):
     _epoch: Time | None
     _units: UnitSystem
     _radii: Floats | None
+    _terms: tuple[Term, ...]
+    _forces: tuple[Force, ...]
 
     def __init__(
         self,
@@ -81,8 +86,8 @@ class System(FromCatalogues, Bodies, Modelled, Tabular):
             ("_epoch", None if epoch is None else as_epoch(epoch)),
             ("_units", units),
             ("_radii", checks.checked_radii(names, radii, units)),
-            ("_terms", checked_terms(terms, names, values.gm, units)),
-            ("_forces", checked_forces(forces, names, units)),
+            ("_terms", model.checked_terms(terms, names, values.gm, units)),
+            ("_forces", model.checked_forces(forces, names, units)),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -321,7 +326,7 @@ class System(FromCatalogues, Bodies, Modelled, Tabular):
     # ----------------------------------------------------------------------------------------------------- questions
 
     def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies, of the whole Lagrangian. Source: `orbits.diagnostics.energy`, over G."""
+        """Return the energy of the massive bodies, terms included. Source: `orbits.diagnostics.energy`, over G."""
         gm, q, v, softening = self.values
         value = whole(self, ENERGY, diagnostics.energy(gm, q, v, softening), q, v)
         return u.Quantity(value / self.units.G, self.units.energy)

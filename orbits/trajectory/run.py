@@ -284,10 +284,11 @@ class Trajectory(Tabular):
         q, v = start.q[massive], start.v[massive]
         energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
         pole = axis(self.system)
+        lost = pole is not None and not any(pole)
         angular = angular if pole is None else angular @ np.array(pole)
         return ConservedQuantities(
             energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
-            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)) if pole is None or any(pole) else NONE,
+            angular_momentum=NONE if lost else self._drift(angular, lambda q, v: moments(gm, q, v)),
             linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
             centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
             massive=tuple(name for name, has_mass in zip(self.names, massive, strict=True) if has_mass),

@@ -1,4 +1,4 @@
-"""Terms of N-body Lagrangians, one file each: `ZonalHarmonics`, `LenseThirring`. A walk over this folder registers them."""
+"""Terms of N-body Lagrangians, one file each: `ZonalHarmonics`, ... A walk over this folder registers them."""
 
 from __future__ import annotations
 

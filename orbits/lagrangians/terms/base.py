@@ -4,7 +4,7 @@ A term is one file: kernels, and a frozen dataclass that people make, with units
 
     value(strength, own, t, q, v)                          returns the term's part of L
     gradients(strength, own, t, q, v, f, p)                adds dL/dq to f and dL/dv to p
-    hessians(strength, own, t, q, v, out)                  adds the second derivatives, as `binding.hessians` writes them
+    hessians(strength, own, t, q, v, out)                  adds second derivatives, as `binding.hessians` writes them
     accelerate_some(strength, own, q, out, start, stop)    adds the accelerations of bodies start ... stop - 1
     field(strength, own, sources, x, y, z)                 returns the acceleration of a massless particle
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
@@ -107,7 +107,7 @@ def axis_of(summands: Sequence[Summand]) -> Vector | None:
 
 
 def kept(symmetries: Sequence[Symmetry], summands: Sequence[Summand], bodies: int) -> tuple[Symmetry, ...]:
-    """Return those of Newton's symmetries that the terms leave: translations, boosts, and rotations about their axis."""
+    """Return Newton's symmetries that the terms leave: translations, boosts, and rotations about their axis."""
     axis = axis_of(summands)
     if axis is None:
         return tuple(symmetries)

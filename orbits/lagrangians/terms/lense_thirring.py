@@ -73,7 +73,7 @@ def gradients(strength, own, t, q, v, f, p):
 
 @kernel(inline=True)
 def _add_differences(out, at, value, a, c, i, b, n):
-    """Add a derivative by differences, of axes a and c, to the block of derivatives by positions that starts at `at`."""
+    """Add a derivative by differences, of axes a and c, to the block of derivatives that starts at `at`."""
     d = 3 * n
     ii, bb = at + (a * n + i) * d + c * n + i, at + (a * n + b) * d + c * n + b
     ib, bi = at + (a * n + i) * d + c * n + b, at + (a * n + b) * d + c * n + i
@@ -143,7 +143,7 @@ def lense_thirring(row: int, k: Vector) -> Summand:
 class LenseThirring(Term):
     """The frame dragging of a spinning body, of first order in its spin.
 
-        system.with_terms(orbits.LenseThirring("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=(286.13 * u.deg, 63.87 * u.deg)))
+        system.with_terms(orbits.LenseThirring("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=(286.13, 63.87) * u.deg))
 
     body : the massive body that spins; by default the most massive one
     spin : its angular momentum, > 0; pole : the direction of it, (right ascension, declination) or a vector
@@ -159,15 +159,17 @@ class LenseThirring(Term):
         """Return it with spin and c in the system's units, and a unit vector for the pole."""
         whose = f" of {self.body!r}" if self.body else ""
         if self.spin is None:
-            raise InputError(f"LenseThirring{whose}: spin is missing; expected an angular momentum, such as 1.9e41 kg m2/s.")
+            raise InputError(
+                f"LenseThirring{whose}: spin is missing; expected an angular momentum, such as 1.9e41 kg m2/s."
+            )
         if self.c is None and not units.is_physical:
             raise InputError(f"LenseThirring{whose}: c is missing; {units.name} has no speed of light: give c=...")
         spin = number(units.angular_momentum_value(self.spin, f"spin{whose}"), f"spin{whose}")
         c = units.speed_of_light if self.c is None else number(units.speed_value(self.c, "c"), "c")
         if not (spin > 0.0 and c > 0.0):
             raise InputError(
-                f"LenseThirring{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the other "
-                "way has the opposite pole."
+                f"LenseThirring{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the "
+                "other way has the opposite pole."
             )
         pole = direction(self.pole, f"pole{whose}", units)
         return replace(self, spin=spin * units.angular_momentum, pole=pole, c=c * units.speed)

@@ -5,7 +5,8 @@
 for all massive bodies i other than the body b, which gets the reaction; a massless particle has -V per unit mass. With
 a softening eps, r^2 = |d|^2 + eps^2 here as in the attraction.
 
-    a = A d / r + B pole,     A = (G m_b / r^2) sum J_n (R/r)^n [(n + 1) P_n + s P_n'],     B = -(G m_b / r^2) sum J_n (R/r)^n P_n'
+    a = A d / r + B pole,     A = (G m_b / r^2) sum J_n (R/r)^n [(n + 1) P_n + s P_n']
+                              B = -(G m_b / r^2) sum J_n (R/r)^n P_n'
 
 The pole is fixed: the body's spin takes up no torque, so of the angular momentum the component along the pole is kept.
 Parameters: row of the body, pole (3), then J_n R^n for n = 2, 3, ...
@@ -101,7 +102,7 @@ def gradients(strength, own, t, q, v, f, p):
 
 @kernel
 def accelerate_some(strength, own, q, out, start, stop):
-    """Add the accelerations of bodies start ... stop - 1; the body's own are those of all others, whatever the share."""
+    """Add the accelerations of bodies start ... stop - 1; the body's own come from all others, in any share."""
     n, b = strength.shape[0] - 1, int(own[0])
     whole = start <= b < stop
     bx, by, bz = get(q, 0) * 0.0, get(q, 0) * 0.0, get(q, 0) * 0.0
@@ -221,7 +222,7 @@ def zonal_harmonics(row: int, radius: float, pole: Vector, harmonics: dict[int, 
 class ZonalHarmonics(Term):
     """The flattening of a body, as zonal harmonics J2, J3, J4 of its field.
 
-        system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13 * u.deg, 63.87 * u.deg)))
+        system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg))
 
     body : the massive body that is flattened; by default the most massive one
     J2, J3, J4 : numbers; radius : the equatorial radius that they belong to, a length
@@ -242,12 +243,14 @@ class ZonalHarmonics(Term):
             raise InputError(
                 f"ZonalHarmonics{whose}: radius is missing; J_n belong to a radius, such as radius=696000 * u.km."
             )
-        found = {
+        found: dict[str, Any] = {
             name: number(units.pure_value(getattr(self, name), f"{name}{whose}"), f"{name}{whose}")
             for name in ("J2", "J3", "J4")
         }
         if not any(found.values()):
-            raise InputError(f"ZonalHarmonics{whose}: J2, J3 and J4 are all 0; expected one at least, such as J2=2.2e-7.")
+            raise InputError(
+                f"ZonalHarmonics{whose}: J2, J3 and J4 are all 0; expected one at least, such as J2=2.2e-7."
+            )
         radius = number(units.length_value(self.radius, f"radius{whose}"), f"radius{whose}")
         if not radius > 0.0:
             raise InputError(f"ZonalHarmonics{whose}: radius is {radius:g} {units.length}; expected a length > 0.")
