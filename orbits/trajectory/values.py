@@ -16,6 +16,8 @@ from orbits.tables import html_table
 
 Array = NDArray[np.float64]
 
+NOT_KEPT = "angular momentum is not conserved: terms have different poles"
+
 
 class Samples(Protocol):
     """States of shape (samples, bodies, 3): a NumPy array, or an archive's data set that is read where it is
@@ -86,6 +88,7 @@ class ConservedQuantities:
         rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
         for name, d in self._drifts.items():
             rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
+        rows += [NOT_KEPT] if self._lost else []
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
 
@@ -98,14 +101,18 @@ class ConservedQuantities:
             [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"]
             for name, d in self._drifts.items()
         ]
-        covers = f"; {self.covers}" if self.particles else ""
+        covers = (f"; {NOT_KEPT}" if self._lost else "") + (f"; {self.covers}" if self.particles else "")
         return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
+
+    @property
+    def _lost(self) -> bool:
+        return self.pole is not None and not any(self.pole)
 
     @property
     def _drifts(self) -> dict[str, diagnostics.Drift]:
         names = ["energy", "angular_momentum", "linear_momentum", "centre_of_mass"]
         words = {"angular_momentum": "ang. mom. of pole" if self.pole else "angular momentum"}
-        if self.pole is not None and not any(self.pole):
+        if self._lost:
             names.remove("angular_momentum")
         return {words.get(name, name.replace("_", " ")): getattr(self, name) for name in names}
 

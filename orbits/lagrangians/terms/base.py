@@ -150,5 +150,5 @@ def number(value: Any, what: str) -> float:
     """Return one finite float. Raises InputError for anything else."""
     array = np.asarray(value)
     if array.shape != () or not np.isfinite(array):
-        raise InputError(f"{what} is {shown(value)}; expected one finite number.")
+        raise InputError(f"{what} is {array.tolist()}; expected one finite number.")
     return float(array)
