@@ -1,4 +1,7 @@
-"""What acts in a system besides Newton's gravity: its terms and forces, and the Lagrangian that they make."""
+"""What acts in a system besides Newton's gravity: its terms and forces, and the Lagrangian that they make.
+
+What has kernels is imported where it is needed: making a system without terms does not load Numba.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,20 @@ from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from astropy import units as u
+from numpy.typing import NDArray
 
-from orbits import forces as force_registry
 from orbits.errors import ArchiveError, InputError, shown
-from orbits.forces.base import Force
-from orbits.lagrangians import terms as term_registry
-from orbits.lagrangians.base import SEPARABLE, Array, Lagrangian
-from orbits.lagrangians.newtonian import n_body, newtonian, parameters
-from orbits.lagrangians.terms.base import SumOfTerms, Term, axis_of
 from orbits.system.checks import few, index_of
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
+    from orbits.forces.base import Force
     from orbits.integrators.base import Integrator
+    from orbits.lagrangians.base import Lagrangian
+    from orbits.lagrangians.terms.base import SumOfTerms, Term
     from orbits.system.value import System
+
+Array = NDArray[np.float64]
 
 ENERGY, MOMENTUM, ANGULAR_MOMENTUM = 0, 1, 2
 """Which of the charges of a system `whole` completes."""
@@ -73,6 +76,10 @@ class Modelled:
 
 def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem) -> tuple[Term, ...]:
     """Return terms in the units of a system, each with the name of its body. Raises as `Modelled.with_terms`."""
+    if isinstance(terms, list | tuple) and not terms:
+        return ()
+    from orbits.lagrangians.terms.base import Term
+
     found: list[Term] = []
     for term in _each(terms, Term, "a term, such as orbits.ZonalHarmonics(...)", "terms"):
         kind = type(term).__name__
@@ -91,6 +98,10 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
 
 def checked_forces(forces: Any, names: Sequence[str], units: UnitSystem) -> tuple[Force, ...]:
     """Return forces in the units of a system. Raises as `Modelled.with_forces`."""
+    if isinstance(forces, list | tuple) and not forces:
+        return ()
+    from orbits.forces.base import Force
+
     found: list[Force] = []
     for force in _each(forces, Force, "a force, such as orbits.Drag(...)", "forces"):
         kind, bodies = type(force).__name__, force.bodies
@@ -124,6 +135,8 @@ def _pairs(one: System, other: System) -> tuple[tuple[Sequence[Any], Sequence[An
 
 def lagrangian_of(system: System) -> Lagrangian:
     """Return the Lagrangian of the massive bodies of a system; coordinates x, y, z of each in turn, L times G."""
+    from orbits.lagrangians.newtonian import n_body
+
     values, massive = system.values, system.massive
     rows = np.cumsum(massive) - 1
     summands = [term.summand(int(rows[system.index(str(term.body))]), system.units) for term in system.terms]
@@ -132,6 +145,8 @@ def lagrangian_of(system: System) -> Lagrangian:
 
 def model(system: System) -> tuple[Lagrangian, Any]:
     """Return the Lagrangian of a system as kernels take it, and its parameters: one vector, or one for each term."""
+    from orbits.lagrangians.newtonian import newtonian, parameters
+
     if not system.terms:
         return newtonian, parameters(system.values.gm[system.massive], system.values.softening)
     lagrangian = lagrangian_of(system)
@@ -140,20 +155,18 @@ def model(system: System) -> tuple[Lagrangian, Any]:
 
 def marched(system: System, integrator: Integrator, others: Mapping[str, Any]) -> tuple[Lagrangian, Any]:
     """Return `model` for a march by a method. Raises InputError where the method cannot take what acts here."""
+    from orbits.lagrangians.base import SEPARABLE
+
     require_no_forces(system, integrator.name)
     lagrangian, vectors = model(system)
     if SEPARABLE not in lagrangian.traits:
-        kinds = [type(term).__name__ for term in system.terms if SEPARABLE not in _traits(term, system)]
+        kinds = [type(term).__name__ for term in system.terms if SEPARABLE not in term.summand(0, system.units).traits]
         raise InputError(
             f"{integrator.name} marches systems whose terms depend on positions alone; {few(kinds)} depends on "
             "velocities. Leave it out: system.replaced(terms=...); orbits.march takes it for massive bodies alone."
         )
     integrator.check(lagrangian, others)
     return lagrangian, vectors
-
-
-def _traits(term: Term, system: System) -> frozenset[str]:
-    return term.summand(0, system.units).traits
 
 
 def require_no_forces(system: System, what: str) -> None:
@@ -188,11 +201,15 @@ def whole(system: System, charge: int, newton: Array, q: Array, v: Array) -> Arr
     massive = system.massive
     if q.shape[-2] != np.count_nonzero(massive):
         q, v = q[..., massive, :], v[..., massive, :]
-    return np.asarray(newton + charges(cast(SumOfTerms, lagrangian_of(system)), q, v)[charge])
+    return np.asarray(newton + charges(cast("SumOfTerms", lagrangian_of(system)), q, v)[charge])
 
 
 def axis(system: System) -> tuple[float, float, float] | None:
     """Return the axis about which angular momentum is conserved, if one alone; zeros for none; None for all axes."""
+    if not system.terms:
+        return None
+    from orbits.lagrangians.terms.base import axis_of
+
     return axis_of([term.summand(0, system.units) for term in system.terms])
 
 
@@ -203,6 +220,9 @@ def to_json(system: System) -> str:
 
 def from_json(system: System, text: str) -> System:
     """Return a system with the terms and forces of `to_json`. Raises ArchiveError for what that never returns."""
+    from orbits import forces as force_registry
+    from orbits.lagrangians import terms as term_registry
+
     try:
         given = json.loads(text)
         terms = [_made(x, term_registry.registry()) for x in given["terms"]]

@@ -68,7 +68,7 @@ def test_zonal_harmonics_are_those_of_the_textbook_in_thirty_digits():
     d = np.array([0.4, -0.3, 0.7])
     L = n_body([2.0, 0.3], 0.0, [zonal()])
     without = n_body([2.0, 0.3])
-    q, v = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, 0.3] + d]), np.zeros((2, 3))
+    q, v = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, 0.3, *d]]), np.zeros((2, 3))
     with mpmath.workdps(30):
 
         def potential(x, y, z):

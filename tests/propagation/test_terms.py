@@ -115,7 +115,8 @@ def test_particles_get_the_same_bits_with_any_number_of_threads():
     system = flattened(planet(moon=(0.01, [1, 0, 0.2], [0, 0.9, 0.3]), **bodies))
     for integrator in (orbits.StormerVerlet(), orbits.Gauss(stages=8)):
         one, two = (march(system, integrator, duration=2.0, threads=threads) for threads in (1, 2))
-        assert np.array_equal(one.q, two.q) and np.array_equal(one.v, two.v)
+        assert np.array_equal(one.q, two.q)
+        assert np.array_equal(one.v, two.v)
 
 
 def test_an_archive_holds_the_terms_and_a_resumed_run_has_the_same_bits(tmp_path):
@@ -127,7 +128,8 @@ def test_an_archive_holds_the_terms_and_a_resumed_run_has_the_same_bits(tmp_path
     assert np.array_equal(stored.energy(), whole.energy()[:5])
     stored.close()
     run = orbits.resume(path, until=8.0, progress=False)
-    assert np.array_equal(run.q, whole.q) and np.array_equal(run.v, whole.v)
+    assert np.array_equal(run.q, whole.q)
+    assert np.array_equal(run.v, whole.v)
     assert run[3].terms == system.terms
     assert np.array_equal(run.at(0.51).q, whole.at(0.51).q)
     run.close()
@@ -139,9 +141,11 @@ def test_an_archive_of_newtonian_runs_is_as_before(tmp_path):
     march(three(), orbits.StormerVerlet(), duration=1.0, archive=tmp_path / "plain.h5").close()
     march(flattened(three()), orbits.StormerVerlet(), duration=1.0, archive=tmp_path / "terms.h5").close()
     with h5py.File(tmp_path / "plain.h5") as plain, h5py.File(tmp_path / "terms.h5") as terms:
-        assert plain.attrs["orbits"] == b"1" and "model" not in plain["system"].attrs
+        assert plain.attrs["orbits"] == b"1"
+        assert "model" not in plain["system"].attrs
         # A version that does not know of terms must not read this one as Newton's.
-        assert terms.attrs["orbits"] == b"1 with terms" and "model" in terms["system"].attrs
+        assert terms.attrs["orbits"] == b"1 with terms"
+        assert "model" in terms["system"].attrs
 
 
 def test_an_archive_with_a_term_of_a_later_version_says_so():
@@ -188,5 +192,3 @@ def test_thousands_of_bodies_share_the_term_among_threads_to_the_same_bits():
     runs = [march(system, orbits.StormerVerlet(), dt=0.01, duration=0.03, threads=threads) for threads in (1, 2)]
     assert np.array_equal(runs[0].q, runs[1].q)
     assert runs[0].drift().linear_momentum.max_fraction < 1e-15
-
-

@@ -30,7 +30,8 @@ def zonal(body="Sun", **changes):
 
 def test_terms_and_forces_make_another_system(system):
     flattened = system.with_terms(zonal()).with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
-    assert system.terms == () and system.forces == ()
+    assert system.terms == ()
+    assert system.forces == ()
     assert flattened != system
     assert flattened.replaced(terms=(), forces=()) == system
     assert flattened == system.with_terms(zonal()).with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
@@ -40,7 +41,8 @@ def test_terms_and_forces_make_another_system(system):
 
 def test_numbers_are_kept_in_the_units_of_the_system(system):
     (term,) = system.with_terms(zonal()).terms
-    assert term.radius.unit == u.au and term.radius.to_value(u.km) == pytest.approx(696000, rel=1e-15)
+    assert term.radius.unit == u.au
+    assert term.radius.to_value(u.km) == pytest.approx(696000, rel=1e-15)
     ra, dec = np.radians(286.13), np.radians(63.87)
     assert term.pole == pytest.approx((np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)), rel=1e-15)
     (drag,) = system.with_forces(orbits.Drag(rate=1 / u.yr, velocity=[1, 0, 0] * u.km / u.s)).forces
@@ -119,7 +121,10 @@ BAD = {
     "word": (lambda s: s.with_terms(zonal(pole=5)), "pole of 'Sun' is 5; expected"),
     "no spin": (lambda s: s.with_terms(orbits.LenseThirring(pole=POLE)), "spin is missing"),
     "no rate": (lambda s: s.with_forces(orbits.Drag()), "rate is missing"),
-    "rate": (lambda s: s.with_forces(orbits.Drag(rate=1 * u.yr)), "the rate of Drag is in yr; expected number per time"),
+    "rate": (
+        lambda s: s.with_forces(orbits.Drag(rate=1 * u.yr)),
+        "the rate of Drag is in yr; expected number per time",
+    ),
     "against": (lambda s: s.with_forces(orbits.Drag(rate=-1 / u.yr)), "expected one finite number >= 0"),
     "medium": (lambda s: s.with_forces(orbits.Drag(rate=1 / u.yr, velocity=[1, 2])), "expected three finite numbers"),
     "none": (lambda s: s.with_forces(orbits.Drag(rate=1 / u.yr, bodies=[])), "expected names, or None for all bodies"),
@@ -145,7 +150,8 @@ def test_unknown_bodies_are_named_with_what_comes_close(system):
 def test_dimensionless_systems_take_plain_numbers_and_ask_for_the_speed_of_light():
     system = orbits.System(["a", "b"], [1, 0.1], [[0, 0, 0], [1, 0, 0]], np.zeros((2, 3)), units=orbits.DIMENSIONLESS)
     made = system.with_terms(orbits.ZonalHarmonics("a", J2=1e-3, radius=0.1, pole=(0, 0, 2)))
-    assert made.terms[0].pole == (0, 0, 1) and made == pickle.loads(pickle.dumps(made))
+    assert made.terms[0].pole == (0, 0, 1)
+    assert made == pickle.loads(pickle.dumps(made))
     with pytest.raises(InputError, match="has no speed of light: give c="):
         system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1)))
     assert system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1), c=100)).terms[0].c.value == 100
