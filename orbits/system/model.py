@@ -49,7 +49,8 @@ class Modelled:
     def with_terms(self, *terms: Term) -> Self:
         """Return this system with more terms in its Lagrangian; `replaced(terms=())` takes them away.
 
-            system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696e3 * u.km, pole=(286.13, 63.87) * u.deg))
+            pole = (286.13, 63.87) * u.deg
+            system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=pole))
 
         Raises InputError, naming the term, for what is none, numbers or units that cannot be, a body without mass, and
         a second term of one kind for one body; UnknownNameError for a body that there is not.
