@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
+import orbits
 from orbits.kernels import binding
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
@@ -273,3 +274,19 @@ def test_a_second_process_finds_the_compiled_sum_on_disk(tmp_path):
         for _ in range(2)
     ]
     assert [process.stdout.split() for process in run] == [["0", "1"], ["1", "0"]]
+
+
+def test_frame_dragging_turns_the_node_by_2GS_over_c2a3():
+    """Lense and Thirring: dOmega/dt = 2 G S / (c^2 a^3 (1 - e^2)^(3/2)), and the energy stays, in canonical form."""
+    drag, inc = 1e-4, 0.7
+    L = n_body([1.0, 1e-9], 0.0, [lense_thirring(0, (0.0, 0.0, -2.0 * drag))])
+    q = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+    v = [[0.0, 0.0, 0.0], [0.0, np.cos(inc), np.sin(inc)]]
+    path = orbits.march(L, orbits.Gauss(stages=4), q=q, v=v, dt=2 * np.pi / 40, steps=800)
+    x, p = path.q.reshape(-1, 2, 3), path.p.reshape(-1, 2, 3)
+    h = np.cross(x[:, 1] - x[:, 0], p[:, 1] / 1e-9 - p[:, 0])
+    node = np.unwrap(np.arctan2(h[:, 0], -h[:, 1]))
+    # Periodic terms of 1e-4 over 20 turns, against 2e-4 * 126: the slope has 1e-3 of them, and second order 1e-4.
+    assert np.polyfit(path.t, node, 1)[0] == pytest.approx(2.0 * drag, rel=5e-3)
+    energy = path.energy()
+    assert np.ptp(energy) < 64 * EPS * abs(energy[0])
