@@ -10,6 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.system import checks
+from orbits.system.model import to_json
 from orbits.tables import MOST_ROWS, Labelled, Variable, headed, html_table
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ def attributes(system: System) -> dict[str, str | float]:
         moment = system.epoch
         moment.precision = NANOSECONDS
         known |= {"epoch": moment.isot, "time_scale": "tdb"}
+    if system.terms or system.forces:
+        known["terms_and_forces"] = to_json(system)
     return {**known, "softening": system.values.softening}
 
 

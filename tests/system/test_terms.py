@@ -80,6 +80,12 @@ def test_a_system_shows_what_acts_in_it(system):
     assert "with" not in repr(system)
 
 
+def test_named_arrays_tell_what_acts(system):
+    made = system.with_terms(zonal())
+    assert '"kind": "zonal-harmonics", "body": "Sun"' in made.to_xarray().attrs["terms_and_forces"]
+    assert "terms_and_forces" not in system.to_xarray().attrs
+
+
 def test_energy_is_that_of_the_whole_lagrangian(system):
     made = system.with_terms(zonal("Sun", J2=1e-3))
     gm, r = made.gm[0].value * made.gm[1].value, made.q[1].value - made.q[0].value
