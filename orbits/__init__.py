@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         StorageError,
         UnknownNameError,
     )
+    from orbits.forces.drag import Drag
     from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.flow import DiscretePath, Flow, march
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
+    from orbits.lagrangians.terms.lense_thirring import LenseThirring
+    from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
@@ -71,6 +74,7 @@ __all__ = [
     "Composition",
     "ConvergenceError",
     "DiscretePath",
+    "Drag",
     "EnergyErrorAbove",
     "EpochError",
     "ExplicitEuler",
@@ -82,6 +86,7 @@ __all__ = [
     "IntegrationError",
     "Interrupted",
     "Lagrangian",
+    "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
     "MissingPackageError",
@@ -104,6 +109,7 @@ __all__ = [
     "UnitSystem",
     "UnknownNameError",
     "WallTimeOver",
+    "ZonalHarmonics",
     "__version__",
     "asteroids",
     "certify",
@@ -140,6 +146,7 @@ _HOME = {
         "StorageError",
         "UnknownNameError",
     ],
+    "forces.drag": ["Drag"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
     "integrators.flow": ["DiscretePath", "Flow", "march"],
@@ -153,6 +160,8 @@ _HOME = {
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
+    "lagrangians.terms.lense_thirring": ["LenseThirring"],
+    "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],

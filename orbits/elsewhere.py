@@ -36,7 +36,10 @@ PUBLIC_NAMES = {
 }
 """What stands here for names of other packages, in small letters."""
 
-FORCES = "the force is Newton's gravity; a Lagrangian of your own is marched by orbits.march (docs/lagrangians.md)"
+FORCES = (
+    "what acts besides Newton's gravity belongs to the system: system.with_terms(orbits.ZonalHarmonics(...)); "
+    "a Lagrangian of your own is marched by orbits.march (docs/lagrangians.md)"
+)
 END = "how far to go is duration=..., or until=..., a date or a time since the epoch"
 STEPS = "steps are constant: dt=..."
 SAMPLES = "what is kept is samples=..., a count or times"

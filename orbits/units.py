@@ -127,6 +127,15 @@ class UnitSystem:
         """The unit of energy, mass length^2/time^2."""
         return self.mass * self.speed**2
 
+    @property
+    def speed_of_light(self) -> float:
+        """The speed of light in the unit of velocity. Raises InputError where units are dimensionless."""
+        if not self.is_physical:
+            raise InputError(f"{self.name} has no physical units, and so no speed of light; give it as a number.")
+        from astropy import constants
+
+        return float(constants.c.to_value(self.speed))
+
     def length_value(self, x: Any, what: str = "length") -> Floats:
         """Return a length as float64 in this system's unit; `what` names it in errors."""
         return self._value(x, self.length, what, "length")
@@ -154,6 +163,14 @@ class UnitSystem:
     def rate_value(self, x: Any, what: str = "mean motion") -> Floats:
         """Return an angle per time as float64 in radians per unit of time; `what` names it in errors."""
         return self._value(x, u.rad / self.time, what, "angle per time")
+
+    def frequency_value(self, x: Any, what: str = "rate") -> Floats:
+        """Return a number per time as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.time**-1, what, "number per time")
+
+    def angular_momentum_value(self, x: Any, what: str = "angular momentum") -> Floats:
+        """Return an angular momentum as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.angular_momentum, what, "angular momentum")
 
     def pure_value(self, x: Any, what: str = "number") -> Floats:
         """Return a number without a unit, such as an eccentricity, as float64; `what` names it in errors."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
+from orbits.system.model import from_json, to_json
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -91,6 +92,8 @@ def to_items(header: Header) -> dict[str, Item]:
     if system.radii is not None:
         items["system/radii"] = np.asarray(units.length_value(system.radii, "radii"))
         items["system/radii@unit"] = _unit_text(units.length)
+    if system.terms or system.forces:
+        items["system@model"] = to_json(system)
     if system.epoch is not None:
         items["system@epoch"] = system.epoch.copy(format="iso").to_value("iso", subfmt="date_hms") + " TDB"
         items["system@epoch_jd1"] = float(system.epoch.jd1)
@@ -130,6 +133,8 @@ def from_items(items: Mapping[str, Any]) -> Header:
             radii=_item(items, "system/radii", np.ndarray) if "system/radii" in items else None,
             softening=_item(items, "system@softening", float),
         )
+        if "system@model" in items:
+            system = from_json(system, _item(items, "system@model", str))
     except InputError as error:
         raise error if isinstance(error, ArchiveError) else ArchiveError(f"its system cannot be: {error}") from error
     try:

@@ -33,6 +33,8 @@ from orbits.archive.storage import Storage
 from orbits.errors import ArchiveError, StorageError, shown
 
 SCHEMA = "1"
+SCHEMA_OF_MODELS = "1 with terms"
+"""Of archives of systems with terms or forces: a version that knows nothing of these does not open them as Newton's."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # Checksums on HDF5's own metadata, no flag that stays set when a writer is killed, readable by HDF5 1.8 and later.
@@ -85,7 +87,7 @@ def image(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> SparseFile:
     made = SparseFile()
     with h5py.File(made, "w", libver=_LIBVER, alignment_threshold=1, alignment_interval=_ALIGNMENT) as file:
         for name, text in (
-            ("@orbits", SCHEMA),
+            ("@orbits", SCHEMA_OF_MODELS if "system@model" in items else SCHEMA),
             ("@header_checksum", headers.checksum(items)),
             ("@header_items", json.dumps(sorted(items))),
         ):
@@ -157,7 +159,7 @@ def _check_schema(file: Any, path: Path) -> None:
             "orbits.propagate(archive=...) wrote."
         )
     schema = _text(file.attrs["orbits"])
-    if schema != SCHEMA:
+    if schema not in (SCHEMA, SCHEMA_OF_MODELS):
         raise ArchiveError(
             f"{path} has schema {schema!r}; this version of orbits reads {SCHEMA!r}. It was written by a newer one: "
             "pip install --upgrade orbits."

@@ -73,12 +73,13 @@ def certify(
 
 
 def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
-    from orbits.lagrangians.newtonian import n_body
+    from orbits.system.model import lagrangian_of, require_no_forces
 
+    require_no_forces(system, "a certificate")
     values, units = system.values, system.units
     step = float(units.time_value(dt, "dt"))
     massive = values.gm > 0.0
-    lagrangian = n_body(values.gm[massive], values.softening)
+    lagrangian = lagrangian_of(system)
     q, v = values.q[massive].ravel(), values.v[massive].ravel()
     bound = Problem(lagrangian, integrator, step, q, lagrangian.momentum(q, v), 0.0)
     particles = [(values.q[k], values.v[k]) for k in np.flatnonzero(~massive)[:3]]
@@ -147,7 +148,8 @@ def _fibres(problem: Problem, particles: list[Any]) -> Measured:
 
     worst, tiny = 0.0, 1e-30
     gm = [value for name, value in problem.lagrangian.parameters.items() if name.startswith("GM")]
-    lagrangian = n_body([*gm, tiny], math.sqrt(problem.lagrangian.parameters["eps2"]))
+    terms = getattr(problem.lagrangian, "summands", ())
+    lagrangian = n_body([*gm, tiny], math.sqrt(problem.lagrangian.parameters["eps2"]), terms)
     for x, w in particles:
         q, p = np.append(problem.q, x), np.append(problem.p, tiny * w)
         step = plain_step(lagrangian, problem.integrator.tableau, q, p, problem.dt)

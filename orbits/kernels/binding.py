@@ -3,18 +3,27 @@
 A Lagrangian enters compiled code as a tag: a value without content whose *type* names the Lagrangian. Each function
 below is resolved at compile time to the kernel that the Lagrangian registered under that name. (A kernel passed as an
 argument would never hit Numba's disk cache; a tag does.)
+
+A Lagrangian of bodies may be a sum of terms: a `SumTag`, with a tuple of parameter vectors, one for each term. The
+first term has kernels as every Lagrangian does, and writes; the others add to that (see `orbits.lagrangians.terms`).
+Compiled code that calls the functions below does not see the difference.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from numba import types
 from numba.core.datamodel.models import OpaqueModel
-from numba.extending import NativeValue, overload, register_model, typeof_impl, unbox
+from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
 
 _KERNELS: dict[str, Mapping[str, Any]] = {}
+
+OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
+"""How what only leads to a kernel is compiled: into its caller. As functions of their own, they would pass registers
+through memory.
+"""
 
 
 class Tag:
@@ -26,7 +35,7 @@ class Tag:
 
     def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
         self.name = name
-        self.type = TagType(name)
+        self.type: Any = TagType(name)
         _KERNELS[name] = dict(kernels)
 
     def provides(self, name: str) -> bool:
@@ -37,6 +46,19 @@ class Tag:
         return f"Tag({self.name!r})"
 
 
+class SumTag(Tag):
+    """The compiled face of a sum of terms, of two or more: the first writes, the others add."""
+
+    def __init__(self, terms: Sequence[Tag]) -> None:
+        self.terms = tuple(terms)
+        self.name = " + ".join(term.name for term in self.terms)
+        self.type = SumType(tuple(term.type for term in self.terms))
+
+    def provides(self, name: str) -> bool:
+        """Whether all terms have the kernel of that name."""
+        return all(term.provides(name) for term in self.terms)
+
+
 class TagType(types.Type):
     """The Numba type of a `Tag`, keyed by its name."""
 
@@ -45,17 +67,104 @@ class TagType(types.Type):
         self.tag = tag
 
 
+class SumType(types.Type):
+    """The Numba type of a `SumTag`, keyed by the types of its terms."""
+
+    def __init__(self, terms: tuple[TagType, ...]) -> None:
+        super().__init__(name=f"Sum({', '.join(term.name for term in terms)})")
+        self.terms = terms
+
+
 @typeof_impl.register(Tag)
 def _typeof_tag(value, context):
     return value.type
 
 
 register_model(TagType)(OpaqueModel)
+register_model(SumType)(OpaqueModel)
 
 
 @unbox(TagType)
+@unbox(SumType)
 def _unbox_tag(kind, instance, context):
     return NativeValue(context.context.get_dummy_value())
+
+
+@intrinsic
+def first_term(typingctx, tags):
+    """Return the tag of the first term of a sum."""
+    return tags.terms[0](tags), lambda context, builder, signature, arguments: context.get_dummy_value()
+
+
+@intrinsic
+def other_terms(typingctx, tags):
+    """Return the tags of the other terms of a sum."""
+    return SumType(tags.terms[1:])(tags), lambda context, builder, signature, arguments: context.get_dummy_value()
+
+
+def adding(name):
+    """Return what calls the kernel of that name of each term of a sum that adds to its last arguments.
+
+    The kernels' arguments are the strengths of the bodies (the first term's parameters), the term's own, and the rest.
+    """
+
+    def each(tags, strength, parameters, *rest):
+        raise NotImplementedError("this is for compiled code only")
+
+    @overload(each, jit_options=OPTIONS)
+    def _each(tags, strength, parameters, *rest):
+        compiled = kernel_of(tags.terms[0], name)
+        if compiled is None:
+            return None
+        if len(tags.terms) == 1:
+            return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)
+
+        def these(tags, strength, parameters, *rest):
+            compiled(strength, parameters[0], *rest)
+            each(other_terms(tags), strength, parameters[1:], *rest)
+
+        return these
+
+    return each
+
+
+def totalling(name, count):
+    """Return what returns the sum of the `count` numbers that the kernel of that name of each term of a sum returns."""
+
+    def total(tags, strength, parameters, *rest):
+        raise NotImplementedError("this is for compiled code only")
+
+    @overload(total, jit_options=OPTIONS)
+    def _total(tags, strength, parameters, *rest):
+        compiled = kernel_of(tags.terms[0], name)
+        if compiled is None:
+            return None
+        if len(tags.terms) == 1:
+            return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)
+
+        def one(tags, strength, parameters, *rest):
+            mine = compiled(strength, parameters[0], *rest)
+            return mine + total(other_terms(tags), strength, parameters[1:], *rest)
+
+        def several(tags, strength, parameters, *rest):
+            mine = compiled(strength, parameters[0], *rest)
+            return plus(mine, total(other_terms(tags), strength, parameters[1:], *rest))
+
+        return one if count == 1 else several
+
+    return total
+
+
+def plus(a, b):
+    """Return the sum of two tuples, number by number."""
+    raise NotImplementedError("plus() is for compiled code only")
+
+
+@overload(plus, jit_options=OPTIONS)
+def _plus(a, b):
+    if len(a) == 3:
+        return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+    return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5])
 
 
 def kernel_of(tag, name):
@@ -63,13 +172,23 @@ def kernel_of(tag, name):
     return _KERNELS[tag.tag][name] if isinstance(tag, TagType) and name in _KERNELS[tag.tag] else None
 
 
+add_gradients = adding("gradients")
+add_hessians = adding("hessians")
+add_accelerations = adding("accelerate_some")
+total_value = totalling("value", 1)
+total_field = totalling("field", 3)
+total_particle_gradients = totalling("particle_gradients", 6)
+
+
 def dimension(lagrangian, parameters):
     """Return the number of coordinates."""
     raise NotImplementedError("dimension() is for compiled code only")
 
 
-@overload(dimension)
+@overload(dimension, jit_options=OPTIONS)
 def _dimension(lagrangian, parameters):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters: dimension(first_term(lagrangian), parameters[0])
     compiled = kernel_of(lagrangian, "dimension")
     if isinstance(compiled, int):
         return lambda lagrangian, parameters: compiled
@@ -81,8 +200,10 @@ def bodies(lagrangian, parameters):
     raise NotImplementedError("bodies() is for compiled code only")
 
 
-@overload(bodies)
+@overload(bodies, jit_options=OPTIONS)
 def _bodies(lagrangian, parameters):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters: bodies(first_term(lagrangian), parameters[0])
     compiled = kernel_of(lagrangian, "bodies")
     return (lambda lagrangian, parameters: compiled(parameters)) if compiled else (lambda lagrangian, parameters: 0)
 
@@ -92,8 +213,15 @@ def value(lagrangian, parameters, t, q, v):
     raise NotImplementedError("value() is for compiled code only")
 
 
-@overload(value)
+@overload(value, jit_options=OPTIONS)
 def _value(lagrangian, parameters, t, q, v):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, t, q, v):
+            base = value(first_term(lagrangian), parameters[0], t, q, v)
+            return base + total_value(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v)
+
+        return summed
     compiled = kernel_of(lagrangian, "value")
     return compiled and (lambda lagrangian, parameters, t, q, v: compiled(parameters, t, q, v))
 
@@ -103,8 +231,15 @@ def gradients(lagrangian, parameters, t, q, v, f, p):
     raise NotImplementedError("gradients() is for compiled code only")
 
 
-@overload(gradients)
+@overload(gradients, jit_options=OPTIONS)
 def _gradients(lagrangian, parameters, t, q, v, f, p):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, t, q, v, f, p):
+            gradients(first_term(lagrangian), parameters[0], t, q, v, f, p)
+            add_gradients(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v, f, p)
+
+        return summed
     compiled = kernel_of(lagrangian, "gradients")
     return compiled and (lambda lagrangian, parameters, t, q, v, f, p: compiled(parameters, t, q, v, f, p))
 
@@ -114,8 +249,15 @@ def hessians(lagrangian, parameters, t, q, v, out):
     raise NotImplementedError("hessians() is for compiled code only")
 
 
-@overload(hessians)
+@overload(hessians, jit_options=OPTIONS)
 def _hessians(lagrangian, parameters, t, q, v, out):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, t, q, v, out):
+            hessians(first_term(lagrangian), parameters[0], t, q, v, out)
+            add_hessians(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v, out)
+
+        return summed
     compiled = kernel_of(lagrangian, "hessians")
     return compiled and (lambda lagrangian, parameters, t, q, v, out: compiled(parameters, t, q, v, out))
 
@@ -125,8 +267,16 @@ def accelerate(lagrangian, parameters, q, out):
     raise NotImplementedError("accelerate() is for compiled code only")
 
 
-@overload(accelerate)
+@overload(accelerate, jit_options=OPTIONS)
 def _accelerate(lagrangian, parameters, q, out):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, q, out):
+            accelerate(first_term(lagrangian), parameters[0], q, out)
+            n = bodies(lagrangian, parameters)
+            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
+
+        return summed
     compiled = kernel_of(lagrangian, "accelerate" if getattr(q, "ndim", 0) == 1 else "accelerate_stages")
     return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))
 
@@ -136,8 +286,15 @@ def accelerate_some(lagrangian, parameters, q, out, start, stop):
     raise NotImplementedError("accelerate_some() is for compiled code only")
 
 
-@overload(accelerate_some)
+@overload(accelerate_some, jit_options=OPTIONS)
 def _accelerate_some(lagrangian, parameters, q, out, start, stop):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, q, out, start, stop):
+            accelerate_some(first_term(lagrangian), parameters[0], q, out, start, stop)
+            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, start, stop)
+
+        return summed
     compiled = kernel_of(lagrangian, "accelerate_some")
     return compiled and (lambda lagrangian, parameters, q, out, start, stop: compiled(parameters, q, out, start, stop))
 
@@ -147,7 +304,54 @@ def field(lagrangian, parameters, sources, x, y, z):
     raise NotImplementedError("field() is for compiled code only")
 
 
-@overload(field)
+@overload(field, jit_options=OPTIONS)
 def _field(lagrangian, parameters, sources, x, y, z):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, sources, x, y, z):
+            base = field(first_term(lagrangian), parameters[0], sources, x, y, z)
+            more = total_field(other_terms(lagrangian), parameters[0], parameters[1:], sources, x, y, z)
+            return plus(base, more)
+
+        return summed
     compiled = kernel_of(lagrangian, "field")
     return compiled and (lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z))
+
+
+def particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):
+    """Return (dL/dx, dL/dv), six numbers, of a massless particle's Lagrangian for a unit of mass.
+
+    sources, speeds : positions and velocities of the massive bodies, (3n,) or (3n, 8), at the time t
+    place, velocity : (x, y, z) and (vx, vy, vz) of the particle; float64 or `Lanes`
+    """
+    raise NotImplementedError("particle_gradients() is for compiled code only")
+
+
+@overload(particle_gradients, jit_options=OPTIONS)
+def _particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, t, sources, speeds, place, velocity):
+            base = particle_gradients(first_term(lagrangian), parameters[0], t, sources, speeds, place, velocity)
+            tags = other_terms(lagrangian)
+            more = total_particle_gradients(tags, parameters[0], parameters[1:], t, sources, speeds, place, velocity)
+            return plus(base, more)
+
+        return summed
+    compiled = kernel_of(lagrangian, "particle_gradients")
+
+    def call(lagrangian, parameters, t, sources, speeds, place, velocity):
+        return compiled(parameters, t, sources, speeds, place, velocity)
+
+    return compiled and call
+
+
+add_forces = adding("force")
+"""add_forces(tags, strength, parameters, t, q, v, f): add the forces without a Lagrangian to f, times G as dL/dq is;
+vectors, or rows of eight stages.
+"""
+
+total_particle_force = totalling("particle_force", 3)
+"""total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity): return
+(fx, fy, fz) on a unit of mass of massless particle number `particle`, or of eight from that on in lanes.
+"""

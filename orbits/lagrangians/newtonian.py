@@ -12,7 +12,7 @@ Source: Hairer, Lubich & Wanner (2006), sec. I.2.4; Plummer (1911) for the softe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from orbits.kernels.gravity import (
 from orbits.kernels.lanes import get, put, sqrt
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Compiled, Lagrangian, Motion
 from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
+from orbits.lagrangians.terms.base import Summand, SumOfTerms, compiled_sum, kept
 
 
 @kernel(inline=True)
@@ -94,6 +95,13 @@ def hessians(parameters, t, q, v, out):
                     put(out, ji, get(out, ji) - tide)
 
 
+@kernel
+def particle_gradients(parameters, t, sources, speeds, place, velocity):
+    """Return the acceleration and the velocity of a massless particle, dL/dx and dL/dv of its own Lagrangian."""
+    fx, fy, fz = attraction(parameters, sources, place[0], place[1], place[2])
+    return fx, fy, fz, velocity[0], velocity[1], velocity[2]
+
+
 def _compiled() -> Compiled:
     kernels = {
         "dimension": dimension,
@@ -105,6 +113,7 @@ def _compiled() -> Compiled:
         "accelerate_some": share_of_accelerations,
         "accelerate_stages": pair_accelerations,
         "field": attraction,
+        "particle_gradients": particle_gradients,
     }
     return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS}))
 
@@ -157,10 +166,11 @@ newtonian = Lagrangian(
 )
 
 
-def n_body(gm: ArrayLike, softening: float = 0.0) -> Lagrangian:
+def n_body(gm: ArrayLike, softening: float = 0.0, terms: Sequence[Summand] = ()) -> Lagrangian:
     """Return the Lagrangian of n bodies with these GM, all > 0; coordinates x, y, z of each body in turn.
 
     gm : (n,), length^3 / time^2; softening : Plummer's eps, length
+    terms : what is added to kinetic energy and attraction, see `orbits.lagrangians.terms`
     Raises InputError for a GM that is not positive: a massless particle has a Lagrangian of its own.
     """
     values = np.atleast_1d(np.asarray(gm, dtype=np.float64))
@@ -169,12 +179,27 @@ def n_body(gm: ArrayLike, softening: float = 0.0) -> Lagrangian:
             "the N-body Lagrangian is that of the massive bodies, all GM > 0 and finite; leave the massless ones out"
         )
     n = len(values)
-    made = newtonian.compiled
-    return replace(
+    newton = newtonian.compiled
+    made = replace(
         newtonian,
         coordinates=_coordinates(n),
         parameters={"eps2": softening * softening, **{f"GM{i + 1}": float(g) for i, g in enumerate(values)}},
-        compile=lambda: made,
+        compile=lambda: newton,
         example=None,
         order=_order(n),
+    )
+    if not terms:
+        return made
+    whole = compiled_sum(newton, terms)
+    return SumOfTerms(
+        name=" + ".join(["newtonian", *(term.name for term in terms)]),
+        formula=" + ".join([newtonian.formula, *(term.formula for term in terms)]),
+        coordinates=made.coordinates,
+        parameters=made.parameters,
+        compile=lambda: whole,
+        example=None,
+        groups=lambda known: kept(symmetries(known), terms, n),
+        source=newtonian.source,
+        order=made.order,
+        summands=tuple(terms),
     )

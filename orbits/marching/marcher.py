@@ -62,7 +62,7 @@ class Marcher:
     """The state of a run between two calls of its kernels.
 
     lagrangian, integrator : what is solved and how
-    parameters : vector of the Lagrangian's kernels, for the massive bodies
+    parameters : vector of the Lagrangian's kernels, for the massive bodies; of a sum of terms a tuple, Newton's first
     massive : (n,) bool; which bodies are massive
     q, v : (n, 3) float64 in the order of the caller
     h : step, not 0; its sign is the direction of time
@@ -78,7 +78,7 @@ class Marcher:
         self,
         lagrangian: Lagrangian,
         integrator: Integrator,
-        parameters: Array,
+        parameters: Array | tuple[Array, ...],
         massive: NDArray[np.bool_],
         q: Array,
         v: Array,
@@ -91,7 +91,8 @@ class Marcher:
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
-        self.parameters = np.ascontiguousarray(parameters, dtype=np.float64)
+        self.model = parameters
+        self.parameters = np.ascontiguousarray(parameters[0] if isinstance(parameters, tuple) else parameters)
         self.h = float(h)
         self.names = tuple(names)
         self.step = 0
@@ -259,7 +260,7 @@ class Marcher:
         massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
         massive[self._massive] = True
         state = self.state()
-        part = Marcher(self.lagrangian, self.integrator, self.parameters, massive, *state, offset, names=self.names)
+        part = Marcher(self.lagrangian, self.integrator, self.model, massive, *state, offset, names=self.names)
         part.advance(1)
         return part
 
@@ -320,7 +321,7 @@ class Marcher:
         method = self.integrator
         if h not in self._coefficients:
             self._coefficients = {self.h: self._coefficients[self.h], h: _coefficients(method, h)}
-        arguments = (self.lagrangian.tag, self.parameters, self._coefficients[h], h)
+        arguments = (self.lagrangian.tag, self.model, self._coefficients[h], h)
         massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)

@@ -17,7 +17,7 @@ import numpy as np
 from orbits.integrators.base import NOT_FINITE, OK, Array, Integrator, padded
 from orbits.integrators.watcher import Watcher
 from orbits.kernels.approach_search import follow_row, longest_way
-from orbits.kernels.binding import Tag, accelerate_some
+from orbits.kernels.binding import Tag, accelerate_some, bodies, dimension
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import COLUMNS, QUANTITIES, enter_record, note_rows
 from orbits.kernels.lanes import WIDTH
@@ -42,7 +42,7 @@ PART_ROOM = 64
 @kernel
 def accelerate_together(counters, team, round_, tag, parameters, q, g):
     """Write the accelerations of all bodies, each of a team some of them; rounds count from 0."""
-    n = parameters.shape[0] - 1
+    n = bodies(tag, parameters)
     pieces = (n + PIECE - 1) // PIECE
     meet(counters, team, 2 * round_ + 1)
     piece = claim(counters, team, round_, pieces)
@@ -60,7 +60,7 @@ def march_together(
 
     fresh : whether g holds the accelerations at q
     """
-    size = 3 * (parameters.shape[0] - 1)
+    size = dimension(tag, parameters)
     groups = (size + WIDTH - 1) // WIDTH
     start, stop = WIDTH * (groups * member // team), min(WIDTH * (groups * (member + 1) // team), size)
     x, x_lo, w, w_lo, a = q[start:], q_lo[start:], v[start:], v_lo[start:], g[start:]

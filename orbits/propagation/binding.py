@@ -18,10 +18,12 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.marcher import Marcher, available_threads
 from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.stamp import source_stamp
+from orbits.lagrangians.base import Lagrangian
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.point_masses import PointMasses
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
+from orbits.system.model import marched, require_newtonian
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
 """Entries of the provenance that must agree for a resumed run to give the same bits."""
@@ -46,12 +48,15 @@ def bound(
     """
     integrator = named(integrator)
     threads = available_threads() if threads is None else whole_number(threads, "threads, if given,")
-    integrator.check(newtonian, registry())
+    model = marched(system, integrator, registry())
+    if conditions is not None and conditions.energy < np.inf:
+        require_newtonian(system, "EnergyErrorAbove")
     bodies = system.values if state is None else system.values._replace(q=state[0], v=state[1])
     return march_of(
         bodies,
         integrator,
         h,
+        model,
         names=system.names,
         threads=threads,
         stops=None if conditions is None else conditions.stops,
@@ -59,11 +64,18 @@ def bound(
     )
 
 
-def march_of(bodies: PointMasses, integrator: Integrator, h: float, **options: Any) -> Marcher:
-    """Return bodies bound to a method that can serve them, with step h; the options are those of `Marcher`."""
+def march_of(
+    bodies: PointMasses, integrator: Integrator, h: float, model: tuple[Lagrangian, Any] | None = None, **options: Any
+) -> Marcher:
+    """Return bodies bound to a method that can serve them, with step h; the options are those of `Marcher`.
+
+    model : the Lagrangian of the massive bodies and its parameters, as of `orbits.system.model.model`; None stands for
+        Newton's gravity alone
+    """
     gm, q, v, softening = bodies
     massive = bodies.massive
-    return Marcher(newtonian, integrator, parameters(gm[massive], softening), massive, q, v, h, **options)
+    lagrangian, vectors = (newtonian, parameters(gm[massive], softening)) if model is None else model
+    return Marcher(lagrangian, integrator, vectors, massive, q, v, h, **options)
 
 
 def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:

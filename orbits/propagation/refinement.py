@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.propagation.binding import march_of
 from orbits.propagation.passages_seen import Passage, Seen
+from orbits.system.model import model
 from orbits.time_grid import split
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class _Walk:
         self._bodies = np.flatnonzero(wanted)
         (step,), (rest,) = split(np.array([time]), h)
         self.step = int(step) + (rest != 0.0)
-        self._integrator, self._values = trajectory.integrator, system.values
+        self._integrator, self._values, self._model = trajectory.integrator, system.values, model(system)
         self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
         if rest != 0.0:
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))
@@ -86,7 +87,9 @@ class _Walk:
         return _Pair(self._bound(bodies, q[there], v[there]), bodies)
 
     def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array) -> Marcher:
-        return march_of(self._values._replace(gm=self._values.gm[bodies], q=q, v=v), self._integrator, self._h)
+        # All massive bodies are among them, so that the model is that of the run.
+        values = self._values._replace(gm=self._values.gm[bodies], q=q, v=v)
+        return march_of(values, self._integrator, self._h, self._model)
 
 
 class _Pair:

@@ -18,6 +18,7 @@ from orbits.regression import snapshot as snapshots
 from orbits.regression.peers import simulation
 from orbits.regression.snapshot import Array, Particles
 from orbits.system import System
+from orbits.system.model import require_newtonian
 from orbits.trajectory import Trajectory
 from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem, as_epoch
 
@@ -65,6 +66,7 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
         time = system.t if isinstance(system, FromRebound) else 0.0
     else:
         raise InputError(f"to_rebound got a {type(system).__name__}; expected a System or a Trajectory.")
+    require_newtonian(state, "a simulation of REBOUND")
     gm, q, v, softening = state.values
     order = np.argsort(gm == 0, kind="stable")
     names = [state.names[i] for i in order]

@@ -11,6 +11,7 @@ from orbits.point_masses import PointMasses
 from orbits.regression.invariants import Invariants
 from orbits.regression.report import Row, Series
 from orbits.system import System
+from orbits.system.model import require_newtonian
 
 Array = NDArray[np.float64]
 
@@ -36,6 +37,7 @@ class Problem:
         """The problem that `system` poses."""
         from astropy import units as u
 
+        require_newtonian(system, "the comparison with REBOUND")
         physical = system.units.length.is_equivalent(u.km)
         return cls(
             names=tuple(system.names),

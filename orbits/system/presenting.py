@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import chosen
 from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
+from orbits.system.model import to_json
 
 if TYPE_CHECKING:
     from orbits.system.value import System
@@ -28,6 +29,8 @@ def attributes(system: System) -> dict[str, str | float]:
         moment = system.epoch
         moment.precision = NANOSECONDS
         known |= {"epoch": moment.isot, "time_scale": "tdb"}
+    if system.terms or system.forces:
+        known["terms_and_forces"] = to_json(system)
     return {**known, "softening": system.values.softening}
 
 

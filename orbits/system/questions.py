@@ -8,6 +8,7 @@ from astropy import units as u
 
 from orbits import diagnostics
 from orbits.system import making
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, whole
 from orbits.system.osculating import OrbitalElements, osculating
 
 if TYPE_CHECKING:
@@ -20,22 +21,25 @@ class Questions:
     __slots__ = ()
 
     def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies. Source: `orbits.diagnostics.energy`, divided by G."""
+        """Return the energy of the massive bodies, terms included. Source: `orbits.diagnostics.energy`, over G."""
         system: System = self  # type: ignore[assignment]
         gm, q, v, softening = system.values
-        return u.Quantity(diagnostics.energy(gm, q, v, softening) / system.units.G, system.units.energy)
+        value = whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v)
+        return u.Quantity(value / system.units.G, system.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
-        """Return the momentum of the massive bodies, shape (3,)."""
+        """Return the canonical momentum of the massive bodies, shape (3,)."""
         system: System = self  # type: ignore[assignment]
-        gm, _, v, _ = system.values
-        return u.Quantity(diagnostics.linear_momentum(gm, v) / system.units.G, system.units.momentum)
+        gm, q, v, _ = system.values
+        value = whole(system, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v)
+        return u.Quantity(value / system.units.G, system.units.momentum)
 
     def angular_momentum(self) -> u.Quantity:
         """Return the angular momentum of the massive bodies about the origin, shape (3,)."""
         system: System = self  # type: ignore[assignment]
         gm, q, v, _ = system.values
-        return u.Quantity(diagnostics.angular_momentum(gm, q, v) / system.units.G, system.units.angular_momentum)
+        value = whole(system, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v)
+        return u.Quantity(value / system.units.G, system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
         """Return the centre of mass of the massive bodies, shape (3,)."""

@@ -14,9 +14,10 @@ from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import Labelled, Tabular
 from orbits.point_masses import PointMasses
-from orbits.system import making, state_checks
+from orbits.system import making, model, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
+from orbits.system.model import Modelled, together
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.units import SOLAR, UnitSystem, as_epoch
@@ -24,10 +25,13 @@ from orbits.units import SOLAR, UnitSystem, as_epoch
 if TYPE_CHECKING:
     from astropy.time import Time
 
+    from orbits.forces.base import Force
+    from orbits.lagrangians.terms.base import Term
+
 Floats = NDArray[np.float64]
 
 
-class System(FromCatalogues, Bodies, Questions, Tabular):
+class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings, 1 to 128 printable characters
@@ -37,6 +41,7 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
     units : the system's units, `SOLAR`, `DIMENSIONLESS` or a `UnitSystem` of your own
     radii : (n,) radii of the bodies, or None
     softening : eps in the potential -gm/sqrt(r^2 + eps^2), a length >= 0
+    terms, forces : what acts besides Newton's gravity; see `with_terms` and `with_forces`
 
     Values are quantities in any fitting unit; plain numbers are in the units of the system. They are kept as float64 in
     those units, to the last bit where no conversion is needed.
@@ -46,13 +51,15 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
     softened). Two systems are equal when all their values, units included, are.
     """
 
-    __slots__ = ("_epoch", "_names", "_radii", "_units", "_values")
+    __slots__ = ("_epoch", "_forces", "_names", "_radii", "_terms", "_units", "_values")
 
     _names: tuple[str, ...]
     _values: PointMasses
     _epoch: Time | None
     _units: UnitSystem
     _radii: Floats | None
+    _terms: tuple[Term, ...]
+    _forces: tuple[Force, ...]
 
     def __init__(
         self,
@@ -64,6 +71,8 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
         units: UnitSystem = SOLAR,
         radii: Any = None,
         softening: Any = 0.0,
+        terms: Any = (),
+        forces: Any = (),
     ) -> None:
         state_checks.checked_units(units)
         if epoch is not None and not units.is_physical:
@@ -71,12 +80,15 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
                 f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
             )
         names = checked_names(names)
+        values = state_checks.checked_values(names, gm, q, v, softening, units)
         for attribute, value in (
             ("_names", names),
-            ("_values", state_checks.checked_values(names, gm, q, v, softening, units)),
+            ("_values", values),
             ("_epoch", None if epoch is None else as_epoch(epoch)),
             ("_units", units),
             ("_radii", state_checks.checked_radii(names, radii, units)),
+            ("_terms", model.checked_terms(terms, names, values.gm, units)),
+            ("_forces", model.checked_forces(forces, names, units)),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -212,7 +224,8 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
         return self.replaced(names=[self.names[i] for i in keep], gm=gm[keep], q=q[keep], v=v[keep], radii=radii)
 
     def replaced(self, **changes: Any) -> Self:
-        """Return this system with some values changed: names, gm, q, v, epoch, radii, softening; checked anew.
+        """Return this system with some values changed: names, gm, q, v, epoch, radii, softening, terms, forces; checked
+        anew.
 
         Plain numbers are in the units of the system. Raises as `System` does, and UnknownNameError for another name.
         """
@@ -309,7 +322,7 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
                 f"system + {shown(other)}: expected another System. One body comes with system.add(name, ...), a "
                 "catalogue's with system.add_particles(catalogue)."
             )
-        return self.replaced(**making.united(self, other))
+        return self.replaced(**making.united(self, other), **together(self, other))
 
     def plot(self, **options: Any) -> Any:
         """Draw the system and the orbits it osculates; see `orbits.plotting.plot_system`."""
@@ -330,7 +343,7 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
             return NotImplemented
         mine, theirs = self._arguments(), other._arguments()
         return all(np.array_equal(mine[key], theirs[key]) for key in ("gm", "q", "v", "radii")) and all(
-            bool(mine[key] == theirs[key]) for key in ("names", "units", "softening", "epoch")
+            bool(mine[key] == theirs[key]) for key in ("names", "units", "softening", "epoch", "terms", "forces")
         )
 
     __hash__ = None  # type: ignore[assignment]
@@ -350,6 +363,8 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
             "units": self._units,
             "radii": self._radii,
             "softening": softening,
+            "terms": self._terms,
+            "forces": self._forces,
         }
 
     def _extended(self, names: tuple[str, ...], gm: Floats, q: Floats, v: Floats, radius: Any) -> Self:
@@ -373,4 +388,4 @@ class System(FromCatalogues, Bodies, Questions, Tabular):
         particles = int(np.count_nonzero(~self.massive))
         kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
         epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
-        return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name})"
+        return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name}{self._acting()})"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,12 +16,18 @@ from orbits.body_names import few
 from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
 from orbits.errors import InputError
 from orbits.export import html_table
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, axis, whole
 
 if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory.parts import Samples
 
 Array = NDArray[np.float64]
+
+NONE = diagnostics.Drift(math.nan, math.nan, math.nan, math.nan)
+"""Of what is not conserved."""
+
+NOT_KEPT = "angular momentum is not conserved: terms have different poles"
 
 BLOCK_BYTES = 32 * 1024 * 1024
 """How much of a run is in memory at a time while a quantity of all samples is computed."""
@@ -34,6 +41,9 @@ class ConservedQuantities:
     cancellation, below a millionth of their terms: with sum m v^2 / 2 and sum m |q| |v|), linear momentum with
     sum m |v| and the centre of mass, whose uniform motion is taken off, with the largest distance from it.
 
+    Terms of the system are counted in: the energy is that of the whole Lagrangian, and where terms single out a `pole`,
+    a unit vector, the angular momentum is the component along it (zeros: terms with different poles keep none of it).
+
     massive : the bodies that these are the quantities of
     particles : how many massless ones the run has, whose orbits nothing here judges
     """
@@ -44,6 +54,7 @@ class ConservedQuantities:
     centre_of_mass: diagnostics.Drift
     massive: tuple[str, ...] = ()
     particles: int = 0
+    pole: tuple[float, float, float] | None = None
 
     @property
     def covers(self) -> str:
@@ -60,6 +71,7 @@ class ConservedQuantities:
         rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
         for name, d in self._drifts.items():
             rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
+        rows += [NOT_KEPT] if self._lost else []
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
 
@@ -72,13 +84,20 @@ class ConservedQuantities:
             [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"]
             for name, d in self._drifts.items()
         ]
-        covers = f"; {self.covers}" if self.particles else ""
+        covers = (f"; {NOT_KEPT}" if self._lost else "") + (f"; {self.covers}" if self.particles else "")
         return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
 
     @property
+    def _lost(self) -> bool:
+        return self.pole is not None and not any(self.pole)
+
+    @property
     def _drifts(self) -> dict[str, diagnostics.Drift]:
-        names = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
-        return {name.replace("_", " "): getattr(self, name) for name in names}
+        names = ["energy", "angular_momentum", "linear_momentum", "centre_of_mass"]
+        words = {"angular_momentum": "ang. mom. of pole" if self.pole else "angular momentum"}
+        if self._lost:
+            names.remove("angular_momentum")
+        return {words.get(name, name.replace("_", " ")): getattr(self, name) for name in names}
 
 
 class Conservation:
@@ -93,19 +112,23 @@ class Conservation:
         def __len__(self) -> int: ...
 
     def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies, shape (n,)."""
-        gm, softening = self._gm(), self.system.values.softening
-        values = self._of_massive(lambda q, v: diagnostics.energy(gm, q, v, softening))
+        """Return the energy of the massive bodies, of the whole Lagrangian, shape (n,)."""
+        gm, softening, system = self._gm(), self.system.values.softening, self.system
+        values = self._of_massive(lambda q, v: whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v))
         return u.Quantity(values / self.system.units.G, self.system.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
         """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
-        values = self._of_massive(lambda q, v: diagnostics.linear_momentum(self._gm(), v))
+        gm, system = self._gm(), self.system
+        values = self._of_massive(lambda q, v: whole(system, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v))
         return u.Quantity(values / self.system.units.G, self.system.units.momentum)
 
     def angular_momentum(self) -> u.Quantity:
         """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
-        values = self._of_massive(lambda q, v: diagnostics.angular_momentum(self._gm(), q, v))
+        gm, system = self._gm(), self.system
+        values = self._of_massive(
+            lambda q, v: whole(system, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v)
+        )
         return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
@@ -116,6 +139,8 @@ class Conservation:
     def drift(self) -> ConservedQuantities:
         """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
 
+        Terms of the system count in all of them. Where they single out an axis, the angular momentum is that about it:
+        the rest is exchanged with a spin that is not followed. What a term does not conserve at all is NaN, and said.
         They are those of the massive bodies: a massless particle moves in their field and carries no charge of the
         whole, so nothing here judges its orbit. Raises InputError for a run without samples.
         """
@@ -124,13 +149,17 @@ class Conservation:
         gm, start, massive = self._gm(), self.system.values, self.system.massive
         q, v = start.q[massive], start.v[massive]
         energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
+        pole = axis(self.system)
+        lost = pole is not None and not any(pole)
+        angular = angular if pole is None else angular @ np.array(pole)
         return ConservedQuantities(
             energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
-            angular_momentum=self._drift(angular, lambda q, v: moments(gm, q, v)),
+            angular_momentum=NONE if lost else self._drift(angular, lambda q, v: moments(gm, q, v)),
             linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
             centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
             massive=tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass),
             particles=int(np.count_nonzero(~massive)),
+            pole=pole,
         )
 
     def blocks(self) -> Iterator[tuple[slice, Array, Array]]:

@@ -55,7 +55,7 @@ def test_names_of_methods_are_understood_by_all_that_takes_one():
 @pytest.mark.parametrize(
     ("argument", "answer"),
     [
-        ("additional_forces", "the force is Newton's gravity; a Lagrangian of your own is marched by orbits.march"),
+        ("additional_forces", "what acts besides Newton's gravity belongs to the system: system.with_terms("),
         ("heartbeat", "callback=... is called after each sample"),
         ("tmax", "how far to go is duration=..., or until=..."),
         ("Nout", "what is kept is samples=..., a count or times"),

@@ -1,0 +1,21 @@
+"""Forces without a Lagrangian, one file each: `Drag`. A walk over this folder registers them."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+from orbits.forces.base import Force
+
+__all__ = ["registry"]
+
+_FOUND: dict[str, type[Force]] = {}
+for _module in pkgutil.iter_modules(__path__):
+    for _value in list(vars(importlib.import_module(f"{__name__}.{_module.name}")).values()):
+        if isinstance(_value, type) and issubclass(_value, Force) and _value is not Force:
+            _FOUND[_value.kind] = _value
+
+
+def registry() -> dict[str, type[Force]]:
+    """Return every force of the package by its kind."""
+    return dict(_FOUND)

@@ -1,0 +1,181 @@
+"""Lense–Thirring: a spinning body drags inertial frames along, a force linear in velocities as a magnetic field's.
+
+    L = -(2 G / c^2) sum_i m_i S . (r_i x w_i) / r_i^3,     r_i = q_i - q_b,   w_i = v_i - v_b
+
+for all massive bodies i other than the body b with the spin S, which gets the reaction; for a massless particle per
+unit mass. It depends on differences alone: momentum and the uniform motion of the centre of mass are kept, and the
+component along S of the angular momentum. The canonical momenta are not m v; the energy is that without the term.
+Parameters: row of the body, k = -(2 G / c^2) S (3).
+Source: Lense & Thirring (1918), Phys. Z. 19, 156; Soffel & Langhans (2013), sec. 8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from orbits.errors import InputError
+from orbits.kernels.binding import Tag
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import get, put, rsqrt_cubed
+from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES
+from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
+
+
+@kernel(inline=True)
+def _difference(q, i, b, n):
+    return get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+
+
+@kernel(inline=True)
+def _derivatives(softening2, own, r, w):
+    """Return the derivatives by r and by w of k . (r x w) / r^3, six numbers."""
+    x, y, z = r
+    vx, vy, vz = w
+    kx, ky, kz = own[1], own[2], own[3]
+    r2 = softening2 + x * x + y * y + z * z
+    near3 = rsqrt_cubed(r2)
+    px, py, pz = near3 * (ky * z - kz * y), near3 * (kz * x - kx * z), near3 * (kx * y - ky * x)
+    bx, by, bz = vy * kz - vz * ky, vz * kx - vx * kz, vx * ky - vy * kx
+    inwards = 3.0 * (x * bx + y * by + z * bz) / r2
+    return near3 * (bx - inwards * x), near3 * (by - inwards * y), near3 * (bz - inwards * z), px, py, pz
+
+
+@kernel
+def value(strength, own, t, q, v):
+    """Return sum_i GM_i k . (r x w) / r^3."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    total = get(q, 0) * 0.0
+    for i in range(n):
+        if i != b:
+            r, w = _difference(q, i, b, n), _difference(v, i, b, n)
+            found = _derivatives(strength[0], own, r, w)
+            total = total + strength[1 + i] * (found[3] * w[0] + found[4] * w[1] + found[5] * w[2])
+    return total
+
+
+@kernel
+def gradients(strength, own, t, q, v, f, p):
+    """Add the forces to f and the momenta to p, with the reaction of the spinning body."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    for i in range(n):
+        if i != b:
+            found = _derivatives(strength[0], own, _difference(q, i, b, n), _difference(v, i, b, n))
+            for a in range(3):
+                df, dp = strength[1 + i] * found[a], strength[1 + i] * found[3 + a]
+                put(f, a * n + i, get(f, a * n + i) + df)
+                put(f, a * n + b, get(f, a * n + b) - df)
+                put(p, a * n + i, get(p, a * n + i) + dp)
+                put(p, a * n + b, get(p, a * n + b) - dp)
+
+
+@kernel(inline=True)
+def _add_differences(out, at, value, a, c, i, b, n):
+    """Add a derivative by differences, of axes a and c, to the block of derivatives that starts at `at`."""
+    d = 3 * n
+    ii, bb = at + (a * n + i) * d + c * n + i, at + (a * n + b) * d + c * n + b
+    ib, bi = at + (a * n + i) * d + c * n + b, at + (a * n + b) * d + c * n + i
+    put(out, ii, get(out, ii) + value)
+    put(out, bb, get(out, bb) + value)
+    put(out, ib, get(out, ib) - value)
+    put(out, bi, get(out, bi) - value)
+
+
+@kernel
+def hessians(strength, own, t, q, v, out):
+    """Add the second derivatives; those by velocities twice are zero."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    d = 3 * n
+    for i in range(n):
+        if i != b:
+            r, w = _difference(q, i, b, n), _difference(v, i, b, n)
+            r2 = strength[0] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+            near3 = rsqrt_cubed(r2) * strength[1 + i]
+            bx, by, bz = w[1] * own[3] - w[2] * own[2], w[2] * own[1] - w[0] * own[3], w[0] * own[2] - w[1] * own[1]
+            mx, my, mz = own[2] * r[2] - own[3] * r[1], own[3] * r[0] - own[1] * r[2], own[1] * r[1] - own[2] * r[0]
+            rb = (r[0] * bx + r[1] * by + r[2] * bz) / r2
+            for a in range(3):
+                ra = r[a] / r2
+                ba = bx if a == 0 else (by if a == 1 else bz)
+                for c in range(3):
+                    rc = r[c]
+                    bc = bx if c == 0 else (by if c == 1 else bz)
+                    mc = mx if c == 0 else (my if c == 1 else mz)
+                    same = 1.0 if a == c else 0.0
+                    # Of k x r, the component c by the coordinate a: epsilon_cea k_e.
+                    turn = 0.0 if a == c else (own[1 + 3 - a - c] if (c + 2) % 3 == a else -own[1 + 3 - a - c])
+                    by_places = near3 * (15.0 * rb * ra * rc - 3.0 * (ba * (rc / r2) + ra * bc) - 3.0 * rb * same)
+                    _add_differences(out, 0, by_places, a, c, i, b, n)
+                    _add_differences(out, d * d, near3 * (turn - 3.0 * ra * mc), a, c, i, b, n)
+
+
+@kernel
+def particle_gradients(strength, own, t, sources, speeds, place, velocity):
+    """Return the force on and the momentum of a unit of mass."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    r = place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
+    w = velocity[0] - get(speeds, b), velocity[1] - get(speeds, n + b), velocity[2] - get(speeds, 2 * n + b)
+    return _derivatives(strength[0], own, r, w)
+
+
+TAG = Tag(
+    "lense-thirring",
+    {"value": value, "gradients": gradients, "hessians": hessians, "particle_gradients": particle_gradients},
+)
+
+
+def lense_thirring(row: int, k: Vector) -> Summand:
+    """Return the term for the massive body of that row, counted from 0; k : -(2 G / c^2) S, length^3 / time."""
+    length = float(np.linalg.norm(k))
+    return Summand(
+        name="Lense-Thirring",
+        formula="-(2 G / c^2) sum m S . (r x w) / r^3",
+        tag=TAG,
+        parameters=np.array([row, *k], dtype=np.float64),
+        traits=frozenset({MASSLESS_PARTICLES, GRADIENTS}),
+        axis=(k[0] / length, k[1] / length, k[2] / length),
+    )
+
+
+@dataclass(frozen=True)
+class LenseThirring(Term):
+    """The frame dragging of a spinning body, of first order in its spin.
+
+        system.with_terms(orbits.LenseThirring("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=(286.13, 63.87) * u.deg))
+
+    body : the massive body that spins; by default the most massive one
+    spin : its angular momentum, > 0; pole : the direction of it, (right ascension, declination) or a vector
+    c : the speed of light; to be given where units are dimensionless
+    """
+
+    kind: ClassVar[str] = "lense-thirring"
+    spin: Any = None
+    pole: Any = None
+    c: Any = None
+
+    def in_units(self, units: Any) -> Self:
+        """Return it with spin and c in the system's units, and a unit vector for the pole."""
+        whose = f" of {self.body!r}" if self.body else ""
+        if self.spin is None:
+            raise InputError(
+                f"LenseThirring{whose}: spin is missing; expected an angular momentum, such as 1.9e41 kg m2/s."
+            )
+        if self.c is None and not units.is_physical:
+            raise InputError(f"LenseThirring{whose}: c is missing; {units.name} has no speed of light: give c=...")
+        spin = number(units.angular_momentum_value(self.spin, f"spin{whose}"), f"spin{whose}")
+        c = units.speed_of_light if self.c is None else number(units.speed_value(self.c, "c"), "c")
+        if not (spin > 0.0 and c > 0.0):
+            raise InputError(
+                f"LenseThirring{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the "
+                "other way has the opposite pole."
+            )
+        pole = direction(self.pole, f"pole{whose}", units)
+        return replace(self, spin=spin * units.angular_momentum, pole=pole, c=c * units.speed)
+
+    def summand(self, row: int, units: Any) -> Summand:
+        """Return the term for the massive body of that row."""
+        spin, c = float(units.angular_momentum_value(self.spin)), float(units.speed_value(self.c))
+        size = -2.0 * units.G * spin / (c * c)
+        return lense_thirring(row, (size * self.pole[0], size * self.pole[1], size * self.pole[2]))

@@ -1,0 +1,265 @@
+"""Zonal harmonics: the field of a body that is flattened along its axis.
+
+    L = -sum_i m_i V(q_i - q_b),     V(d) = (G m_b / r) sum_n J_n (R / r)^n P_n(s),     s = d . pole / r
+
+for all massive bodies i other than the body b, which gets the reaction; a massless particle has -V per unit mass. With
+a softening eps, r^2 = |d|^2 + eps^2 here as in the attraction.
+
+    a = A d / r + B pole,     A = (G m_b / r^2) sum J_n (R/r)^n [(n + 1) P_n + s P_n']
+                              B = -(G m_b / r^2) sum J_n (R/r)^n P_n'
+
+The pole is fixed: the body's spin takes up no torque, so of the angular momentum the component along the pole is kept.
+Parameters: row of the body, pole (3), then J_n R^n for n = 2, 3, ...
+Source: Vallado (2013), sec. 8.6; Kaula (1966).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from orbits.errors import InputError
+from orbits.kernels.binding import Tag
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import get, put, rsqrt_cubed
+from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
+from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
+
+HARMONICS = 4
+"""Where J_2 R^2 stands in the parameters."""
+
+
+@kernel(inline=True)
+def _potential(own, mu, r2, s_r):
+    """Return V at the distance sqrt(r2) and d . pole = s_r."""
+    near = rsqrt_cubed(r2) * r2
+    s = s_r * near
+    before, legendre = r2 * 0.0 + 1.0, s
+    power, total = mu * near * near, r2 * 0.0
+    for k in range(HARMONICS, own.shape[0]):
+        n = k - HARMONICS + 2
+        before, legendre = legendre, ((2 * n - 1) * s * legendre - (n - 1) * before) * (1.0 / n)
+        power = power * near
+        total = total + own[k] * power * legendre
+    return total
+
+
+@kernel(inline=True)
+def _acceleration(own, mu, r2, x, y, z):
+    """Return the acceleration at d = (x, y, z) from the body."""
+    near = rsqrt_cubed(r2) * r2
+    s = (own[1] * x + own[2] * y + own[3] * z) * near
+    before, legendre, slope = r2 * 0.0 + 1.0, s, r2 * 0.0 + 1.0
+    power = mu * near * near * near
+    along, towards = r2 * 0.0, r2 * 0.0
+    for k in range(HARMONICS, own.shape[0]):
+        n = k - HARMONICS + 2
+        before, legendre, slope = (
+            legendre,
+            ((2 * n - 1) * s * legendre - (n - 1) * before) * (1.0 / n),
+            n * legendre + s * slope,
+        )
+        power = power * near
+        weight = own[k] * power
+        along = along + weight * ((n + 1) * legendre + s * slope)
+        towards = towards - weight * slope
+    along = along * near
+    return along * x + towards * own[1], along * y + towards * own[2], along * z + towards * own[3]
+
+
+@kernel
+def value(strength, own, t, q, v):
+    """Return -sum_i GM_i V(q_i - q_b)."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    total = get(q, 0) * 0.0
+    for i in range(n):
+        if i != b:
+            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            r2 = strength[0] + x * x + y * y + z * z
+            along = own[1] * x + own[2] * y + own[3] * z
+            total = total - strength[1 + i] * _potential(own, strength[1 + b], r2, along)
+    return total
+
+
+@kernel
+def gradients(strength, own, t, q, v, f, p):
+    """Add the forces, and the reaction on the body, to f."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    for i in range(n):
+        if i != b:
+            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            ax, ay, az = _acceleration(own, strength[1 + b], strength[0] + x * x + y * y + z * z, x, y, z)
+            gm = strength[1 + i]
+            put(f, i, get(f, i) + gm * ax)
+            put(f, n + i, get(f, n + i) + gm * ay)
+            put(f, 2 * n + i, get(f, 2 * n + i) + gm * az)
+            put(f, b, get(f, b) - gm * ax)
+            put(f, n + b, get(f, n + b) - gm * ay)
+            put(f, 2 * n + b, get(f, 2 * n + b) - gm * az)
+
+
+@kernel
+def accelerate_some(strength, own, q, out, start, stop):
+    """Add the accelerations of bodies start ... stop - 1; the body's own come from all others, in any share."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    whole = start <= b < stop
+    bx, by, bz = get(q, 0) * 0.0, get(q, 0) * 0.0, get(q, 0) * 0.0
+    for i in range(0 if whole else start, n if whole else stop):
+        if i != b:
+            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            ax, ay, az = _acceleration(own, strength[1 + b], strength[0] + x * x + y * y + z * z, x, y, z)
+            bx, by, bz = bx + strength[1 + i] * ax, by + strength[1 + i] * ay, bz + strength[1 + i] * az
+            if start <= i < stop:
+                put(out, i, get(out, i) + ax)
+                put(out, n + i, get(out, n + i) + ay)
+                put(out, 2 * n + i, get(out, 2 * n + i) + az)
+    if whole:
+        inertia = 1.0 / strength[1 + b]
+        put(out, b, get(out, b) - inertia * bx)
+        put(out, n + b, get(out, n + b) - inertia * by)
+        put(out, 2 * n + b, get(out, 2 * n + b) - inertia * bz)
+
+
+@kernel
+def field(strength, own, sources, x, y, z):
+    """Return the acceleration of a massless particle at (x, y, z)."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    dx, dy, dz = x - get(sources, b), y - get(sources, n + b), z - get(sources, 2 * n + b)
+    return _acceleration(own, strength[1 + b], strength[0] + dx * dx + dy * dy + dz * dz, dx, dy, dz)
+
+
+@kernel
+def particle_gradients(strength, own, t, sources, speeds, place, velocity):
+    """Return the force on a unit of mass, and no momentum."""
+    fx, fy, fz = field(strength, own, sources, place[0], place[1], place[2])
+    none = fx * 0.0
+    return fx, fy, fz, none, none, none
+
+
+@kernel
+def hessians(strength, own, t, q, v, out):
+    """Add the tides: -GM_i d2V/dd dd for each body and the flattened one."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    d = 3 * n
+    mu = strength[1 + b]
+    for i in range(n):
+        if i != b:
+            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            r2 = strength[0] + x * x + y * y + z * z
+            near = rsqrt_cubed(r2) * r2
+            s = (own[1] * x + own[2] * y + own[3] * z) * near
+            zero = r2 * 0.0
+            before, legendre, slope, bend = zero + 1.0, s, zero + 1.0, zero
+            power = mu * near * near
+            # Derivatives of V by r, by s, and the second ones.
+            vr, vs, vrr, vrs, vss = zero, zero, zero, zero, zero
+            for k in range(HARMONICS, own.shape[0]):
+                m = k - HARMONICS + 2
+                before, legendre, slope, bend = (
+                    legendre,
+                    ((2 * m - 1) * s * legendre - (m - 1) * before) * (1.0 / m),
+                    m * legendre + s * slope,
+                    (m + 1) * slope + s * bend,
+                )
+                power = power * near
+                weight = own[k] * power
+                vr = vr - (m + 1) * weight * legendre
+                vs = vs + weight * slope
+                vrr = vrr + (m + 1) * (m + 2) * weight * legendre
+                vrs = vrs - (m + 1) * weight * slope
+                vss = vss + weight * bend
+            scale = strength[1 + i] * near * near
+            for a in range(3):
+                ea = near * (x if a == 0 else (y if a == 1 else z))
+                wa = own[1 + a] - s * ea
+                for c in range(3):
+                    ec = near * (x if c == 0 else (y if c == 1 else z))
+                    wc = own[1 + c] - s * ec
+                    same = 1.0 if a == c else 0.0
+                    bent = vrr * ea * ec + vrs * (ea * wc + ec * wa) + vss * wa * wc + vr * (same - ea * ec)
+                    bent = bent + vs * (3.0 * s * ea * ec - s * same - own[1 + a] * ec - own[1 + c] * ea)
+                    tide = scale * bent
+                    ii, bb = (a * n + i) * d + c * n + i, (a * n + b) * d + c * n + b
+                    ib, bi = (a * n + i) * d + c * n + b, (a * n + b) * d + c * n + i
+                    put(out, ii, get(out, ii) - tide)
+                    put(out, bb, get(out, bb) - tide)
+                    put(out, ib, get(out, ib) + tide)
+                    put(out, bi, get(out, bi) + tide)
+
+
+TAG = Tag(
+    "zonal-harmonics",
+    {
+        "value": value,
+        "gradients": gradients,
+        "hessians": hessians,
+        "accelerate_some": accelerate_some,
+        "field": field,
+        "particle_gradients": particle_gradients,
+    },
+)
+
+
+def zonal_harmonics(row: int, radius: float, pole: Vector, harmonics: dict[int, float]) -> Summand:
+    """Return the term for the massive body of that row, counted from 0.
+
+    radius : R, a length; pole : unit vector; harmonics : J_n by n, from 2 on
+    """
+    powers = [harmonics.get(n, 0.0) * radius**n for n in range(2, max(harmonics) + 1)]
+    return Summand(
+        name="zonal harmonics",
+        formula="-sum m (G M / r) sum J_n (R / r)^n P_n(s)",
+        tag=TAG,
+        parameters=np.array([row, *pole, *powers], dtype=np.float64),
+        traits=frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS}),
+        axis=pole,
+    )
+
+
+@dataclass(frozen=True)
+class ZonalHarmonics(Term):
+    """The flattening of a body, as zonal harmonics J2, J3, J4 of its field.
+
+        system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg))
+
+    body : the massive body that is flattened; by default the most massive one
+    J2, J3, J4 : numbers; radius : the equatorial radius that they belong to, a length
+    pole : of its axis, (right ascension, declination) in the ICRF or a vector in the axes of the system; it stays
+    """
+
+    kind: ClassVar[str] = "zonal-harmonics"
+    J2: Any = 0.0
+    J3: Any = 0.0
+    J4: Any = 0.0
+    radius: Any = None
+    pole: Any = None
+
+    def in_units(self, units: Any) -> Self:
+        """Return it with floats for J_n, the radius in the system's unit, and a unit vector for the pole."""
+        whose = f" of {self.body!r}" if self.body else ""
+        if self.radius is None:
+            raise InputError(
+                f"ZonalHarmonics{whose}: radius is missing; J_n belong to a radius, such as radius=696000 * u.km."
+            )
+        found: dict[str, Any] = {
+            name: number(units.pure_value(getattr(self, name), f"{name}{whose}"), f"{name}{whose}")
+            for name in ("J2", "J3", "J4")
+        }
+        if not any(found.values()):
+            raise InputError(
+                f"ZonalHarmonics{whose}: J2, J3 and J4 are all 0; expected one at least, such as J2=2.2e-7."
+            )
+        radius = number(units.length_value(self.radius, f"radius{whose}"), f"radius{whose}")
+        if not radius > 0.0:
+            raise InputError(f"ZonalHarmonics{whose}: radius is {radius:g} {units.length}; expected a length > 0.")
+        pole = direction(self.pole, f"pole{whose}", units)
+        return replace(self, **found, radius=radius * units.length, pole=pole)
+
+    def summand(self, row: int, units: Any) -> Summand:
+        """Return the term for the massive body of that row."""
+        harmonics = {2: self.J2, 3: self.J3, 4: self.J4}
+        last = max(n for n, J in harmonics.items() if J != 0.0)
+        radius = float(units.length_value(self.radius))
+        return zonal_harmonics(row, radius, self.pole, {n: J for n, J in harmonics.items() if n <= last})

@@ -1,0 +1,250 @@
+"""What acts in a system besides Newton's gravity: its terms and forces, and the Lagrangian that they make.
+
+What has kernels is imported where it is needed: making a system without terms does not load Numba.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, Self, cast
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import few, index_of
+from orbits.errors import ArchiveError, InputError, shown
+from orbits.units import UnitSystem
+
+if TYPE_CHECKING:
+    from orbits.forces.base import Force
+    from orbits.integrators.base import Integrator
+    from orbits.lagrangians.base import Lagrangian
+    from orbits.lagrangians.terms.base import SumOfTerms, Term
+    from orbits.system.value import System
+
+Array = NDArray[np.float64]
+
+ENERGY, MOMENTUM, ANGULAR_MOMENTUM = 0, 1, 2
+"""Which of the charges of a system `whole` completes."""
+
+
+class Modelled:
+    """What `System` has for terms and forces."""
+
+    __slots__ = ()
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """What is added to Newton's Lagrangian, in the units of the system."""
+        return cast("tuple[Term, ...]", cast(Any, self)._terms)
+
+    @property
+    def forces(self) -> tuple[Force, ...]:
+        """The forces without a Lagrangian, in the units of the system."""
+        return cast("tuple[Force, ...]", cast(Any, self)._forces)
+
+    def with_terms(self, *terms: Term) -> Self:
+        """Return this system with more terms in its Lagrangian; `replaced(terms=())` takes them away.
+
+            pole = (286.13, 63.87) * u.deg
+            system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=pole))
+
+        Raises InputError, naming the term, for what is none, numbers or units that cannot be, a body without mass, and
+        a second term of one kind for one body; UnknownNameError for a body that there is not.
+        """
+        system: Any = self
+        return cast(Self, system.replaced(terms=(*self.terms, *terms)))
+
+    def with_forces(self, *forces: Force) -> Self:
+        """Return this system with more forces that have no Lagrangian; `replaced(forces=())` takes them away.
+
+            system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
+
+        Raises InputError and UnknownNameError as `with_terms` does.
+        """
+        system: Any = self
+        return cast(Self, system.replaced(forces=(*self.forces, *forces)))
+
+    def _acting(self) -> str:
+        """The end of the line that a system shows: what acts besides Newton's gravity."""
+        words = [f"{type(term).__name__} of {term.body}" for term in self.terms]
+        words += [f"{type(f).__name__} on {'all' if f.bodies is None else few(f.bodies, 3)}" for f in self.forces]
+        return f"; with {', '.join(words)}" if words else ""
+
+
+def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem) -> tuple[Term, ...]:
+    """Return terms in the units of a system, each with the name of its body. Raises as `Modelled.with_terms`."""
+    if isinstance(terms, list | tuple) and not terms:
+        return ()
+    from orbits.lagrangians.terms.base import Term
+
+    found: list[Term] = []
+    for term in _each(terms, Term, "a term, such as orbits.ZonalHarmonics(...)", "terms"):
+        kind = type(term).__name__
+        i = int(np.argmax(gm)) if term.body is None else index_of(term.body, names, f"body, for {kind},")
+        if not gm[i] > 0.0:
+            raise InputError(
+                f"{kind} belongs to a body with mass, but gm of {names[i]!r} is 0; expected a massive body."
+            )
+        if any(type(other) is type(term) and other.body == names[i] for other in found):
+            raise InputError(
+                f"{names[i]!r} has two terms {kind}; expected one. Take the first away: system.replaced(terms=())."
+            )
+        found.append(replace(term, body=names[i]).in_units(units))
+    return tuple(found)
+
+
+def checked_forces(forces: Any, names: Sequence[str], units: UnitSystem) -> tuple[Force, ...]:
+    """Return forces in the units of a system. Raises as `Modelled.with_forces`."""
+    if isinstance(forces, list | tuple) and not forces:
+        return ()
+    from orbits.forces.base import Force
+
+    found: list[Force] = []
+    for force in _each(forces, Force, "a force, such as orbits.Drag(...)", "forces"):
+        kind, bodies = type(force).__name__, force.bodies
+        if bodies is not None:
+            given = [bodies] if isinstance(bodies, str) else bodies
+            if not isinstance(given, list | tuple) or not given:
+                raise InputError(f"{kind}: bodies is {shown(bodies)}; expected names, or None for all bodies.")
+            bodies = tuple(names[index_of(name, names, f"body, for {kind},")] for name in given)
+            if len(set(bodies)) < len(bodies):
+                raise InputError(f"{kind}: bodies names one body twice, {shown(given)}; expected each once.")
+        found.append(replace(force, bodies=bodies).in_units(units))
+    return tuple(found)
+
+
+def _each(given: Any, kind: type, expected: str, what: str) -> Sequence[Any]:
+    for item in given if isinstance(given, list | tuple) else [given]:
+        if not isinstance(item, kind):
+            raise InputError(f"{what} has {shown(item)}; expected {expected}.")
+    return given if isinstance(given, list | tuple) else [given]
+
+
+def together(one: System, other: System) -> dict[str, Any]:
+    """Return the terms and forces of two systems as those of one; what both have is there once."""
+    terms, forces = ((*mine, *(x for x in theirs if x not in mine)) for mine, theirs in _pairs(one, other))
+    return {"terms": terms, "forces": forces}
+
+
+def _pairs(one: System, other: System) -> tuple[tuple[Sequence[Any], Sequence[Any]], ...]:
+    return (one.terms, other.terms), (one.forces, other.forces)
+
+
+def lagrangian_of(system: System) -> Lagrangian:
+    """Return the Lagrangian of the massive bodies of a system; coordinates x, y, z of each in turn, L times G."""
+    from orbits.lagrangians.newtonian import n_body
+
+    values, massive = system.values, system.massive
+    rows = np.cumsum(massive) - 1
+    summands = [term.summand(int(rows[system.index(str(term.body))]), system.units) for term in system.terms]
+    return n_body(values.gm[massive], values.softening, summands)
+
+
+def model(system: System) -> tuple[Lagrangian, Any]:
+    """Return the Lagrangian of a system as kernels take it, and its parameters: one vector, or one for each term."""
+    from orbits.lagrangians.newtonian import newtonian, parameters
+
+    if not system.terms:
+        return newtonian, parameters(system.values.gm[system.massive], system.values.softening)
+    lagrangian = lagrangian_of(system)
+    return lagrangian, lagrangian.parameter_vector
+
+
+def marched(system: System, integrator: Integrator, others: Mapping[str, Any]) -> tuple[Lagrangian, Any]:
+    """Return `model` for a march by a method. Raises InputError where the method cannot take what acts here."""
+    from orbits.lagrangians.base import SEPARABLE
+
+    require_no_forces(system, integrator.name)
+    lagrangian, vectors = model(system)
+    if SEPARABLE not in lagrangian.traits:
+        kinds = [type(term).__name__ for term in system.terms if SEPARABLE not in term.summand(0, system.units).traits]
+        raise InputError(
+            f"{integrator.name} marches systems whose terms depend on positions alone; {few(kinds)} depends on "
+            "velocities. Leave it out: system.replaced(terms=...); orbits.march takes it for massive bodies alone."
+        )
+    integrator.check(lagrangian, others)
+    return lagrangian, vectors
+
+
+def require_no_forces(system: System, what: str) -> None:
+    """Raise InputError, naming the forces, where there are some."""
+    if system.forces:
+        kinds = few([type(force).__name__ for force in system.forces])
+        raise InputError(
+            f"{what} takes no forces without a Lagrangian, but here is {kinds}. Leave them out: "
+            "system.replaced(forces=())."
+        )
+
+
+def require_newtonian(system: System, what: str) -> None:
+    """Raise InputError, naming them, where terms or forces act that `what` knows nothing of."""
+    acting = [type(x).__name__ for x in (*system.terms, *system.forces)]
+    if acting:
+        raise InputError(
+            f"{what} knows Newton's gravity alone, but here acts {few(acting)} too. Leave it out: "
+            "system.replaced(terms=(), forces=())."
+        )
+
+
+def whole(system: System, charge: int, newton: Array, q: Array, v: Array) -> Array:
+    """Return a charge of the whole Lagrangian, times G, from that of Newton's.
+
+    q, v : (..., n, 3), of all bodies or of the massive ones
+    """
+    if not system.terms:
+        return newton
+    from orbits.lagrangians.terms.charges import charges
+
+    massive = system.massive
+    if q.shape[-2] != np.count_nonzero(massive):
+        q, v = q[..., massive, :], v[..., massive, :]
+    return np.asarray(newton + charges(cast("SumOfTerms", lagrangian_of(system)), q, v)[charge])
+
+
+def axis(system: System) -> tuple[float, float, float] | None:
+    """Return the axis about which angular momentum is conserved, if one alone; zeros for none; None for all axes."""
+    if not system.terms:
+        return None
+    from orbits.lagrangians.terms.base import axis_of
+
+    return axis_of([term.summand(0, system.units) for term in system.terms])
+
+
+def to_json(system: System) -> str:
+    """Return terms and forces as JSON, numbers in the units of the system."""
+    return json.dumps({"terms": [_plain(x) for x in system.terms], "forces": [_plain(x) for x in system.forces]})
+
+
+def from_json(system: System, text: str) -> System:
+    """Return a system with the terms and forces of `to_json`. Raises ArchiveError for what that never returns."""
+    from orbits import forces as force_registry
+    from orbits.lagrangians import terms as term_registry
+
+    try:
+        given = json.loads(text)
+        terms = [_made(x, term_registry.registry()) for x in given["terms"]]
+        forces = [_made(x, force_registry.registry()) for x in given["forces"]]
+        return system.replaced(terms=terms, forces=forces)
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise ArchiveError(f"its terms and forces are {shown(text)}, which no run writes ({error}).") from error
+
+
+def _plain(item: Any) -> dict[str, Any]:
+    return {"kind": item.kind, **{field.name: _number(getattr(item, field.name)) for field in fields(item)}}
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, u.Quantity):
+        return float(value.value)
+    return [_number(x) for x in value] if isinstance(value, tuple) else value
+
+
+def _made(plain: Mapping[str, Any], registry: Mapping[str, Any]) -> Any:
+    if plain["kind"] not in registry:
+        raise ValueError(f"{plain['kind']!r} is not known to this version of orbits")
+    given = {name: tuple(x) if isinstance(x, list) else x for name, x in plain.items() if name != "kind"}
+    return registry[plain["kind"]](**given)

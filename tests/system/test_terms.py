@@ -1,0 +1,163 @@
+"""Terms and forces as part of a System: values with units, kept, shown, refused."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.errors import InputError, UnknownNameError
+
+POLE = (286.13 * u.deg, 63.87 * u.deg)
+
+
+@pytest.fixture
+def system():
+    return orbits.System.from_elements(
+        {
+            "Sun": {"mass": 1 * u.M_sun},
+            "Jupiter": {"a": 5.2 * u.au, "e": 0.05, "mass": 1 * u.M_jup},
+            "Ceres": {"a": 2.77 * u.au, "e": 0.08, "inc": 10 * u.deg},
+        }
+    )
+
+
+def zonal(body="Sun", **changes):
+    return orbits.ZonalHarmonics(body, **{"J2": 2.2e-7, "radius": 696000 * u.km, "pole": POLE, **changes})
+
+
+def test_terms_and_forces_make_another_system(system):
+    flattened = system.with_terms(zonal()).with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
+    assert system.terms == ()
+    assert system.forces == ()
+    assert flattened != system
+    assert flattened.replaced(terms=(), forces=()) == system
+    assert flattened == system.with_terms(zonal()).with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
+    with pytest.raises(AttributeError, match="a System is a value"):
+        flattened.terms = ()
+
+
+def test_numbers_are_kept_in_the_units_of_the_system(system):
+    (term,) = system.with_terms(zonal()).terms
+    assert term.radius.unit == u.au
+    assert term.radius.to_value(u.km) == pytest.approx(696000, rel=1e-15)
+    ra, dec = np.radians(286.13), np.radians(63.87)
+    assert term.pole == pytest.approx((np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)), rel=1e-15)
+    (drag,) = system.with_forces(orbits.Drag(rate=1 / u.yr, velocity=[1, 0, 0] * u.km / u.s)).forces
+    assert drag.rate.to_value(1 / u.day) == pytest.approx(1 / 365.25, rel=1e-15)
+    assert drag.velocity[0].unit == u.au / u.day
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
+def test_a_copy_has_the_same_terms_and_forces(system, copied):
+    made = system.with_terms(zonal(J3=1e-8), orbits.LenseThirring(spin=1.9e41 * u.kg * u.m**2 / u.s, pole=POLE))
+    made = made.with_forces(orbits.Drag(rate=1e-6 / u.yr))
+    assert copied(made) == made
+    # Bound again to the same bits: what was stored is not converted a second time.
+    assert copied(made).terms == made.replaced(terms=made.terms).terms == made.terms
+
+
+def test_terms_stay_where_bodies_move_and_come_and_go(system):
+    made = system.with_terms(zonal())
+    for other in (made.replaced(q=made.q * 2), made.barycentric(), made.add("probe", primary="Sun", a=1 * u.au)):
+        assert other.terms == made.terms
+    assert made.remove("Ceres").terms == made.terms
+    assert (system + made.remove("Ceres")).terms == made.terms
+    assert (made + system).terms == made.terms
+
+
+def test_the_body_is_the_most_massive_one_unless_it_is_named(system):
+    assert system.with_terms(zonal(None)).terms[0].body == "Sun"
+    assert system.with_terms(zonal("jupiter")).terms[0].body == "Jupiter"
+
+
+def test_a_system_shows_what_acts_in_it(system):
+    made = system.with_terms(zonal()).with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
+    assert "with ZonalHarmonics of Sun, Drag on Ceres)" in repr(made)
+    assert "ZonalHarmonics of Sun" in made._repr_html_()
+    assert "with" not in repr(system)
+
+
+def test_named_arrays_tell_what_acts(system):
+    made = system.with_terms(zonal())
+    assert '"kind": "zonal-harmonics", "body": "Sun"' in made.to_xarray().attrs["terms_and_forces"]
+    assert "terms_and_forces" not in system.to_xarray().attrs
+
+
+def test_energy_is_that_of_the_whole_lagrangian(system):
+    made = system.with_terms(zonal("Sun", J2=1e-3))
+    gm, r = made.gm[0].value * made.gm[1].value, made.q[1].value - made.q[0].value
+    distance = np.linalg.norm(r)
+    (term,) = made.terms
+    s = r @ np.array(term.pole) / distance
+    expected = gm / distance * 1e-3 * (term.radius.value / distance) ** 2 * (1.5 * s * s - 0.5) / made.units.G
+    # A difference of energies that are 1e9 times as large.
+    assert (made.energy() - system.energy()).value == pytest.approx(expected, abs=4e-16 * abs(system.energy().value))
+    assert np.array_equal(made.angular_momentum(), system.angular_momentum())
+
+
+def test_a_velocity_dependent_term_has_momenta_but_no_energy(system):
+    made = system.with_terms(orbits.LenseThirring("Sun", spin=1e45 * u.kg * u.m**2 / u.s, pole=POLE))
+    assert made.energy().value == pytest.approx(system.energy().value, rel=1e-15)
+    assert not np.array_equal(made.angular_momentum(), system.angular_momentum())
+    # Action and reaction: the momentum of the whole stays, up to the rounding of its terms.
+    size = np.linalg.norm(system.v.value[1]) * system.gm[1].value / system.units.G
+    assert np.max(np.abs((made.linear_momentum() - system.linear_momentum()).value)) < 4e-16 * size
+
+
+BAD = {
+    "no term": (lambda s: s.with_terms("J2"), "terms has 'J2'; expected a term, such as orbits.ZonalHarmonics"),
+    "a force": (lambda s: s.with_terms(orbits.Drag(rate=1 / u.yr)), "expected a term"),
+    "a class": (lambda s: s.with_terms(orbits.ZonalHarmonics), "expected a term"),
+    "a term": (lambda s: s.with_forces(zonal()), r"expected a force, such as orbits.Drag\("),
+    "massless": (lambda s: s.with_terms(zonal("Ceres")), "gm of 'Ceres' is 0; expected a massive body"),
+    "twice": (lambda s: s.with_terms(zonal(), zonal(None)), "'Sun' has two terms ZonalHarmonics"),
+    "no radius": (lambda s: s.with_terms(zonal(radius=None)), "'Sun': radius is missing"),
+    "unit": (lambda s: s.with_terms(zonal(radius=1 * u.kg)), "radius of 'Sun' is in kg; expected length in AU"),
+    "sign": (lambda s: s.with_terms(zonal(radius=-1 * u.km)), "expected a length > 0"),
+    "nothing": (lambda s: s.with_terms(zonal(J2=0)), "J2, J3 and J4 are all 0"),
+    "many": (lambda s: s.with_terms(zonal(J2=[1, 2])), r"J2 of 'Sun' is \[1.0, 2.0\]; expected one finite number"),
+    "nan": (lambda s: s.with_terms(zonal(J2=np.nan)), "J2 of 'Sun' is nan"),
+    "no pole": (lambda s: s.with_terms(zonal(pole=None)), "pole of 'Sun' is missing; expected"),
+    "degrees": (lambda s: s.with_terms(zonal(pole=(286.13, 63.87))), "plain numbers are radians, degrees need u.deg"),
+    "zero pole": (lambda s: s.with_terms(zonal(pole=(0, 0, 0))), "not all of them 0"),
+    "four": (lambda s: s.with_terms(zonal(pole=(0, 0, 0, 1))), "expected .right ascension, declination"),
+    "word": (lambda s: s.with_terms(zonal(pole=5)), "pole of 'Sun' is 5; expected"),
+    "no spin": (lambda s: s.with_terms(orbits.LenseThirring(pole=POLE)), "spin is missing"),
+    "no rate": (lambda s: s.with_forces(orbits.Drag()), "rate is missing"),
+    "rate": (
+        lambda s: s.with_forces(orbits.Drag(rate=1 * u.yr)),
+        "the rate of Drag is in yr; expected number per time",
+    ),
+    "against": (lambda s: s.with_forces(orbits.Drag(rate=-1 / u.yr)), "expected one finite number >= 0"),
+    "medium": (lambda s: s.with_forces(orbits.Drag(rate=1 / u.yr, velocity=[1, 2])), "expected three finite numbers"),
+    "none": (lambda s: s.with_forces(orbits.Drag(rate=1 / u.yr, bodies=[])), "expected names, or None for all bodies"),
+    "same": (lambda s: s.with_forces(orbits.Drag(rate=1 / u.yr, bodies=["Sun", "sun"])), "names one body twice"),
+}
+
+
+@pytest.mark.parametrize(("make", "message"), BAD.values(), ids=BAD)
+def test_what_cannot_act_is_refused_in_words(system, make, message):
+    with pytest.raises(InputError, match=message):
+        make(system)
+
+
+def test_unknown_bodies_are_named_with_what_comes_close(system):
+    with pytest.raises(UnknownNameError, match=r"body, for ZonalHarmonics, 'Jupyter'.*Did you mean 'Jupiter'"):
+        system.with_terms(zonal("Jupyter"))
+    with pytest.raises(UnknownNameError, match="body, for Drag, 'Pallas'"):
+        system.with_forces(orbits.Drag(rate=1 / u.yr, bodies=["Pallas"]))
+    with pytest.raises(UnknownNameError, match="body, for ZonalHarmonics, 'Jupiter'"):
+        system.with_terms(zonal("Jupiter")).remove("Jupiter")
+
+
+def test_dimensionless_systems_take_plain_numbers_and_ask_for_the_speed_of_light():
+    system = orbits.System(["a", "b"], [1, 0.1], [[0, 0, 0], [1, 0, 0]], np.zeros((2, 3)), units=orbits.DIMENSIONLESS)
+    made = system.with_terms(orbits.ZonalHarmonics("a", J2=1e-3, radius=0.1, pole=(0, 0, 2)))
+    assert made.terms[0].pole == (0, 0, 1)
+    assert made == pickle.loads(pickle.dumps(made))
+    with pytest.raises(InputError, match="has no speed of light: give c="):
+        system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1)))
+    assert system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1), c=100)).terms[0].c.value == 100
