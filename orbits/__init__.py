@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from orbits.forces.drag import Drag
     from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
-    from orbits.integrators.flow import DiscretePath, Flow, march
     from orbits.integrators.gauss import Gauss
     from orbits.integrators.implicit_midpoint import ImplicitMidpoint
     from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
@@ -55,6 +54,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.lagrangians.terms.lense_thirring import LenseThirring
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
+    from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
@@ -149,7 +149,7 @@ _HOME = {
     "forces.drag": ["Drag"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
-    "integrators.flow": ["DiscretePath", "Flow", "march"],
+    "marching.flow": ["DiscretePath", "Flow", "march"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],

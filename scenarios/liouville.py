@@ -11,8 +11,8 @@ import numpy as np
 
 import orbits
 from orbits.diagnostics.loops import area, loop
-from orbits.integrators.flow import Flow
 from orbits.lagrangians.pendulum import pendulum
+from orbits.marching.flow import Flow
 from orbits.scenario import Check, Study, StudyResult, Table
 
 POINTS = 400

@@ -16,8 +16,8 @@ import numpy as np
 
 import orbits
 from orbits import discrete
-from orbits.integrators.flow import Flow
 from orbits.lagrangians.pendulum import pendulum
+from orbits.marching.flow import Flow
 from orbits.scenario import Check, Study, StudyResult, Table
 
 ORBITS, STEPS = 200, 2000

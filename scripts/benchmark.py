@@ -24,8 +24,8 @@ from benchmarks.bodies import part_explicit, part_kepler, part_large, part_parti
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
 
 import orbits
-from orbits.integrators.marcher import available_threads
 from orbits.kernels.compile import cpu_features, cpu_name
+from orbits.marching.marcher import available_threads
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -20,8 +20,8 @@ import numpy as np
 import orbits
 from orbits.errors import IntegrationError
 from orbits.integrators.base import Integrator
-from orbits.integrators.marcher import Marcher
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.marcher import Marcher
 from orbits.resources import data_path
 
 TARGETS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)

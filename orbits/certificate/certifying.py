@@ -16,8 +16,8 @@ from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
-from orbits.integrators.flow import starting_state
 from orbits.lagrangians.base import Lagrangian
+from orbits.marching.flow import starting_state
 
 if TYPE_CHECKING:
     from orbits.system import System

@@ -21,9 +21,9 @@ from orbits.diagnostics.convergence import Slope, slope
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
-from orbits.integrators.flow import DiscretePath, Flow
 from orbits.integrators.gauss import Gauss
 from orbits.lagrangians.base import Lagrangian
+from orbits.marching.flow import DiscretePath, Flow
 
 Array = NDArray[np.float64]
 EPS = 2.0**-53

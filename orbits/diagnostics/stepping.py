@@ -19,7 +19,7 @@ from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
-    from orbits.integrators.marcher import Marcher
+    from orbits.marching.marcher import Marcher
 
 
 MOST_STEPS = 10**9
@@ -58,8 +58,8 @@ class Bodies:
     def marcher(self, integrator: Integrator, dt: float) -> Marcher:
         """Bind the bodies to a method. Raises InputError for a step or a method that cannot be used."""
         from orbits.integrators import named, registry
-        from orbits.integrators.marcher import Marcher
         from orbits.lagrangians.newtonian import newtonian, parameters
+        from orbits.marching.marcher import Marcher
 
         integrator = named(integrator)
         check_step(dt)

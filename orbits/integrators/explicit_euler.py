@@ -7,76 +7,56 @@ Source: Hairer, Lubich & Wanner (2006), sec. I.1.1.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Form, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH
-from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
-from orbits.kernels.summation import accumulate, add_product
+from orbits.kernels.state import copy, drift, drifted, kick, kicked
+from orbits.kernels.steps import OK
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, explicit_euler
 
 
-@kernel
-def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, path, steps):
-    """March the massive bodies by `steps` steps of h; `field_record` (slots, 1, padded) receives the positions before
-    each.
-    """
-    size = dimension(tag, parameters)
-    g = work[0]
-    for step in range(steps):
-        record_state(path, step, q, v, size)
-        accelerate(tag, parameters, q, g)
-        copy(q, 0, size, field_record[step % field_record.shape[0], 0])
-        drift(q, q_lo, h, v, v_lo, size)
-        kick(v, v_lo, h, g, size)
-    return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, steps
+@kernel(inline=True)
+def step(method, model, t, h, state, storage):
+    """Take one step; `storage.stages` (1, padded) receives the positions before it."""
+    size, g = dimension(model.tag, model.parameters), storage.scratch[0]
+    accelerate(model.tag, model.parameters, state.q, g)
+    copy(state.q, 0, size, storage.stages[0])
+    drift(state.q, state.q_lo, h, state.p, state.p_lo, 0, size)
+    kick(state.p, state.p_lo, h, g, 0, size)
+    return OK, 0, 1
 
 
-@kernel
-def advance_particles(
-    tag,
-    parameters,
-    coefficients,
-    h,
-    q,
-    q_lo,
-    v,
-    v_lo,
-    memory,
-    work,
-    field_record,
-    steps,
-    start,
-    stop,
-    observer,
-    context,
-    track,
-):
-    """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
-    for p in range(start, stop, WIDTH):
-        x, y, z, x_lo, y_lo, z_lo = load_particles(q, q_lo, p)
-        vx, vy, vz, vx_lo, vy_lo, vz_lo = load_particles(v, v_lo, p)
-        for step in range(steps):
-            record_particles(track, step, x, y, z, vx, vy, vz)
-            ax, ay, az = field(tag, parameters, field_record[step, 0], x, y, z)
-            x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
-            y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
-            z, z_lo = add_product(z, z_lo, h, vz, vz_lo)
-            vx, vx_lo = accumulate(vx, vx_lo, h * ax)
-            vy, vy_lo = accumulate(vy, vy_lo, h * ay)
-            vz, vz_lo = accumulate(vz, vz_lo, h * az)
-        store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
-        store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
-        record_particles(track, steps, x, y, z, vx, vy, vz)
-        call_observer(observer, context, track, h, steps, p, stop)
-    lost = first_not_finite(q, v, start, stop)
-    return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), steps * (stop - start)
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of eight particles in the field of the bodies where they were before it."""
+    g = field(model.tag, model.parameters, storage.stages[0], particles.x, particles.y, particles.z)
+    return kicked(drifted(particles, h), h, g), carry, OK, 1
+
+
+@kernel(inline=True)
+def begin_particles(method, model, particles, storage):
+    """Nothing is carried."""
+    return OK
+
+
+class _Euler(Form):
+    """Positions and velocities, both by what they were before the step."""
+
+    kernels: ClassVar[Mapping[str, Any]] = {
+        "step": step,
+        "step_particles": step_particles,
+        "begin_particles": begin_particles,
+    }
+
+    def stages_shape(self, size: int) -> tuple[int, int]:
+        """Positions before a step."""
+        return 1, padded(size)
 
 
 @dataclass(frozen=True)
@@ -90,8 +70,6 @@ class ExplicitEuler(Integrator):
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE})
     declares: ClassVar[frozenset[str]] = frozenset()
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. I.1.1"
-    advance: ClassVar[Any] = staticmethod(advance)
-    advance_particles: ClassVar[Any] = staticmethod(advance_particles)
 
     @property
     def tableau(self) -> PartitionedTableau:
@@ -103,10 +81,7 @@ class ExplicitEuler(Integrator):
         """Order of convergence: 1."""
         return 1
 
-    def field_shape(self, size: int) -> tuple[int, int]:
-        """Positions before a step."""
-        return 1, padded(size)
-
-    def work_shape(self, size: int) -> tuple[int, int]:
-        """One vector of accelerations."""
-        return 1, padded(size)
+    @property
+    def second_order(self) -> Form:
+        """A drift and a kick, neither knowing of the other."""
+        return _Euler()

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from orbits.errors import InputError, shown
-from orbits.integrators.vprk.family import VariationalRungeKutta
+from orbits.integrators.variational import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, gauss
 
 MOST = 32

@@ -13,10 +13,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from orbits.errors import InputError, shown
-from orbits.integrators.vprk.family import VariationalRungeKutta
+from orbits.integrators.forms import Array, Form
+from orbits.integrators.splitting import Splitting
+from orbits.integrators.stormer_verlet import kick_drift_kick
+from orbits.integrators.variational import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
 from orbits.tableaux import SymplecticTableau, lobatto_iiia_iiib, lobatto_iiib_iiia
+
+
+def drift_kick_drift(h: float) -> tuple[Array, Array]:
+    """Half a drift, a kick, half a drift."""
+    return np.array([0.0, h, 0.0]), np.array([h / 2, h / 2])
 
 
 def _check(name: str, stages: object) -> None:
@@ -49,6 +59,11 @@ class LobattoIIIAB(VariationalRungeKutta):
         """IIIA with its symplectic partner."""
         return lobatto_iiia_iiib(self.stages)
 
+    @property
+    def second_order(self) -> Form:
+        """With two stages Störmer–Verlet's kicks and drifts."""
+        return Splitting(kick_drift_kick, drifts=1) if self.stages == 2 else super().second_order
+
     @classmethod
     def examples(cls) -> tuple[LobattoIIIAB, ...]:
         """Return the methods with 2, 3 and 4 stages."""
@@ -62,7 +77,7 @@ class LobattoIIIBA(VariationalRungeKutta):
     stages : s
 
     Symplectic, symmetric; keeps linear and angular momentum. With two stages and a separable Lagrangian it is
-    drift - kick - drift.
+    explicit: drift - kick - drift.
     Raises InputError for other stages; a march raises ConvergenceError where a step does not converge.
     """
 
@@ -79,6 +94,11 @@ class LobattoIIIBA(VariationalRungeKutta):
     def tableau(self) -> SymplecticTableau:
         """IIIB with its symplectic partner."""
         return lobatto_iiib_iiia(self.stages)
+
+    @property
+    def second_order(self) -> Form:
+        """With two stages drifts and a kick."""
+        return Splitting(drift_kick_drift, drifts=2) if self.stages == 2 else super().second_order
 
     @classmethod
     def examples(cls) -> tuple[LobattoIIIBA, ...]:

@@ -12,113 +12,105 @@ Source: Kutta (1901); Hairer, Lubich & Wanner (2006), sec. II.1.1.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from orbits.integrators.base import NOT_FINITE, OK, Integrator, padded
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Form, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH
-from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_particles, record_state
-from orbits.kernels.state import all_finite, copy, drift, first_not_finite, kick, load_particles, store_particles
-from orbits.kernels.summation import accumulate, add_product
+from orbits.kernels.state import copy, drift, drifted, kick, kicked, shifted
+from orbits.kernels.steps import OK
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, runge_kutta_4
 
 
-@kernel
-def advance(tag, parameters, coefficients, h, q, q_lo, v, v_lo, memory, work, field_record, path, steps):
-    """March the massive bodies by `steps` steps of h; `field_record` (slots, 4, padded) receives the positions of the
-    stages.
-    """
+@kernel(inline=True)
+def step(method, model, t, h, state, storage):
+    """Take one step; `storage.stages` (4, padded) receives the positions of the stages."""
+    q, q_lo, v, v_lo = state
+    tag, parameters, work, stages = model.tag, model.parameters, storage.scratch, storage.stages
     size = dimension(tag, parameters)
     g1, g2, g3, g4 = work[0], work[1], work[2], work[3]
-    for step in range(steps):
-        record_state(path, step, q, v, size)
-        slot = step % field_record.shape[0]
-        Q1, Q2, Q3, Q4 = field_record[slot, 0], field_record[slot, 1], field_record[slot, 2], field_record[slot, 3]
-        copy(q, 0, size, Q1)
-        accelerate(tag, parameters, Q1, g1)
-        for k in range(size):
-            Q2[k] = q[k] + h / 2 * v[k]
-        accelerate(tag, parameters, Q2, g2)
-        for k in range(size):
-            Q3[k] = q[k] + (h / 2 * v[k] + h * h / 4 * g1[k])
-        accelerate(tag, parameters, Q3, g3)
-        for k in range(size):
-            Q4[k] = q[k] + (h * v[k] + h * h / 2 * g2[k])
-        accelerate(tag, parameters, Q4, g4)
-        drift(q, q_lo, h, v, v_lo, size)
-        for k in range(size):
-            middle = g2[k] + g3[k]
-            g4[k] = g1[k] + 2.0 * middle + g4[k]
-            g1[k] += middle
-        kick(q, q_lo, h * h / 6, g1, size)
-        kick(v, v_lo, h / 6, g4, size)
-    return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, 4 * steps
+    Q1, Q2, Q3, Q4 = stages[0], stages[1], stages[2], stages[3]
+    copy(q, 0, size, Q1)
+    accelerate(tag, parameters, Q1, g1)
+    for k in range(size):
+        Q2[k] = q[k] + h / 2 * v[k]
+    accelerate(tag, parameters, Q2, g2)
+    for k in range(size):
+        Q3[k] = q[k] + (h / 2 * v[k] + h * h / 4 * g1[k])
+    accelerate(tag, parameters, Q3, g3)
+    for k in range(size):
+        Q4[k] = q[k] + (h * v[k] + h * h / 2 * g2[k])
+    accelerate(tag, parameters, Q4, g4)
+    drift(q, q_lo, h, v, v_lo, 0, size)
+    for k in range(size):
+        middle = g2[k] + g3[k]
+        g4[k] = g1[k] + 2.0 * middle + g4[k]
+        g1[k] += middle
+    kick(q, q_lo, h * h / 6, g1, 0, size)
+    kick(v, v_lo, h / 6, g4, 0, size)
+    return OK, 0, 4
 
 
-@kernel
-def advance_particles(
-    tag,
-    parameters,
-    coefficients,
-    h,
-    q,
-    q_lo,
-    v,
-    v_lo,
-    memory,
-    work,
-    field_record,
-    steps,
-    start,
-    stop,
-    observer,
-    context,
-    track,
-):
-    """March particles start ... stop - 1 in the recorded field, eight in lanes; `start` is a multiple of eight."""
-    for p in range(start, stop, WIDTH):
-        x, y, z, x_lo, y_lo, z_lo = load_particles(q, q_lo, p)
-        vx, vy, vz, vx_lo, vy_lo, vz_lo = load_particles(v, v_lo, p)
-        for step in range(steps):
-            record_particles(track, step, x, y, z, vx, vy, vz)
-            t, s, w = h / 2, h * h / 4, h * h / 2
-            ax, ay, az = field(tag, parameters, field_record[step, 0], x, y, z)
-            bx, by, bz = field(tag, parameters, field_record[step, 1], x + t * vx, y + t * vy, z + t * vz)
-            cx, cy, cz = field(
-                tag,
-                parameters,
-                field_record[step, 2],
-                x + (t * vx + s * ax),
-                y + (t * vy + s * ay),
-                z + (t * vz + s * az),
-            )
-            dx, dy, dz = field(
-                tag,
-                parameters,
-                field_record[step, 3],
-                x + (h * vx + w * bx),
-                y + (h * vy + w * by),
-                z + (h * vz + w * bz),
-            )
-            x, x_lo = add_product(x, x_lo, h, vx, vx_lo)
-            y, y_lo = add_product(y, y_lo, h, vy, vy_lo)
-            z, z_lo = add_product(z, z_lo, h, vz, vz_lo)
-            x, x_lo = accumulate(x, x_lo, h * h / 6 * (ax + bx + cx))
-            y, y_lo = accumulate(y, y_lo, h * h / 6 * (ay + by + cy))
-            z, z_lo = accumulate(z, z_lo, h * h / 6 * (az + bz + cz))
-            vx, vx_lo = accumulate(vx, vx_lo, h / 6 * (ax + 2.0 * (bx + cx) + dx))
-            vy, vy_lo = accumulate(vy, vy_lo, h / 6 * (ay + 2.0 * (by + cy) + dy))
-            vz, vz_lo = accumulate(vz, vz_lo, h / 6 * (az + 2.0 * (bz + cz) + dz))
-        store_particles(q, q_lo, p, x, y, z, x_lo, y_lo, z_lo)
-        store_particles(v, v_lo, p, vx, vy, vz, vx_lo, vy_lo, vz_lo)
-        record_particles(track, steps, x, y, z, vx, vy, vz)
-        call_observer(observer, context, track, h, steps, p, stop)
-    lost = first_not_finite(q, v, start, stop)
-    return (OK if lost < 0 else NOT_FINITE), steps, max(lost, 0), 4 * steps * (stop - start)
+@kernel(inline=True)
+def _force(model, sources, particles, half, whole, g):
+    """Return the accelerations at the stage at q + half v + whole g."""
+    return field(
+        model.tag,
+        model.parameters,
+        sources,
+        particles.x + (half * particles.vx + whole * g[0]),
+        particles.y + (half * particles.vy + whole * g[1]),
+        particles.z + (half * particles.vz + whole * g[2]),
+    )
+
+
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of eight particles in the field of the bodies' stages."""
+    tag, parameters, stages = model.tag, model.parameters, storage.stages
+    half = h / 2
+    ax, ay, az = field(tag, parameters, stages[0], particles.x, particles.y, particles.z)
+    bx, by, bz = field(
+        tag,
+        parameters,
+        stages[1],
+        particles.x + half * particles.vx,
+        particles.y + half * particles.vy,
+        particles.z + half * particles.vz,
+    )
+    cx, cy, cz = _force(model, stages[2], particles, half, h * h / 4, (ax, ay, az))
+    dx, dy, dz = _force(model, stages[3], particles, h, h * h / 2, (bx, by, bz))
+    particles = shifted(drifted(particles, h), h * h / 6, (ax + bx + cx, ay + by + cy, az + bz + cz))
+    change = (ax + 2.0 * (bx + cx) + dx, ay + 2.0 * (by + cy) + dy, az + 2.0 * (bz + cz) + dz)
+    return kicked(particles, h / 6, change), carry, OK, 4
+
+
+@kernel(inline=True)
+def begin_particles(method, model, particles, storage):
+    """Nothing is carried."""
+    return OK
+
+
+class _FourStages(Form):
+    """Four accelerations, one after the other."""
+
+    kernels: ClassVar[Mapping[str, Any]] = {
+        "step": step,
+        "step_particles": step_particles,
+        "begin_particles": begin_particles,
+    }
+
+    def stages_shape(self, size: int) -> tuple[int, int]:
+        """Positions of the four stages."""
+        return 4, padded(size)
+
+    def scratch_shape(self, size: int) -> tuple[int, int]:
+        """Four vectors of accelerations."""
+        return 4, padded(size)
 
 
 @dataclass(frozen=True)
@@ -132,8 +124,6 @@ class RungeKutta4(Integrator):
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE})
     declares: ClassVar[frozenset[str]] = frozenset()
     source: ClassVar[str] = "Kutta (1901); Hairer, Lubich & Wanner (2006), sec. II.1.1"
-    advance: ClassVar[Any] = staticmethod(advance)
-    advance_particles: ClassVar[Any] = staticmethod(advance_particles)
 
     @property
     def tableau(self) -> PartitionedTableau:
@@ -145,10 +135,7 @@ class RungeKutta4(Integrator):
         """Order of convergence: 4."""
         return 4
 
-    def field_shape(self, size: int) -> tuple[int, int]:
-        """Positions of the four stages."""
-        return 4, padded(size)
-
-    def work_shape(self, size: int) -> tuple[int, int]:
-        """Four vectors of accelerations."""
-        return 4, padded(size)
+    @property
+    def second_order(self) -> Form:
+        """Four accelerations, one after the other."""
+        return _FourStages()

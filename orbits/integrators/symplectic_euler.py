@@ -14,11 +14,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMPLECTIC
-from orbits.integrators.vprk.family import VariationalRungeKutta
+from orbits.integrators.forms import Array
+from orbits.integrators.splitting import Splitting
+from orbits.integrators.variational import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, drift_kick, kick_drift
 
+
+def kick_then_drift(h: float) -> tuple[Array, Array]:
+    """A kick, and a drift with the new velocities."""
+    return np.array([h, 0.0]), np.array([h])
+
+
+def drift_then_kick(h: float) -> tuple[Array, Array]:
+    """A drift, and a kick at the new positions."""
+    return np.array([0.0, h]), np.array([h])
+
+
+_FLOWS = {"kick-drift": kick_then_drift, "drift-kick": drift_then_kick}
 _VARIANTS = {"kick-drift": kick_drift, "drift-kick": drift_kick}
 
 
@@ -28,8 +44,10 @@ class SymplecticEuler(VariationalRungeKutta):
 
     variant : "kick-drift" (momenta first) or "drift-kick" (positions first)
 
-    Keeps linear and angular momentum and the symplectic form, not the direction of time. `StormerVerlet` costs no more.
-    Raises InputError for another variant; a march raises ConvergenceError where a step does not converge.
+    Explicit for separable Lagrangians. Keeps linear and angular momentum and the symplectic form, not the direction of
+    time. `StormerVerlet` costs no more.
+    Raises InputError for another variant; a march of a Lagrangian that is not separable raises ConvergenceError where
+    a step does not converge.
     """
 
     variant: str = "kick-drift"
@@ -48,6 +66,11 @@ class SymplecticEuler(VariationalRungeKutta):
     def tableau(self) -> SymplecticTableau:
         """One stage at the beginning or at the end of the step."""
         return _VARIANTS[self.variant]()
+
+    @property
+    def second_order(self) -> Splitting:
+        """A kick and a drift, explicit where the Lagrangian is separable."""
+        return Splitting(_FLOWS[self.variant], drifts=1)
 
     @classmethod
     def examples(cls) -> tuple[SymplecticEuler, ...]:

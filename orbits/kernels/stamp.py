@@ -29,7 +29,7 @@ from orbits.kernels import trust
 
 PACKAGE = Path(__file__).resolve().parent.parent
 
-KERNEL_FOLDERS = ("kernels", "lagrangians", "forces", "integrators")
+KERNEL_FOLDERS = ("kernels", "lagrangians", "forces", "integrators", "marching")
 """Where files with kernels may stand; a test sees to it that none stands elsewhere."""
 
 GENERATORS = "lagrangians/symbolic/"

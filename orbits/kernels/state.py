@@ -53,16 +53,6 @@ def all_finite(q, v, size):
     return True
 
 
-@kernel
-def first_not_finite(q, v, start, stop):
-    """Return the first of particles start ... stop - 1 whose state is not finite, or -1; q, v : (3, padded)."""
-    for p in range(start, stop):
-        for k in range(3):
-            if not (q[k, p] * 0.0 == 0.0 and v[k, p] * 0.0 == 0.0):
-                return p
-    return -1
-
-
 @kernel(inline=True)
 def kicked(particles, h, g):
     """Return particles with the velocities advanced by h g, g being (gx, gy, gz)."""
@@ -70,6 +60,16 @@ def kicked(particles, h, g):
     vx, vx_lo = accumulate(vx, vx_lo, h * g[0])
     vy, vy_lo = accumulate(vy, vy_lo, h * g[1])
     vz, vz_lo = accumulate(vz, vz_lo, h * g[2])
+    return Particles(x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo)
+
+
+@kernel(inline=True)
+def shifted(particles, h, g):
+    """Return particles with the positions advanced by h g, g being (gx, gy, gz)."""
+    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
+    x, x_lo = accumulate(x, x_lo, h * g[0])
+    y, y_lo = accumulate(y, y_lo, h * g[1])
+    z, z_lo = accumulate(z, z_lo, h * g[2])
     return Particles(x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo)
 
 

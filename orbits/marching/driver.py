@@ -81,7 +81,8 @@ def march_together(
 ):  # fmt: skip
     """March thousands of bodies as one of several threads: each moves a share of the coordinates.
 
-    rounds : (threads, 8) int64, a row for each thread; fresh : whether the scratch holds what `begin` would write
+    rounds : (threads, 8) int64, a row for each thread; its second number is how many evaluations there were
+    fresh : whether the scratch holds what `begin` would write
     Other arguments are those of `march`.
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
@@ -89,13 +90,14 @@ def march_together(
     groups = (size + WIDTH - 1) // WIDTH
     start, stop = WIDTH * (groups * member // threads), min(WIDTH * (groups * (member + 1) // threads), size)
     share = Share(start, stop, Barrier(counters, threads, rounds[member]))
-    rounds[member, 0] = 0
+    rounds[member, 0], rounds[member, 1] = 0, 0
     if not fresh:
         begin(method, model, t0 + first * h, h, state, Storage(carry, scratch, stages[0], share))
     for k in range(steps):
         record_strip(path, k, q, p, start, stop)
         storage = Storage(carry, scratch, stages[k % stages.shape[0]], share)
-        step(method, model, t0 + (first + k) * h, h, state, storage)
+        _, _, count = step(method, model, t0 + (first + k) * h, h, state, storage)
+        rounds[member, 1] += count
 
 
 @kernel
@@ -238,7 +240,7 @@ def _present(columns, retired, p):
 
 @kernel
 def _finish(columns, retired, track, steps, p, particles, stop):
-    """Keep eight particles at the end of a block; those whose state is no longer finite are retired where it last was."""
+    """Keep eight particles at the end of a block; those whose state is no longer finite are retired before that."""
     record_particles(
         track, steps, particles.x, particles.y, particles.z, particles.vx, particles.vy, particles.vz
     )
@@ -270,6 +272,6 @@ def _is_finite(track, k, slot):
     """Return whether a particle's state at the beginning of step k is finite."""
     row = 6 * k
     for i in range(6):  # noqa: SIM110 - Numba compiles loops, not all() of a generator
-        if not track[row + i, slot] * 0.0 == 0.0:
+        if track[row + i, slot] * 0.0 != 0.0:
             return False
     return True

@@ -16,14 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.errors import ConvergenceError, InputError, SingularityError, shown
 from orbits.integrators import named, registry
-from orbits.integrators.base import NOT_CONVERGED, NOT_REGULAR, OK, Integrator, aligned, padded
-from orbits.integrators.methods import method_tag
-from orbits.integrators.recording import record, record_canonical
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import padded
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR, OK
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian, show
 from orbits.lagrangians.symmetry import Symmetry
+from orbits.marching import driver
+from orbits.marching.alignment import aligned
 
 Array = NDArray[np.float64]
+
+PATH_BYTES = 1024 * 1024
+"""Of the states that are recorded before they are handed on."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,18 +102,17 @@ class Flow:
         self.dt, self.t = _finite(dt, "dt"), _finite(t, "t")
         if self.dt == 0.0:
             raise InputError("dt must not be zero")
-        self.canonical = canonical or not integrator.requires <= lagrangian.traits
-        self._has_canonical = integrator.advance_canonical is not None and GRADIENTS in lagrangian.traits
-        self._start: Array = np.zeros(lagrangian.dimension)
-        if self.canonical and not self._has_canonical:
+        form = integrator.form(lagrangian, canonical=canonical)
+        if form is None:
             raise InputError(f"{integrator.label} has no canonical form for '{lagrangian.name}'")
+        self._form = form
+        self._has_canonical = integrator.canonical is not None and GRADIENTS in lagrangian.traits
+        self.canonical = canonical or not (integrator.requires <= lagrangian.traits and integrator.second_order)
+        self._start: Array = np.zeros(lagrangian.dimension)
         size = lagrangian.dimension
-        self._tag = method_tag(integrator.advance, integrator.advance_canonical)
-        self._coefficients = integrator.coefficients(self.dt)
-        self._memory, self._work, self._field = aligned(
-            (integrator.memory_rows(size), WIDTH),
-            integrator.canonical_work_shape(size) if self.canonical else integrator.work_shape(size),
-            (1, *(integrator.field_shape(size) if not self.canonical else (1, 1))),
+        self._coefficients = form.coefficients(self.dt, self.dt)
+        self._carry, self._scratch, self._stages = aligned(
+            (form.carry_rows(size), WIDTH), form.scratch_shape(size), (1, *form.stages_shape(size))
         )
 
     def step(self, q: ArrayLike, p: ArrayLike, steps: int = 1) -> tuple[Array, Array]:
@@ -160,18 +164,28 @@ class Flow:
             mass = self.lagrangian.hessians(q, np.zeros_like(q))[2]
         second = p if mass is None else self.lagrangian.solve_mass(mass, p, q)
         state = [_padded(order(q)), _padded(np.zeros_like(q)), _padded(order(second)), _padded(np.zeros_like(p))]
-        self._memory[:] = 0.0
+        self._carry[:] = 0.0
         if self.canonical:
-            self._memory[: len(q)] = self._start[:, None]
-        bound = (self._tag, self.lagrangian.tag, self.lagrangian.parameter_vector, self._coefficients)
-        if self.canonical:
-            status, done, evaluations = record_canonical(
-                *bound, self.t, self.dt, *state, self._memory, self._work, every, out_q, out_p
-            )
-        else:
-            status, done, evaluations = record(
-                *bound, self.dt, *state, self._memory, self._work, self._field, every, out_q, out_p
-            )
+            self._carry[: len(q)] = self._start[:, None]
+        bound = (self._form.tag, self._coefficients, self.lagrangian.tag, self.lagrangian.parameter_vector, self.t)
+        samples, d, stride = len(out_q), len(q), padded(len(q))
+        room = max(1, min(samples, PATH_BYTES // (16 * stride)))
+        path = np.empty((room, 2, stride))
+        evaluations = status = done = 0
+        for first in range(0, samples, room):
+            count = min(room, samples - first)
+            status, done, _, more = driver.march(
+                *bound, first * every, self.dt, *state, self._carry, self._scratch, self._stages,
+                path.reshape(-1), every, count * every,
+            )  # fmt: skip
+            evaluations += more
+            done += first * every
+            # What is recorded is the state at the beginning of each sample: the first one is that of the block before.
+            last = first + count - 1
+            out_q[first:last], out_p[first:last] = path[1:count, 0, :d], path[1:count, 1, :d]
+            out_q[last], out_p[last] = state[0][:d], state[2][:d]
+            if status != OK:
+                break
         out_q[:], out_p[:] = self.lagrangian.caller_order(out_q), self.lagrangian.caller_order(out_p)
         if mass is not None:
             out_p[:] = out_p @ mass

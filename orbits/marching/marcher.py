@@ -7,44 +7,36 @@ On the way closest approaches are recorded, and conditions end the march at the 
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
-from orbits.integrators.base import NOT_CONVERGED, OK, Array, Integrator, aligned, padded
-from orbits.integrators.crowd import PARTS, PIECE, Crowd, Team, shares
-from orbits.integrators.passage_list import PassageList
-from orbits.integrators.pool import Pool
-from orbits.integrators.watcher import Watcher, empty_record
+from orbits.integrators import registry
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.steps import NOT_CONVERGED, OK
 from orbits.lagrangians.base import Lagrangian
+from orbits.marching import driver
+from orbits.marching.alignment import aligned
+from orbits.marching.driver import NOWHERE
+from orbits.marching.parallel import Parallel, shares
+from orbits.marching.passage_list import PassageList
+from orbits.marching.pool import Pool
+from orbits.marching.retirement import REASONS, Lost, Retired
+from orbits.marching.watcher import Watcher, empty_record, thresholds
 
 FIELD_BYTES = 512 * 1024
 """Size of the recorded field and of the track of eight particles: they should stay in the second-level cache."""
 
 PATH_BYTES = 4 * 1024 * 1024
 """Size of the path of massive bodies without particles: written once, read here and there."""
-
-NOWHERE = 1e6
-"""Where the particles that fill the last eight are: finite, and never read."""
-
-BOLD_PER_ORDER, LEAST_BOLD, MOST_BOLD = 0.05, 0.1, 0.8
-"""The angle of a step from which on passages are listed wherever they are, for each order of a method, and its bounds:
-of Gauss with 8 stages 0.8, at which a flyby of the Earth gets 1 m wrong in a year, of orders up to 2 0.1."""
-
-KEENNESS = 0.65
-"""By this factor smaller for each order below 16 is the angle of a step from which on pericentres of eccentric orbits
-about the dominant body are listed: 0.8 for Gauss with 8 stages, 0.002 for methods of order 2."""
-
-USUAL = 30.0
-"""By this factor a pericentre may add more to the error than a circle, before it counts as a passage."""
 
 LEAST_BLOCK = 16
 """Steps in one call of a kernel, however many the bodies are: the search for close approaches looks at its ends."""
@@ -56,6 +48,16 @@ BLOCK_WORK = 20_000_000
 def available_threads() -> int:
     """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Retirement(NamedTuple):
+    """A massless particle that was retired: its number, after how many steps, why, and where it then was, (3,) each."""
+
+    body: int
+    step: int
+    reason: str
+    q: Array
+    v: Array
 
 
 class Marcher:
@@ -70,6 +72,7 @@ class Marcher:
     threads : how many threads massless particles, and thousands of massive bodies, may use
     stops : (conditions, 4), see `orbits.kernels.stopping`, rows counting bodies in the order of the caller
     energy_bound : relative energy error that ends the march, or None
+    retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
 
     After `advance`, `met` tells (condition, row, body) that ended it, the condition -1 for the energy; else it is None.
     """
@@ -88,6 +91,7 @@ class Marcher:
         threads: int = 1,
         stops: Array | None = None,
         energy_bound: float | None = None,
+        retire: bool = False,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -103,32 +107,33 @@ class Marcher:
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._coefficients = {self.h: _coefficients(integrator, self.h)}
+        self._form = _form(integrator, lagrangian, with_particles=m > 0)
+        self._coefficients = {self.h: _coefficients(self._form, self.h)}
         self._backup: dict[str, Array] = {}
-        shape = integrator.field_shape(3 * n)
+        shape = self._form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
         room = FIELD_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
         self.block = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
         self._nothing = np.zeros(0)
         self._tasks = shares(m, threads)
-        vector, columns, work = (padded(3 * n),), (3, padded(m)), integrator.work_shape(3 * n)
+        vector, columns, scratch = (padded(3 * n),), (3, padded(m)), self._form.scratch_shape(3 * n)
         shapes: dict[str, tuple[int, ...]] = {
             "q": vector,
             "q_lo": vector,
             "v": vector,
             "v_lo": vector,
-            "memory": (integrator.memory_rows(3 * n), WIDTH),
+            "memory": (self._form.carry_rows(3 * n), WIDTH),
             "particle_q": columns,
             "particle_q_lo": columns,
             "particle_v": columns,
             "particle_v_lo": columns,
-            "particle_memory": (m, integrator.particle_memory_rows, WIDTH),
+            "particle_memory": (m, self._form.particle_carry_rows, WIDTH),
         }
-        self._field, self._work, *arrays = aligned(
-            (self.block if m else 1, *shape), work, *shapes.values(), *(work for _ in self._tasks)
+        self._stages, self._scratch, *arrays = aligned(
+            (self.block if m else 1, *shape), scratch, *shapes.values(), *(scratch for _ in self._tasks)
         )
         self._state = dict(zip(shapes, arrays, strict=False))
-        self._task_work = arrays[len(shapes) :]
+        self._task_scratch = arrays[len(shapes) :]
         for name, x in (("q", q), ("v", v)):
             self._state[name][: 3 * n] = x[self._massive].T.ravel()
             self._state[f"particle_{name}"][...] = NOWHERE
@@ -136,15 +141,13 @@ class Marcher:
         self._state["approaches"] = empty_record(n + m)
         rows = 12 * (self.block + 1) if m else 0
         self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
-        crowded = Crowd.serves(integrator, lagrangian.tag, n)
-        self._pool = Pool(threads) if threads > 1 and (crowded or len(self._tasks) > 1) else None
-        self._advance, self._crowd = integrator.advance, None
-        if crowded:
-            self._crowd = Crowd(integrator, n, Team(min(threads, PARTS, (n + PIECE - 1) // PIECE), self._pool))
-            self._advance = self._crowd.advance
+        many = Parallel.serves(self._form, lagrangian.tag, n)
+        self._pool = Pool(threads) if threads > 1 and (many or len(self._tasks) > 1) else None
+        self._parallel = Parallel(n, threads, self._pool) if many else None
+        self._march = driver.march if self._parallel is None else self._parallel.march
+        self._retire, self._retired = retire, Retired(m)
         self.met: tuple[int, int, int] | None = None
-        bold = min(max(BOLD_PER_ORDER * integrator.order, LEAST_BOLD), MOST_BOLD)
-        keen = MOST_BOLD * KEENNESS ** max(16 - integrator.order, 0)
+        bold, mild, keen = thresholds(integrator.order)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -154,7 +157,7 @@ class Marcher:
             stops,
             energy_bound,
             bold,
-            _mild(integrator.order),
+            mild,
             keen,
             len(self._tasks),
         )
@@ -184,7 +187,11 @@ class Marcher:
                 trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
                 self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
                 raise failure
-            if self._overflowed and count > 1:  # more passages than a list of a block holds: again, in shorter blocks
+            lost = self._retired.lost()
+            if lost is not None:  # a particle: again, up to the step that it cannot take, and on without it
+                count = lost.steps
+                self._replay(count)
+            elif self._overflowed and count > 1:  # more passages than a list of a block holds: again, in shorter blocks
                 self._replay(0)
                 self.block = count // 2
                 continue
@@ -192,6 +199,14 @@ class Marcher:
                 return
             self.step += count
             steps -= count
+            if lost is not None:
+                self._lose(lost)
+
+    def _lose(self, lost: Lost) -> None:
+        """Retire particles, or raise for the first one where that was not asked for."""
+        if not self._retire:
+            self._fail(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
+        self._retired.add(lost, self.step)
 
     def _stop(self, count: int) -> bool:
         """Look whether a condition was met in the block of `count` steps just marched; then go to where it was."""
@@ -237,7 +252,8 @@ class Marcher:
             self._march_block(self._state, self.h, count)
 
     def state(self) -> tuple[Array, Array]:
-        """Return (q, v), each (n, 3), in the order of the caller, rounded to float64."""
+        """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
+        self._retired.begin()
         return self._gather(self._state)
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -250,6 +266,9 @@ class Marcher:
         copy["particle_memory"][:] = 0.0
         before = self.evaluations, self.particle_evaluations
         self._march_block(copy, offset, 1)
+        lost = self._retired.lost()
+        if lost is not None and not self._retire:
+            self._lose(lost)
         self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
 
@@ -272,7 +291,7 @@ class Marcher:
         """Return all that is needed to go on bit for bit; the arrays are copies."""
         counts = np.array([self.step, self.evaluations, self.particle_evaluations], dtype=np.int64)
         state = {name: array.copy() for name, array in self._state.items()}
-        return {"counts": counts, **state, **self._passages.checkpoint()}
+        return {"counts": counts, **state, **self._passages.checkpoint(), **self._retired.checkpoint()}
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
         """Go back to a checkpoint of an equally bound marcher. Raises InputError if it belongs to another problem."""
@@ -283,6 +302,15 @@ class Marcher:
             array[...] = checkpoint[name]
         self.step, self.evaluations, self.particle_evaluations = (int(x) for x in checkpoint["counts"])
         self._passages.restore(checkpoint)
+        self._retired.restore(checkpoint.get("retired"), self.step)
+
+    def retired(self) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the caller's bodies."""
+        q, v = self._state["particle_q"], self._state["particle_v"]
+        return [
+            Retirement(int(self._particles[k]), step, REASONS[status], q[:, k].copy(), v[:, k].copy())
+            for k, status, step in self._retired.table()
+        ]
 
     @property
     def dominant(self) -> int:
@@ -302,7 +330,7 @@ class Marcher:
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
-        kind = (self.integrator.advance, self.lagrangian.tag.name, bool(self._tasks), self._crowd is None)
+        kind = (self._form.tag.name, self.lagrangian.tag.name, bool(self._tasks), self._parallel is None)
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
             listed = self._passages.passages, self._passages.left_out
@@ -318,14 +346,13 @@ class Marcher:
             self._pool.shutdown()
 
     def _march_block(self, state: dict[str, Array], h: float, count: int) -> None:
-        method = self.integrator
         if h not in self._coefficients:
-            self._coefficients = {self.h: self._coefficients[self.h], h: _coefficients(method, h)}
-        arguments = (self.lagrangian.tag, self.model, self._coefficients[h], h)
-        massive = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+            self._coefficients = {self.h: self._coefficients[self.h], h: _coefficients(self._form, h)}
+        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, 0.0, self.step, h)
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)
-        status, done, body, evaluations = self._advance(*arguments, *massive, self._work, self._field, path, count)
+        status, done, body, evaluations = self._march(*bound, *vectors, self._scratch, self._stages, path, 1, count)
         self.evaluations += evaluations
         if status == NOT_CONVERGED:
             self._fail(status, done, self._meeting(state, body))
@@ -337,33 +364,29 @@ class Marcher:
             self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
             self._watcher.begin(record, self.step)
-            self._watcher.look(h, count, state["q"], state["v"], self._crowd)
+            self._watcher.look(h, count, state["q"], state["v"], self._parallel)
         if self._tasks:
-            self._march_particles(state, arguments, count)
+            self._march_particles(state, bound, h, count)
         if record is not None:
             self._overflowed = self._passages.overflows(self._watcher.lists)
             self._passages.add(self._watcher.lists)
 
-    def _march_particles(self, state: dict[str, Array], arguments: tuple[Any, ...], count: int) -> None:
+    def _march_particles(self, state: dict[str, Array], bound: tuple[Any, ...], h: float, count: int) -> None:
         """March the massless particles through the block of `count` steps that the bodies have just taken."""
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
-
         observer = self._watcher.observer if "approaches" in state else 0
+        self._retired.begin()
 
-        def share(task: int) -> tuple[int, int, int, int]:
+        def share(task: int) -> int:
             start, stop = self._tasks[task]
-            work, track, context = self._task_work[task], self._tracks[task], self._watcher.contexts.addresses[1 + task]
-            result: tuple[int, int, int, int] = self.integrator.advance_particles(
-                *arguments, *particles, work, self._field, count, start, stop, observer, context, track
-            )
-            return result
+            scratch, track = self._task_scratch[task], self._tracks[task]
+            context = self._watcher.contexts.addresses[1 + task]
+            room = (scratch, self._stages, self._retired.block)
+            watched = (observer, context, track)
+            return int(driver.march_particles(*bound, *particles, *room, count, start, stop, *watched))
 
         tasks = range(len(self._tasks))
-        outcomes = list(self._pool.map(share, tasks) if self._pool else map(share, tasks))
-        self.particle_evaluations += sum(evaluations for *_, evaluations in outcomes)
-        for status, done, particle, _ in outcomes:
-            if status != OK:
-                self._fail(status, done if status == NOT_CONVERGED else 0, [int(self._particles[particle])])
+        self.particle_evaluations += sum(self._pool.map(share, tasks) if self._pool else map(share, tasks))
 
     def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
         """Return two massive bodies: `body` and the one next to it, the lighter one first."""
@@ -407,6 +430,7 @@ class Marcher:
         x = np.empty((n + m, 3))
         x[self._massive] = columns.T
         x[self._particles] = particles[:, :m].T
+        x[self._particles[self._retired.gone()]] = np.nan
         return x
 
 
@@ -414,26 +438,28 @@ _COMPILED: set[tuple[Any, str, bool, bool]] = set()
 """Methods with Lagrangians, with and without particles, of few and of many bodies, that are ready in this process."""
 
 
-@lru_cache(maxsize=64)
-def _mild(order: int) -> float:
-    """Return the eccentricity at which speed / distance at the pericentre, to this power, is `USUAL` times that of the
-    circle with the same period.
-    """
-    low, high = 0.0, 1.0
-    for _ in range(50):
-        e = 0.5 * (low + high)
-        low, high = (e, high) if math.sqrt(1.0 + e) / (1.0 - e) ** 1.5 < USUAL ** (1.0 / order) else (low, e)
-    return low
+def _form(integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool) -> Form:
+    """Return the form in which a method marches bodies. Raises InputError where it has none that serves."""
+    form = integrator.form(lagrangian)
+    if form is None:
+        integrator.check(lagrangian, registry())
+        raise InputError(f"{integrator.label} has no form for '{lagrangian.name}'")
+    if with_particles and not form.serves_particles:
+        raise InputError(
+            f"{integrator.label} steps '{lagrangian.name}' for massive bodies only; give the massless ones a small "
+            "mass, or use a method that takes particles, such as Gauss(stages=8)"
+        )
+    return form
 
 
-def _coefficients(integrator: Integrator, h: float) -> Any:
-    """Return the coefficients of a step, from the last ones made where the method can be hashed."""
+def _coefficients(form: Form, h: float) -> Any:
+    """Return the coefficients of a step, from the last ones made where the form can be hashed."""
     try:
-        return _known_coefficients(integrator, h)
+        return _known_coefficients(form, h)
     except TypeError:
-        return integrator.coefficients(h)
+        return form.coefficients(h, h)
 
 
 @lru_cache(maxsize=256)
-def _known_coefficients(integrator: Integrator, h: float) -> Any:
-    return integrator.coefficients(h)
+def _known_coefficients(form: Form, h: float) -> Any:
+    return form.coefficients(h, h)

@@ -1,5 +1,4 @@
-"""Thousands of bodies: the march of a method of kicks and drifts, and the look for closest approaches, by a team of
-threads.
+"""Thousands of bodies: the march of a splitting, and the look for closest approaches, by several threads.
 
 The bits do not depend on the number of threads, and those of the states are those of the method's own compiled loop.
 The records of closest approaches are those of that loop as long as the steps resolve the passages.
@@ -10,27 +9,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, wait
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from orbits.integrators.base import NOT_FINITE, OK, Array, Integrator, padded
-from orbits.integrators.watcher import Watcher
+from orbits.integrators.forms import Form, padded
 from orbits.kernels.approach_search import follow_row, longest_way
-from orbits.kernels.binding import Tag, accelerate_some, bodies, dimension
+from orbits.kernels.barrier import ABANDONED, COUNTERS, PIECE, claim, meet
+from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import COLUMNS, QUANTITIES, enter_record, note_rows
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import record_strip
-from orbits.kernels.state import all_finite, copy, drift, kick
-from orbits.kernels.team import ABANDONED, COUNTERS, claim, meet
+from orbits.kernels.state import all_finite, copy
+from orbits.kernels.steps import NOT_FINITE, OK
 from orbits.kernels.watch import Contexts, watch_at
+from orbits.marching.driver import march_together
+from orbits.marching.watcher import Watcher
 
-LEAST_CROWD = 1000
+LEAST_BODIES = 1000
 """Bodies from which on a force evaluation outlasts the meetings of threads by far."""
-
-PIECE = 64
-"""Bodies whose accelerations a thread takes at once: whole pairs of registers."""
 
 PARTS = 32
 """Into how many parts the looking at pairs is divided: each has a record of its own, whoever fills it."""
@@ -40,52 +37,8 @@ PART_ROOM = 64
 
 
 @kernel
-def accelerate_together(counters, team, round_, tag, parameters, q, g):
-    """Write the accelerations of all bodies, each of a team some of them; rounds count from 0."""
-    n = bodies(tag, parameters)
-    pieces = (n + PIECE - 1) // PIECE
-    meet(counters, team, 2 * round_ + 1)
-    piece = claim(counters, team, round_, pieces)
-    while piece < pieces:
-        accelerate_some(tag, parameters, q, g, PIECE * piece, min(PIECE * (piece + 1), n))
-        piece = claim(counters, team, round_, pieces)
-    meet(counters, team, 2 * round_ + 2)
-
-
-@kernel
-def march_together(
-    counters, team, member, tag, parameters, kicks, drifts, q, q_lo, v, v_lo, g, field_record, path, steps, fresh
-):
-    """March the bodies by `steps` steps, as one of a team: each moves a strip of the coordinates.
-
-    fresh : whether g holds the accelerations at q
-    """
-    size = dimension(tag, parameters)
-    groups = (size + WIDTH - 1) // WIDTH
-    start, stop = WIDTH * (groups * member // team), min(WIDTH * (groups * (member + 1) // team), size)
-    x, x_lo, w, w_lo, a = q[start:], q_lo[start:], v[start:], v_lo[start:], g[start:]
-    round_ = 0
-    if kicks[0] != 0.0 and not fresh:
-        accelerate_together(counters, team, round_, tag, parameters, q, g)
-        round_ += 1
-    for step in range(steps):
-        record_strip(path, step, q, v, start, stop)
-        record = field_record[step % field_record.shape[0]]
-        copy(q, start, stop, record[0])
-        if kicks[0] != 0.0:
-            kick(w, w_lo, kicks[0], a, stop - start)
-        for i in range(drifts.shape[0]):
-            drift(x, x_lo, drifts[i], w, w_lo, stop - start)
-            copy(q, start, stop, record[i + 1])
-            if kicks[i + 1] != 0.0:
-                accelerate_together(counters, team, round_, tag, parameters, q, g)
-                round_ += 1
-                kick(w, w_lo, kicks[i + 1], a, stop - start)
-
-
-@kernel
-def follow_together(counters, team, member, context, h, steps, parts):
-    """Look for closest approaches among the bodies, as one of a team.
+def follow_together(counters, threads, member, context, h, steps, parts):
+    """Look for closest approaches among the bodies, as one of several threads.
 
     parts : addresses of PARTS contexts, each with a record and a list of its own
     """
@@ -93,18 +46,18 @@ def follow_together(counters, team, member, context, h, steps, parts):
     n = watch.bodies
     rows = (n + PARTS - 1) // PARTS
     if watch.first == 0:
-        part = claim(counters, team, 0, PARTS)
+        part = claim(counters, threads, 0, PARTS)
         while part < PARTS:
             note_rows(context, min(rows * part, n), min(rows * (part + 1), n))
-            part = claim(counters, team, 0, PARTS)
-        meet(counters, team, 1)
+            part = claim(counters, threads, 0, PARTS)
+        meet(counters, threads, 1)
     way = longest_way(context, h, steps)
     round_ = 1 if watch.first == 0 else 0
-    part = claim(counters, team, round_, PARTS)
+    part = claim(counters, threads, round_, PARTS)
     while part < PARTS:
         follow_part(context, parts[part], h, steps, way, part)
-        part = claim(counters, team, round_, PARTS)
-    meet(counters, team, round_ + 1)
+        part = claim(counters, threads, round_, PARTS)
+    meet(counters, threads, round_ + 1)
     if member == 0:
         for part in range(PARTS):
             enter_record(watch.record, watch_at(parts[part]).record, n)
@@ -124,19 +77,19 @@ def follow_part(context, own, h, steps, way, part):
         follow_row(own, h, steps, way, i)
 
 
-class Team:
+class Threads:
     """Threads that run one compiled function together; of one, the caller's own.
 
     pool : at least as many workers as there are threads, or None for one alone
     """
 
-    def __init__(self, threads: int, pool: Executor | None) -> None:
-        self._threads = threads if pool else 1
+    def __init__(self, count: int, pool: Executor | None) -> None:
+        self.count = count if pool else 1
         self._pool = pool
         self._counters = np.zeros(COUNTERS, dtype=np.int64)
 
     def run(self, function: Callable[..., Any], *arguments: Any) -> None:
-        """Call function(counters, team, member, *arguments) in all threads; raise what any of them raises."""
+        """Call function(counters, threads, member, *arguments) in all threads; raise what any of them raises."""
         counters = self._counters
         counters[:] = 0
         if self._pool is None:
@@ -145,18 +98,18 @@ class Team:
 
         def work(member: int) -> None:
             try:
-                function(counters, self._threads, member, *arguments)
+                function(counters, self.count, member, *arguments)
             except BaseException:
                 counters[ABANDONED] = 1
                 raise
 
         members: list[Future[None]] = []
         try:
-            for member in range(self._threads):
+            for member in range(self.count):
                 members.append(self._pool.submit(work, member))
             wait(members)
         except BaseException:
-            # Members that wait for one that never comes are let go, and end; only then may others use the arrays.
+            # Threads that wait for one that was never started are let go, and end; only then may others use the arrays.
             counters[ABANDONED] = 1
             for future in members:
                 future.cancel()
@@ -166,62 +119,42 @@ class Team:
             future.result()
 
 
-class Crowd:
-    """Marches as `integrator.advance` does, for a method of kicks and drifts, and looks for closest approaches."""
+class Parallel:
+    """Marches the massive bodies as `driver.march` does, and looks for closest approaches, with several threads."""
 
-    def __init__(self, integrator: Integrator, bodies: int, team: Team) -> None:
-        self._integrator = integrator
-        self._team = team
+    def __init__(self, bodies: int, threads: int, pool: Executor | None) -> None:
+        self._threads = Threads(min(threads, PARTS, (bodies + PIECE - 1) // PIECE), pool)
         self._size = 3 * bodies
         self._at = np.zeros(0)
-        self._records = np.zeros((PARTS, QUANTITIES, 2, padded(bodies)))
-        self._lists = np.empty((PARTS, PART_ROOM, COLUMNS))
+        self._rounds = np.zeros((self._threads.count, WIDTH), dtype=np.int64)
         self._listed = np.zeros((PARTS, 2), dtype=np.int64)
+        self._lists = np.empty((PARTS, PART_ROOM, COLUMNS))
         self._parts = Contexts(PARTS)
-        for name, arrays in (("record", self._records), ("passages", self._lists), ("listed", self._listed)):
-            self._parts.enter_each(name, list(arrays))
+        self._parts.enter_each("record", [np.zeros((QUANTITIES, 2, padded(bodies))) for _ in range(PARTS)])
+        self._parts.enter_each("passages", list(self._lists))
+        self._parts.enter_each("listed", list(self._listed))
         self._addresses = np.array(self._parts.addresses)
 
     @staticmethod
-    def serves(integrator: Integrator, tag: Tag, bodies: int) -> bool:
+    def serves(form: Form, tag: Tag, bodies: int) -> bool:
         """Whether the bodies are that many, and method and Lagrangian can be shared out."""
-        return (
-            bodies >= LEAST_CROWD and tag.provides("accelerate_some") and integrator.kicks_and_drifts(1.0) is not None
-        )
+        return bodies >= LEAST_BODIES and tag.provides("accelerate_some") and form.shared
 
-    def advance(
-        self,
-        tag: Tag,
-        parameters: Array,
-        coefficients: Array,
-        h: float,
-        q: Array,
-        q_lo: Array,
-        v: Array,
-        v_lo: Array,
-        memory: Array,
-        work: Array,
-        field_record: Array,
-        path: Array,
-        steps: int,
-    ) -> tuple[int, int, int, int]:
-        """March the bodies by `steps` steps of h. Returns (status, steps done, body, evaluations)."""
-        size = self._size
-        kicks, drifts = cast(tuple[Array, Array], self._integrator.kicks_and_drifts(h))
-        fresh = bool(np.array_equal(q[:size], self._at))
+    def march(self, *arguments: Any) -> tuple[int, int, int, int]:
+        """March the bodies with the arguments of `driver.march`, and return what it does."""
+        *flat, _, steps = arguments
+        q, p = flat[7], flat[9]
+        fresh = bool(np.array_equal(q[: self._size], self._at))
         self._at = np.zeros(0)
-        self._team.run(
-            march_together, tag, parameters, kicks, drifts, q, q_lo, v, v_lo, work[0], field_record, path, steps, fresh
-        )
-        if kicks[-1] != 0.0:
-            self._at = q[:size].copy()
-        evaluations = steps * int(np.count_nonzero(kicks[1:]))
-        return (OK if all_finite(q, v, size) else NOT_FINITE), steps, 0, evaluations
+        self._threads.run(march_together, self._rounds, fresh, *flat, steps)
+        self._at = q[: self._size].copy()
+        status = OK if all_finite(q, p, self._size) else NOT_FINITE
+        return status, steps, 0, int(self._rounds[0, 1])
 
     def follow(self, watcher: Watcher, h: float, steps: int) -> None:
         """Look for closest approaches among the bodies, as `Watcher.follow` does."""
         self._parts.share(watcher.contexts, own=("record", "passages", "listed"))
-        self._team.run(follow_together, watcher.contexts.addresses[0], h, steps, self._addresses)
+        self._threads.run(follow_together, watcher.contexts.addresses[0], h, steps, self._addresses)
         whole = watcher.lists[0]
         for (kept, seen), passages in zip(self._listed, self._lists, strict=True):
             start = whole.listed[0]

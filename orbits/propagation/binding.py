@@ -15,11 +15,11 @@ from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators import named, registry
 from orbits.integrators.base import Integrator
-from orbits.integrators.marcher import Marcher, available_threads
 from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.base import Lagrangian
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System

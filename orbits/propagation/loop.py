@@ -26,7 +26,7 @@ from orbits.trajectory import Statistics, Trajectory
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
-    from orbits.integrators.marcher import Marcher
+    from orbits.marching.marcher import Marcher
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]

@@ -17,7 +17,7 @@ from orbits.propagation.binding import bound, restore
 from orbits.propagation.passage_effect import Pair
 
 if TYPE_CHECKING:
-    from orbits.integrators.marcher import Marcher
+    from orbits.marching.marcher import Marcher
     from orbits.system import System
     from orbits.trajectory import Trajectory
 

@@ -19,7 +19,7 @@ from orbits.system.model import model
 from orbits.time_grid import split
 
 if TYPE_CHECKING:
-    from orbits.integrators.marcher import Marcher
+    from orbits.marching.marcher import Marcher
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from orbits.trajectory import Trajectory
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate
-    from orbits.integrators.marcher import Marcher
+    from orbits.marching.marcher import Marcher
 
 Path = str | PathLike[str]
 

@@ -13,7 +13,7 @@ from orbits.propagation.memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
-    from orbits.integrators.marcher import Marcher
+    from orbits.marching.marcher import Marcher
 
 Array = NDArray[np.float64]
 

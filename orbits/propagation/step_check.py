@@ -18,7 +18,7 @@ import numpy as np
 from orbits.elements import state_from_elements
 from orbits.errors import IntegrationError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
-from orbits.integrators.watcher import RULE
+from orbits.marching.watcher import RULE
 from orbits.propagation.approach import as_error, said
 from orbits.propagation.passage_effect import (
     FINE,

@@ -17,7 +17,7 @@ from orbits import integrators as methods
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning, shown
 from orbits.integrators.base import Integrator
-from orbits.integrators.marcher import available_threads
+from orbits.marching.marcher import available_threads
 from orbits.propagation.run import propagated
 from orbits.regression import peers
 from orbits.regression import reference as solutions

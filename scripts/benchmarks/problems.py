@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.references import Exact, exact
-from orbits.integrators.marcher import Marcher
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.marcher import Marcher
 from orbits.point_masses import PointMasses
 from orbits.regression import peers
 from orbits.resources import data_path

@@ -81,8 +81,8 @@ def part_lagrangians(repetitions: int) -> dict[str, Any]:
     """Kepler's problem with Gauss(stages=8), 0.2 a step: a Lagrangian from SymPy beside the hand-written N-body path
     for two bodies; nanoseconds a step, and force evaluations of all stages.
     """
-    from orbits.integrators.flow import Flow
     from orbits.lagrangians.newtonian import n_body
+    from orbits.marching.flow import Flow
 
     kepler, two = orbits.lagrangians.kepler, n_body([0.999, 0.001])
     x, v = np.array([1.3, 0.0]), np.array([0.0, 0.8])
@@ -122,7 +122,7 @@ def part_lagrangians(repetitions: int) -> dict[str, Any]:
 SYMBOLIC = """
 import sys, time
 import numpy as np, orbits
-from orbits.integrators.flow import Flow
+from orbits.marching.flow import Flow
 import sympy
 L = orbits.lagrangians.registry()[sys.argv[1]]
 begun = time.perf_counter()

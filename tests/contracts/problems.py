@@ -7,8 +7,8 @@ import numpy as np
 from orbits.elements import two_body
 from orbits.errors import ConvergenceError
 from orbits.integrators import registry
-from orbits.integrators.marcher import Marcher
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.marcher import Marcher
 
 from ..problems import kepler
 

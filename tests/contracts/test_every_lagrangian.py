@@ -10,9 +10,9 @@ import pytest
 import orbits
 from orbits.integrators import registry as methods
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC
-from orbits.integrators.flow import Flow, starting_state
 from orbits.lagrangians import registry as lagrangians
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE
+from orbits.marching.flow import Flow, starting_state
 from orbits.tableaux import gauss
 
 LINEAR = {"free-particle", "harmonic-oscillator"}

@@ -88,7 +88,7 @@ def test_many_damaged_cache_files_cost_a_compilation_each_and_nothing_else(tmp_p
 
 RUN = """
 import numpy as np
-from orbits.integrators.marcher import Marcher
+from orbits.marching.marcher import Marcher
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.lagrangians.newtonian import newtonian, parameters
 q, v = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 0, 0], [0, 1.0, 0]])

@@ -6,16 +6,16 @@ from threading import Event
 
 import numpy as np
 import pytest
+from orbits.kernels.team import claim, meet
 
 import orbits
 from orbits.integrators import crowd
 from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
-from orbits.integrators.marcher import Marcher
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.kernels.compile import kernel
-from orbits.kernels.team import claim, meet
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.marcher import Marcher
 
 BODIES = 150
 

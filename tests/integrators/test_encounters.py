@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.integrators.marcher import Marcher
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, PARTNER, SPEED2, TIME
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.marcher import Marcher
 
 from ..problems import belt
 

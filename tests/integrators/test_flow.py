@@ -5,8 +5,8 @@ import pytest
 import sympy
 
 import orbits
-from orbits.integrators.flow import Flow
 from orbits.lagrangians.base import SEPARABLE
+from orbits.marching.flow import Flow
 
 q, v, x, y, vx, vy = sympy.symbols("q v x y vx vy")
 

@@ -8,7 +8,7 @@ import pytest
 
 import orbits
 from orbits import discrete
-from orbits.integrators.flow import Flow
+from orbits.marching.flow import Flow
 from orbits.tableaux import gauss, lobatto_iiia_iiib
 
 from ..problems import kepler_orbit

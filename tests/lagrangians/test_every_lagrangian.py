@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.integrators.base import padded
+from orbits.integrators.forms import padded
 from orbits.kernels import binding
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import load, put

@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import orbits
-from orbits.integrators.flow import Flow
 from orbits.kernels.lanes import get, put
 from orbits.kernels.lanes.functions import cos, sin
 from orbits.lagrangians.base import SEPARABLE
 from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
+from orbits.marching.flow import Flow
 
 q, v, w, k, t = sympy.symbols("q v w k t")
 x, y, vx, vy = sympy.symbols("x y vx vy")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.integrators.flow import Flow
+from orbits.marching.flow import Flow
 
 PENDULUM = orbits.lagrangians.pendulum
 

@@ -11,15 +11,17 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.4, V.3; Marsden & West (2001), s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from orbits.errors import InputError, shown
-from orbits.integrators.base import SYMMETRIC, Array, Integrator, padded
-from orbits.integrators.composition import chain, substeps
-from orbits.integrators.methods import method_tag
+from orbits.integrators.base import SYMMETRIC, Integrator
+from orbits.integrators.chain import Chain
+from orbits.integrators.forms import Array, Form
+from orbits.integrators.splitting import Splitting
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.lagrangians.base import Lagrangian
 from orbits.tableaux import PartitionedTableau
@@ -109,69 +111,25 @@ class Composition(Integrator):
         return self.base.variational
 
     @property
-    def advance(self) -> Any:
-        """The kernel of chains, or that of steps of any method."""
-        return chain.advance if self._chain else substeps.advance
-
-    @property
-    def advance_particles(self) -> Any:
-        """The kernel of chains, or that of steps of any method."""
-        return chain.advance_particles if self._chain else substeps.advance_particles
-
-    @property
-    def advance_canonical(self) -> Any:
-        """The kernel of steps of any method, where the base has one."""
-        return None if self.base.advance_canonical is None else substeps.advance_canonical
-
-    @property
     def tableau(self) -> PartitionedTableau:
         """The stages of all substeps, one after the other."""
         return self._scheme.split() if self._chain else self._scheme.composed(self.base.tableau)
 
-    def coefficients(self, h: float) -> Any:
-        """Return the kicks and drifts, (2, s + 1); or the tag of the base and its coefficients for each substep."""
+    @property
+    def second_order(self) -> Form | None:
+        """One splitting where the base is kicks and drifts, else its steps one after the other."""
+        base = self.base.second_order
         if self._chain:
-            kicks, drifts = self._scheme.binary_kicks_and_drifts(h)
-            return np.array([kicks, np.append(drifts, 0.0)])
-        lengths = self._scheme.binary_steps(h)
-        base = self.base
-        tag = method_tag(base.advance, base.advance_canonical, base.advance_particles)
-        tables = [base.coefficients_after(lengths[i - 1], lengths[i]) for i in range(len(lengths))]
-        return tag, np.array(tables), lengths, np.append(0.0, np.cumsum(lengths)[:-1])
-
-    def kicks_and_drifts(self, h: float) -> tuple[Array, Array] | None:
-        """Those of a chain; None for steps of another method."""
-        if not self._chain:
-            return None
-        kicks, drifts = self._scheme.binary_kicks_and_drifts(h)
-        return np.array(kicks), np.array(drifts)
-
-    def field_shape(self, size: int) -> tuple[int, int]:
-        """Positions before the step and after each drift, or the fields of the substeps one after the other."""
-        if self._chain:
-            return self.substeps + 1, padded(size)
-        rows, columns = self.base.field_shape(size)
-        return self.substeps * rows, columns
-
-    def memory_rows(self, size: int) -> int:
-        """As for the base."""
-        return self.base.memory_rows(size)
+            return Splitting(self._scheme.binary_kicks_and_drifts, drifts=self.substeps)
+        if isinstance(base, Splitting):
+            return Splitting(_Joined(base.lengths, self._scheme.binary_steps), drifts=self.substeps * base.drifts)
+        return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
     @property
-    def particle_memory_rows(self) -> int:
-        """As for the base."""
-        return self.base.particle_memory_rows
-
-    def work_shape(self, size: int) -> tuple[int, int]:
-        """One vector of accelerations; or the scratch of the base, after the track of eight particles."""
-        if self._chain:
-            return 1, padded(size)
-        rows, columns = self.base.work_shape(size)
-        return 12 + rows, columns
-
-    def canonical_work_shape(self, size: int) -> tuple[int, int]:
-        """As for the base."""
-        return self.base.canonical_work_shape(size)
+    def canonical(self) -> Form | None:
+        """The base's steps one after the other, where it has this form."""
+        base = self.base.canonical
+        return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
     def serves(self, lagrangian: Lagrangian) -> bool:
         """Whether the base can march `lagrangian`."""
@@ -186,6 +144,22 @@ class Composition(Integrator):
     def examples(cls) -> tuple[Composition, ...]:
         """Return Störmer–Verlet composed to order 4, and kicks and drifts of order 6 that begin with a drift."""
         return cls(order=4, scheme="suzuki"), cls(order=6, scheme="blanes-moan")
+
+
+@dataclass(frozen=True)
+class _Joined:
+    """Kicks and drifts of steps one after the other, the last kick of each and the first one of the next being one."""
+
+    lengths: Callable[[float], tuple[Array, Array]]
+    steps: Callable[[float], Array]
+
+    def __call__(self, h: float) -> tuple[Array, Array]:
+        """Return the kicks and drifts of a step of h."""
+        parts = [self.lengths(float(x)) for x in self.steps(h)]
+        kicks = np.zeros(1)
+        for own, _ in parts:
+            kicks = np.concatenate([kicks[:-1], [kicks[-1] + own[0]], own[1:]])
+        return kicks, np.concatenate([drifts for _, drifts in parts])
 
 
 __all__ = ["Composition"]

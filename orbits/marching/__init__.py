@@ -1,0 +1,1 @@
+"""The loop that marches: driver, threads, observers, and what a march gives back."""

@@ -1,0 +1,24 @@
+"""Memory for vectors that are read eight elements at a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from orbits.integrators.forms import Array, padded
+from orbits.kernels.lanes import WIDTH
+
+
+def aligned(*shapes: tuple[int, ...]) -> list[Array]:
+    """Return zeros of these shapes, each beginning where a line of the processor's cache does: where eight lanes lie
+    across two lines, a step of `Gauss` takes up to a sixth of its time longer.
+    """
+    sizes = [math.prod(shape) for shape in shapes]
+    memory = np.zeros(sum(padded(size) for size in sizes))
+    begin = -(memory.__array_interface__["data"][0] // memory.itemsize) % WIDTH
+    out = []
+    for shape, size in zip(shapes, sizes, strict=True):
+        out.append(memory[begin : begin + size].reshape(shape))
+        begin += padded(size) - WIDTH
+    return out

@@ -1,0 +1,78 @@
+"""Massless particles that cannot be stepped any further are retired alone: the others go on to the same bits."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import InputError
+from orbits.integrators.forms import padded
+from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
+
+REASONS = {
+    NOT_CONVERGED: "the stages did not converge",
+    NOT_FINITE: "the state is no longer finite",
+}
+
+
+class Lost(NamedTuple):
+    """Particles that could not take the step after so many steps of a block, and why."""
+
+    steps: int
+    particles: NDArray[np.intp]
+    status: NDArray[np.int64]
+
+
+class Retired:
+    """Which of m particles are retired: why, and after how many steps of the march.
+
+    block : (padded, 2) int64, what kernels read and write: status, and step of the block
+    """
+
+    def __init__(self, particles: int) -> None:
+        self._known = np.zeros((padded(particles), 2), dtype=np.int64)
+        self._count = particles
+        self.block = self._known.copy()
+
+    def begin(self) -> None:
+        """Prepare for a block: only those are retired that were before."""
+        self.block[...] = self._known
+
+    def lost(self) -> Lost | None:
+        """Return those that were lost first in the block just marched."""
+        new = np.flatnonzero(self.block[: self._count, 0] != self._known[: self._count, 0])
+        if not new.size:
+            return None
+        first = int(self.block[new, 1].min())
+        particles = new[self.block[new, 1] == first]
+        return Lost(first, particles, self.block[particles, 0])
+
+    def add(self, lost: Lost, step: int) -> None:
+        """Retire particles after `step` steps of the march."""
+        self._known[lost.particles, 0], self._known[lost.particles, 1] = lost.status, step
+        self.begin()
+
+    def gone(self) -> NDArray[np.bool_]:
+        """Return which particles are retired or were lost in the block just marched, (m,)."""
+        return np.asarray(self.block[: self._count, 0] != OK)
+
+    def table(self) -> list[tuple[int, int, int]]:
+        """Return (particle, status, step) of each that is retired."""
+        rows = self._known[: self._count]
+        return [(int(k), int(rows[k, 0]), int(rows[k, 1])) for k in np.flatnonzero(rows[:, 0] != OK)]
+
+    def checkpoint(self) -> dict[str, NDArray[np.generic]]:
+        """Return the table as an array of a fixed shape; nothing where there are no particles."""
+        return {"retired": self._known[: self._count].copy()} if self._count else {}
+
+    def restore(self, retired: NDArray[np.generic] | None, steps: int) -> None:
+        """Go back to a checkpoint; those of earlier versions retired nobody. Raises InputError for what cannot be."""
+        self._known[:] = 0
+        if retired is not None:
+            status, step = np.asarray(retired)[:, 0], np.asarray(retired)[:, 1]
+            if not (np.isin(status, [OK, *REASONS]).all() and (step >= 0).all() and (step <= steps).all()):
+                raise InputError("the retired particles in its checkpoint have reasons or steps that cannot be.")
+            self._known[: self._count] = retired
+        self.begin()
