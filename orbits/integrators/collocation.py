@@ -61,14 +61,17 @@ def _registers(method):
 
 
 @kernel(inline=True)
-def combine(table, first, rows, block, k):
-    """Return sum_j column_j * rows[.., j] over all registers, whose rows stand `block` apart."""
-    even = load(table, first) * rows[k, 0]
-    odd = load(table, first + 1) * rows[k, 1]
-    for j in range(2, WIDTH, 2):
-        even = even + load(table, first + j) * rows[k, j]
-        odd = odd + load(table, first + j + 1) * rows[k, j + 1]
-    for r in range(1, (table.shape[0] - ETA) // (2 * WIDTH)):
+def combine(R, table, first, rows, block, k):
+    """Return sum_j column_j * rows[.., j] over R registers, whose rows stand `block` apart."""
+    even = odd = full(0.0)
+    if R == 1:  # not added to zero: two operations in each of so many sums
+        even = load(table, first) * rows[k, 0]
+        odd = load(table, first + 1) * rows[k, 1]
+        for j in range(2, WIDTH, 2):
+            even = even + load(table, first + j) * rows[k, j]
+            odd = odd + load(table, first + j + 1) * rows[k, j + 1]
+        return even + odd
+    for r in range(R):
         at, row = first + WIDTH * r, r * block + k
         for j in range(0, WIDTH, 2):
             even = even + load(table, at + j) * rows[row, j]
@@ -107,7 +110,7 @@ def step(method, model, t, h, state, storage):
             # Sum the increments first: q is O(30 au), what moves it is O(1e-3 au).
             increment = fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k])
             store(base, r * block + k, increment)
-            store(Q, r * block + k, q[k] + (increment + h * combine(table, start, L, block, k)))
+            store(Q, r * block + k, q[k] + (increment + h * combine(R, table, start, L, block, k)))
     iteration, patience, last = 0, PATIENCE, False
     while True:
         for r in range(R):
@@ -132,7 +135,7 @@ def step(method, model, t, h, state, storage):
         for r in range(R):
             table = coefficients[r]
             for k in range(size):
-                store(Q, r * block + k, q[k] + (load(base, r * block + k) + h * combine(table, ETA, L, block, k)))
+                store(Q, r * block + k, q[k] + (load(base, r * block + k) + h * combine(R, table, ETA, L, block, k)))
     if not settled(history, blocks, CONVERGED):
         body = unsettled_body(history, blocks, count, CONVERGED)
         if count > 0 and body >= 0:
@@ -198,9 +201,9 @@ def step_particles(method, model, t, h, particles, carry, storage):
         store(base, 3 * r, x_base)
         store(base, 3 * r + 1, y_base)
         store(base, 3 * r + 2, z_base)
-        store(Q, 3 * r, x + (x_base + h * combine(table, start, L, 3, 0)))
-        store(Q, 3 * r + 1, y + (y_base + h * combine(table, start, L, 3, 1)))
-        store(Q, 3 * r + 2, z + (z_base + h * combine(table, start, L, 3, 2)))
+        store(Q, 3 * r, x + (x_base + h * combine(R, table, start, L, 3, 0)))
+        store(Q, 3 * r + 1, y + (y_base + h * combine(R, table, start, L, 3, 1)))
+        store(Q, 3 * r + 2, z + (z_base + h * combine(R, table, start, L, 3, 2)))
     least = last_change = scale = 0.0
     iteration, patience, last, evaluations = 0, PATIENCE, False, 0
     while True:
@@ -235,9 +238,9 @@ def step_particles(method, model, t, h, particles, carry, storage):
             break
         for r in range(R):
             table = coefficients[r]
-            store(Q, 3 * r, x + (load(base, 3 * r) + h * combine(table, ETA, L, 3, 0)))
-            store(Q, 3 * r + 1, y + (load(base, 3 * r + 1) + h * combine(table, ETA, L, 3, 1)))
-            store(Q, 3 * r + 2, z + (load(base, 3 * r + 2) + h * combine(table, ETA, L, 3, 2)))
+            store(Q, 3 * r, x + (load(base, 3 * r) + h * combine(R, table, ETA, L, 3, 0)))
+            store(Q, 3 * r + 1, y + (load(base, 3 * r + 1) + h * combine(R, table, ETA, L, 3, 1)))
+            store(Q, 3 * r + 2, z + (load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)))
     if not least <= CONVERGED * scale:
         return particles, carry, NOT_CONVERGED, evaluations
     x_kick, x_kick_lo, x_drift = _sums(coefficients, R, L, 0)
