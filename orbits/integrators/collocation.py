@@ -23,7 +23,7 @@ import numpy as np
 from numba.extending import overload
 
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import accelerate, bodies, dimension, field, kernel_of
+from orbits.kernels.binding import OPTIONS, accelerate, bodies, dimension, field, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
@@ -40,7 +40,7 @@ from orbits.kernels.iteration import (
     unsettled_coordinate,
 )
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, row_sums, store, total
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, OPTIONS, Particles
+from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
 from orbits.tableaux import SymplecticTableau
 

@@ -14,10 +14,9 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from orbits.kernels.binding import accelerate, accelerate_some, bodies
+from orbits.kernels.binding import OPTIONS, accelerate, accelerate_some, bodies
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes.type import element_pointer
-from orbits.kernels.steps import OPTIONS
 
 ARRIVED, CLAIMED, ABANDONED = 0, 8, 16
 """Places of the counters, each in a line of the processor's cache of its own."""
@@ -29,7 +28,6 @@ PIECE = 64
 
 SPINS = 2000
 """How often a thread looks whether the others have come, before it lets another program have the processor."""
-
 
 
 class Barrier(NamedTuple):

@@ -21,14 +21,11 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
-from orbits.kernels.binding import kernel_of
+from orbits.kernels.binding import OPTIONS, kernel_of
 from orbits.kernels.lanes import WIDTH
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """What became of a step."""
-
-OPTIONS = {"forceinline": True, "error_model": "numpy", "_nrt": False}
-"""Options of what only finds a kernel: without them its arguments pass through memory."""
 
 
 class State(NamedTuple):
@@ -121,9 +118,7 @@ def step(method, model, t, h, state, storage):
 @overload(step, jit_options=OPTIONS)
 def _step(method, model, t, h, state, storage):
     compiled = _kernel(method, "step")
-    return compiled and (
-        lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage)
-    )
+    return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
 
 
 def begin_particles(method, model, particles, storage):
@@ -148,9 +143,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
 def _step_particles(method, model, t, h, particles, carry, storage):
     compiled = _kernel(method, "step_particles")
     return compiled and (
-        lambda method, model, t, h, particles, carry, storage: compiled(
-            method, model, t, h, particles, carry, storage
-        )
+        lambda method, model, t, h, particles, carry, storage: compiled(method, model, t, h, particles, carry, storage)
     )
 
 

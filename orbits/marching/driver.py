@@ -9,7 +9,7 @@ from __future__ import annotations
 from numba.extending import overload
 
 from orbits.kernels.barrier import Barrier
-from orbits.kernels.binding import dimension
+from orbits.kernels.binding import OPTIONS, dimension
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
@@ -25,7 +25,6 @@ from orbits.kernels.state import (
 from orbits.kernels.steps import (
     NOT_FINITE,
     OK,
-    OPTIONS,
     Method,
     Model,
     Particles,
@@ -241,9 +240,7 @@ def _present(columns, retired, p):
 @kernel
 def _finish(columns, retired, track, steps, p, particles, stop):
     """Keep eight particles at the end of a block; those whose state is no longer finite are retired before that."""
-    record_particles(
-        track, steps, particles.x, particles.y, particles.z, particles.vx, particles.vy, particles.vz
-    )
+    record_particles(track, steps, particles.x, particles.y, particles.z, particles.vx, particles.vy, particles.vz)
     kept = load_particles(columns, p)
     store_particles(columns, p, particles)
     for j in range(p, min(p + WIDTH, stop)):

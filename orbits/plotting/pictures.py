@@ -178,9 +178,7 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
         energy.legend(loc="best", fontsize=13)
 
 
-def flatness(
-    axes: Axes, t: Array, series: Array, title: str, components: Sequence[str] = ("x", "y", "z")
-) -> None:
+def flatness(axes: Axes, t: Array, series: Array, title: str, components: Sequence[str] = ("x", "y", "z")) -> None:
     """Draw how flat a conserved quantity is: each component's change over its size, in units of 10^-16, linear.
 
     series : (n,) or (n, 3), whose `components` a legend tells apart; the band is the rounding of one float64
@@ -258,8 +256,7 @@ def _looks(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
     names = [system.names[i] for i in single]
     colours = style.colours(names)
     return {
-        i: {"color": colour, "label": words.short(name)}
-        for i, name, colour in zip(single, names, colours, strict=True)
+        i: {"color": colour, "label": words.short(name)} for i, name, colour in zip(single, names, colours, strict=True)
     }, cloud
 
 

@@ -34,7 +34,6 @@ class Table:
                     f"table {self.title!r} has {len(self.columns)} columns, but a row of {len(row)}: {list(row)!r}"
                 )
 
-
     def _repr_html_(self) -> str:
         from orbits.export import html_table  # with it comes astropy, which the start of the command line does without
 
@@ -114,6 +113,7 @@ class Study:
                     "(Lagrangian, integrator, dt, q, v)."
                 )
         object.__setattr__(self, "certifies", tuple(self.certifies))
+
 
 @dataclass(frozen=True)
 class StudyOutcome:

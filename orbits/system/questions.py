@@ -61,6 +61,4 @@ class Questions:
         system: System = self  # type: ignore[assignment]
         gm, q, v, _ = system.values
         primary = making.primary_name(system.names, gm, primary)
-        return osculating(
-            system.names, gm, q, v, units=system.units, primary=primary, frame=frame, epoch=system.epoch
-        )
+        return osculating(system.names, gm, q, v, units=system.units, primary=primary, frame=frame, epoch=system.epoch)

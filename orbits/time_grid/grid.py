@@ -70,9 +70,7 @@ class TimeGrid:
         object.__setattr__(self, "times", times)
 
     @classmethod
-    def of(
-        cls, system: System, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101
-    ) -> TimeGrid:
+    def of(cls, system: System, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101) -> TimeGrid:
         """Return the grid of a run of `system`: the one place where dt is read, signed and rounded.
 
         dt, duration, until, samples : as `orbits.propagate` takes them

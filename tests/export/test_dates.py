@@ -72,9 +72,14 @@ def test_dates_before_christ_are_dates_and_beyond_the_range_of_the_type_there_ar
 
     assert str(coords(-2451545.0)["date"].to_numpy()[1]) == "-4713-11-24T12:00:00.000000"  # where Julian dates begin
     assert "date" not in coords(2e8)
-    assert "date" not in orbits.Trajectory(
-        system.replaced(epoch=None), [0.0, 1.0], q, v, step=1.0, integrator=orbits.StormerVerlet()
-    ).to_xarray().coords
+    assert (
+        "date"
+        not in orbits.Trajectory(
+            system.replaced(epoch=None), [0.0, 1.0], q, v, step=1.0, integrator=orbits.StormerVerlet()
+        )
+        .to_xarray()
+        .coords
+    )
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 120.0  # seconds; a start takes two, or a minute where kernels have to be compiled first
 
+
 def whole(code: str) -> str:
     """Return code with the imports that every program needs before it."""
     return "import os, signal, sys\nfrom pathlib import Path\n" + code

@@ -114,9 +114,7 @@ def test_a_chunk_is_checked_when_something_of_it_is_first_read_and_then_no_more(
     run = orbits.Trajectory.open(tmp_path / "run.h5")
     checked = []
     checksum = Storage.checksum
-    monkeypatch.setattr(
-        Storage, "checksum", lambda self, *place: checked.append(place[0]) or checksum(self, *place)
-    )
+    monkeypatch.setattr(Storage, "checksum", lambda self, *place: checked.append(place[0]) or checksum(self, *place))
     for _ in range(3):
         run[2], run[3]
     assert len(checked) == 4  # q and v of two chunks

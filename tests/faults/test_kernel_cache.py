@@ -280,8 +280,7 @@ def test_files_of_another_user_are_not_trusted_but_those_of_root_are(monkeypatch
     assert trust.distrusted(root) is None
 
 
-
-SCENARIO = '''
+SCENARIO = """
 import orbits
 from orbits.scenario import Study, StudyResult
 
@@ -291,7 +290,7 @@ def square(x):
 
 scenario = Study(name="squares", title="Squares", experiment=lambda say: StudyResult())
 print(square(3.0), sum(square.stats.cache_hits.values()))
-'''
+"""
 AS_A_FILE = "import runpy\nrunpy.run_path({path!r}, run_name='__main__')"
 LOADED = "from orbits.scenario import load\nload({path!r})"
 
