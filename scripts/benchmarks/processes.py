@@ -16,9 +16,11 @@ import numpy as np
 
 import orbits
 from benchmarks.problems import marcher
+from orbits.marching import driver
 
 FIRST_STEP = """
 import orbits
+from orbits.marching import driver
 from astropy import units as u
 s = orbits.System.solar_system()
 orbits.propagate(s, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * u.day, samples=2, progress=False)
@@ -189,10 +191,11 @@ def part_calls(repetitions: int) -> dict[str, Any]:
     def kernel() -> float:
         run = marcher(method, system.values.gm, system.values.q, system.values.v, 6.0)
         state = [run.checkpoint()[name] for name in ("q", "q_lo", "v", "v_lo", "memory")]
-        fixed = (run.lagrangian.tag, run.parameters, method.coefficients(6.0), 6.0)
-        work, field = np.zeros(method.work_shape(30)), np.zeros((1, *method.field_shape(30)))
+        form = method.second_order
+        fixed = (form.tag, form.coefficients(6.0, 6.0), run.lagrangian.tag, run.parameters, 0.0, 0, 6.0)
+        scratch, stages = np.zeros(form.scratch_shape(30)), np.zeros((1, *form.stages_shape(30)))
         begun = time.perf_counter()
-        method.advance(*fixed, *state, work, field, np.zeros(0), 100)
+        driver.march(*fixed, *state, scratch, stages, np.zeros(0), 1, 100)
         return time.perf_counter() - begun
 
     call(), kernel()

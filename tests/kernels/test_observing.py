@@ -12,8 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from numba import types
-from orbits.kernels.team import ABANDONED, COUNTERS, meet
 
+from orbits.kernels.barrier import ABANDONED, COUNTERS, meet
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import OBSERVER, call_observer, observe, observer_address

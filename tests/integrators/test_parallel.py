@@ -6,15 +6,15 @@ from threading import Event
 
 import numpy as np
 import pytest
-from orbits.kernels.team import claim, meet
 
 import orbits
-from orbits.integrators import crowd
 from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.stormer_verlet import StormerVerlet
+from orbits.kernels.barrier import claim, meet
 from orbits.kernels.compile import kernel
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching import parallel
 from orbits.marching.marcher import Marcher
 
 BODIES = 150
@@ -47,8 +47,8 @@ def march(gm, q, v, threads, steps=40, method=None):
 def test_bits_do_not_depend_on_the_number_of_threads_nor_on_being_shared(method, particles, threads, monkeypatch):
     problem = cluster(particles)
     alone, alone_later = march(*problem, threads=1, method=method)
-    monkeypatch.setattr(crowd, "LEAST_CROWD", BODIES)
-    assert crowd.Crowd.serves(method, newtonian.tag, BODIES)
+    monkeypatch.setattr(parallel, "LEAST_BODIES", BODIES)
+    assert parallel.Parallel.serves(method.second_order, newtonian.tag, BODIES)
     shared, shared_later = march(*problem, threads=threads, method=method)
     for name, array in alone.items():
         assert np.array_equal(shared[name], array), name
@@ -57,18 +57,18 @@ def test_bits_do_not_depend_on_the_number_of_threads_nor_on_being_shared(method,
 
 def test_methods_of_other_steps_are_not_shared():
     tag = newtonian.tag
-    assert crowd.Crowd.serves(StormerVerlet(), tag, crowd.LEAST_CROWD)
-    assert not crowd.Crowd.serves(StormerVerlet(), tag, crowd.LEAST_CROWD - 1)
-    assert not crowd.Crowd.serves(Gauss(stages=2), tag, crowd.LEAST_CROWD)
+    assert parallel.Parallel.serves(StormerVerlet().second_order, tag, parallel.LEAST_BODIES)
+    assert not parallel.Parallel.serves(StormerVerlet().second_order, tag, parallel.LEAST_BODIES - 1)
+    assert not parallel.Parallel.serves(Gauss(stages=2).second_order, tag, parallel.LEAST_BODIES)
 
 
 def test_an_error_in_a_thread_is_raised(monkeypatch):
-    monkeypatch.setattr(crowd, "LEAST_CROWD", BODIES)
+    monkeypatch.setattr(parallel, "LEAST_BODIES", BODIES)
 
     def fail(*arguments):
         raise MemoryError
 
-    monkeypatch.setattr(crowd, "march_together", fail)
+    monkeypatch.setattr(parallel, "march_together", fail)
     with pytest.raises(MemoryError):
         march(*cluster(), threads=2)
 
@@ -87,7 +87,7 @@ def test_who_waits_for_one_that_failed_goes_home(absent):
         _meet_often(counters, team, 1000)
 
     with ThreadPoolExecutor(3) as pool, pytest.raises(MemoryError):
-        crowd.Team(3, pool).run(go)
+        parallel.Threads(3, pool).run(go)
 
 
 def test_a_team_that_was_interrupted_can_be_used_again(monkeypatch):
@@ -103,9 +103,9 @@ def test_a_team_that_was_interrupted_can_be_used_again(monkeypatch):
         monkeypatch.undo()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(crowd, "wait", interrupted)
+    monkeypatch.setattr(parallel, "wait", interrupted)
     with ThreadPoolExecutor(3) as pool:
-        team = crowd.Team(3, pool)
+        team = parallel.Threads(3, pool)
         with pytest.raises(KeyboardInterrupt):
             team.run(go)
         team.run(lambda counters, team, member: _meet_often(counters, team, 100))
@@ -121,7 +121,7 @@ def test_a_team_takes_each_piece_once_in_every_round():
             meet(counters, team, round_ + 1)
 
     with ThreadPoolExecutor(3) as pool:
-        crowd.Team(3, pool).run(go)
+        parallel.Threads(3, pool).run(go)
     assert [sorted(pieces) for pieces in taken] == [list(range(50))] * 7
 
 
