@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -75,3 +75,16 @@ class Form:
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """Return the shape of the scratch that the kernels want, for `size` coordinates and for particles."""
         return 1, padded(size)
+
+
+def coefficients_of(form: Form, h: float) -> Any:
+    """Return the coefficients of steps of h, those that were made last where the form can be hashed."""
+    try:
+        return _known_coefficients(form, h)
+    except TypeError:
+        return form.coefficients(h, h)
+
+
+@lru_cache(maxsize=256)
+def _known_coefficients(form: Form, h: float) -> Any:
+    return form.coefficients(h, h)

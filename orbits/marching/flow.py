@@ -14,8 +14,8 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import ConvergenceError, InputError, SingularityError, shown
-from orbits.integrators import named, registry
+from orbits.errors import InputError, shown
+from orbits.integrators import named
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import padded
 from orbits.kernels.lanes import WIDTH
@@ -24,6 +24,8 @@ from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian, show
 from orbits.lagrangians.symmetry import Symmetry
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
+from orbits.marching.choice import form_for
+from orbits.marching.failures import failure_of_coordinates, last_good
 
 Array = NDArray[np.float64]
 
@@ -97,15 +99,11 @@ class Flow:
         if not isinstance(lagrangian, Lagrangian):
             raise InputError(f"expected a Lagrangian such as orbits.lagrangians.pendulum, got {shown(lagrangian)}")
         integrator = named(integrator)
-        integrator.check(lagrangian, registry())
         self.lagrangian, self.integrator = lagrangian, integrator
         self.dt, self.t = _finite(dt, "dt"), _finite(t, "t")
         if self.dt == 0.0:
             raise InputError("dt must not be zero")
-        form = integrator.form(lagrangian, canonical=canonical)
-        if form is None:
-            raise InputError(f"{integrator.label} has no canonical form for '{lagrangian.name}'")
-        self._form = form
+        form = self._form = form_for(integrator, lagrangian, canonical=canonical)
         self._has_canonical = integrator.canonical is not None and GRADIENTS in lagrangian.traits
         self.canonical = canonical or not (integrator.requires <= lagrangian.traits and integrator.second_order)
         self._start: Array = np.zeros(lagrangian.dimension)
@@ -198,7 +196,8 @@ class Flow:
     def _fail(self, status: int, done: int, q: Array, p: Array, path: DiscretePath, every: int) -> NoReturn:
         if status not in (NOT_CONVERGED, NOT_REGULAR):
             # Explicit methods look at the end of a march only, implicit ones at each step, `done` being the last good.
-            done = self._steps_before_failure(q, p, done + 1)
+            rest_q, rest_p = np.empty((1, len(q))), np.empty((1, len(q)))
+            done = last_good(lambda steps: self._record(q, p, steps, rest_q, rest_p)[0] == OK, done + 1)
         good = done // every + 1
         before = self._path(path.q[:good], path.p[:good], every)
         if done:
@@ -210,43 +209,9 @@ class Flow:
             f"'{self.lagrangian.name}', step {done + 1} (t = {time:.10g}, dt = {self.dt:.6g}), "
             f"at q = {show(q)}, p = {show(p)}"
         )
-        error: ConvergenceError | SingularityError
-        if status == NOT_CONVERGED:
-            tried = "neither by fixed point nor by Newton's method" if self._has_canonical else "by fixed point"
-            error = ConvergenceError(
-                f"{where}: the stages of {self.integrator.label} did not converge, {tried}; the result would not be "
-                "symplectic. Use a smaller dt.",
-                step=done,
-                time=time,
-            )
-        elif status == NOT_REGULAR:
-            error = SingularityError(
-                f"{where}: the matrix d2L/dv dv has no inverse, so momenta do not determine velocities. Use "
-                "coordinates that are regular there, or start elsewhere.",
-                step=done,
-                time=time,
-            )
-        else:
-            error = SingularityError(
-                f"{where}: the state is no longer finite; the motion met a singularity, or dt is far too long. Use a "
-                "smaller dt.",
-                step=done,
-                time=time,
-            )
+        error = failure_of_coordinates(status, done, time, where, self.integrator, newton=self._has_canonical)
         error.trajectory = before
         raise error
-
-    def _steps_before_failure(self, q: Array, p: Array, known_bad: int) -> int:
-        """Return how many steps stay finite, by bisection; every march starts afresh, with the same bits."""
-        good, bad = 0, known_bad
-        last_q, last_p = np.empty((1, len(q))), np.empty((1, len(q)))
-        while bad - good > 1:
-            middle = (good + bad) // 2
-            if self._record(q, p, middle, last_q, last_p)[0] == OK:
-                good = middle
-            else:
-                bad = middle
-        return good
 
 
 def march(

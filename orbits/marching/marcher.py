@@ -10,26 +10,26 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
-from orbits.integrators import registry
+from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
-from orbits.integrators.forms import Array, Form, padded
+from orbits.integrators.forms import Array, coefficients_of, padded
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import NOT_CONVERGED, OK
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
+from orbits.marching.choice import form_for
 from orbits.marching.driver import NOWHERE
+from orbits.marching.failures import failure_of_bodies, last_good
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.passage_list import PassageList
 from orbits.marching.pool import Pool
-from orbits.marching.retirement import REASONS, Lost, Retired
+from orbits.marching.retirement import REASONS, Lost, Retired, Retirement
 from orbits.marching.watcher import Watcher, empty_record, thresholds
 
 FIELD_BYTES = 512 * 1024
@@ -48,16 +48,6 @@ BLOCK_WORK = 20_000_000
 def available_threads() -> int:
     """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-class Retirement(NamedTuple):
-    """A massless particle that was retired: its number, after how many steps, why, and where it then was, (3,) each."""
-
-    body: int
-    step: int
-    reason: str
-    q: Array
-    v: Array
 
 
 class Marcher:
@@ -107,8 +97,8 @@ class Marcher:
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._form = _form(integrator, lagrangian, with_particles=m > 0)
-        self._coefficients = {self.h: _coefficients(self._form, self.h)}
+        self._form = form_for(integrator, lagrangian, with_particles=m > 0)
+        self._coefficients = {self.h: coefficients_of(self._form, self.h)}
         self._backup: dict[str, Array] = {}
         shape = self._form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
@@ -179,7 +169,7 @@ class Marcher:
             except IntegrationError as error:
                 failure = error
             if failure is not None:
-                count = self._steps_before_failure(count)
+                count = last_good(self._can_be_taken, count)
                 self._replay(count)
                 if self._stop(count):
                     return
@@ -229,18 +219,13 @@ class Marcher:
         self._counts = self.evaluations, self.particle_evaluations
         self._listed = self._passages.passages, self._passages.left_out
 
-    def _steps_before_failure(self, count: int) -> int:
-        """Return how many steps of the block of `count` that has just failed can be taken, by bisection."""
-        good, bad = 0, count
-        while bad - good > 1:
-            middle = (good + bad) // 2
-            try:
-                self._replay(middle)
-            except IntegrationError:
-                bad = middle
-            else:
-                good = middle
-        return good
+    def _can_be_taken(self, steps: int) -> bool:
+        """Whether so many steps of the block that has just failed can be taken; they then are."""
+        try:
+            self._replay(steps)
+        except IntegrationError:
+            return False
+        return True
 
     def _replay(self, count: int) -> None:
         """March `count` steps from the state at the beginning of the block."""
@@ -347,7 +332,7 @@ class Marcher:
 
     def _march_block(self, state: dict[str, Array], h: float, count: int) -> None:
         if h not in self._coefficients:
-            self._coefficients = {self.h: self._coefficients[self.h], h: _coefficients(self._form, h)}
+            self._coefficients = {self.h: self._coefficients[self.h], h: coefficients_of(self._form, h)}
         bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, 0.0, self.step, h)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
@@ -398,25 +383,8 @@ class Marcher:
         return [int(self._massive[b]) for b in pair]
 
     def _fail(self, status: int, done: int, bodies: list[int]) -> NoReturn:
-        step = self.step + done
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
-        where = f"step {step + 1} (t = {step * self.h:.10g}, dt = {abs(self.h):.6g})"
-        if status == NOT_CONVERGED:
-            raise ConvergenceError(
-                f"{where}: the stages of {self.integrator.name} did not converge for {', '.join(names)}; "
-                "the result would not be symplectic. Use a smaller dt, or softening if bodies meet closely.",
-                step=step,
-                time=step * self.h,
-                bodies=names,
-            )
-        whom = f" of {', '.join(names)}" if names else ""
-        raise SingularityError(
-            f"{where}: the state{whom} is no longer finite; two bodies met, or dt is far too long. "
-            "Use a smaller dt, or softening.",
-            step=step,
-            time=step * self.h,
-            bodies=names,
-        )
+        raise failure_of_bodies(status, self.step + done, self.h, self.integrator, names)
 
     def _gather(self, state: dict[str, Array]) -> tuple[Array, Array]:
         return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])
@@ -436,30 +404,3 @@ class Marcher:
 
 _COMPILED: set[tuple[Any, str, bool, bool]] = set()
 """Methods with Lagrangians, with and without particles, of few and of many bodies, that are ready in this process."""
-
-
-def _form(integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool) -> Form:
-    """Return the form in which a method marches bodies. Raises InputError where it has none that serves."""
-    form = integrator.form(lagrangian)
-    if form is None:
-        integrator.check(lagrangian, registry())
-        raise InputError(f"{integrator.label} has no form for '{lagrangian.name}'")
-    if with_particles and not form.serves_particles:
-        raise InputError(
-            f"{integrator.label} steps '{lagrangian.name}' for massive bodies only; give the massless ones a small "
-            "mass, or use a method that takes particles, such as Gauss(stages=8)"
-        )
-    return form
-
-
-def _coefficients(form: Form, h: float) -> Any:
-    """Return the coefficients of a step, from the last ones made where the form can be hashed."""
-    try:
-        return _known_coefficients(form, h)
-    except TypeError:
-        return form.coefficients(h, h)
-
-
-@lru_cache(maxsize=256)
-def _known_coefficients(form: Form, h: float) -> Any:
-    return form.coefficients(h, h)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
-from orbits.integrators.forms import padded
+from orbits.integrators.forms import Array, padded
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 
 REASONS = {
@@ -23,6 +23,16 @@ class Lost(NamedTuple):
     steps: int
     particles: NDArray[np.intp]
     status: NDArray[np.int64]
+
+
+class Retirement(NamedTuple):
+    """A massless particle that was retired: its number, after how many steps, why, and where it then was, (3,) each."""
+
+    body: int
+    step: int
+    reason: str
+    q: Array
+    v: Array
 
 
 class Retired:

@@ -20,7 +20,6 @@ from orbits.marching import driver
 
 FIRST_STEP = """
 import orbits
-from orbits.marching import driver
 from astropy import units as u
 s = orbits.System.solar_system()
 orbits.propagate(s, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * u.day, samples=2, progress=False)

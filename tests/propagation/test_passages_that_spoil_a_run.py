@@ -8,7 +8,7 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
-from orbits.integrators import passage_list
+from orbits.marching import passage_list
 from orbits.marching.passage_list import UNKNOWN
 from orbits.propagation import binding
 from tests.encounters import APOPHIS_MISS, apophis_2029, comet

@@ -1,0 +1,71 @@
+"""A step that cannot be taken: which one it is, and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from orbits.errors import ConvergenceError, IntegrationError, SingularityError
+from orbits.integrators.base import Integrator
+from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR
+
+
+def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
+    """Return how many steps can be taken of `bad` that cannot, by bisection."""
+    good = 0
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        if can_be_taken(middle):
+            good = middle
+        else:
+            bad = middle
+    return good
+
+
+def failure_of_bodies(
+    status: int, step: int, h: float, integrator: Integrator, names: Sequence[str]
+) -> IntegrationError:
+    """Return the error of bodies that cannot take the step after `step` steps of h."""
+    where = f"step {step + 1} (t = {step * h:.10g}, dt = {abs(h):.6g})"
+    if status == NOT_CONVERGED:
+        return ConvergenceError(
+            f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "
+            "the result would not be symplectic. Use a smaller dt, or softening if bodies meet closely.",
+            step=step,
+            time=step * h,
+            bodies=list(names),
+        )
+    whom = f" of {', '.join(names)}" if names else ""
+    return SingularityError(
+        f"{where}: the state{whom} is no longer finite; two bodies met, or dt is far too long. "
+        "Use a smaller dt, or softening.",
+        step=step,
+        time=step * h,
+        bodies=list(names),
+    )
+
+
+def failure_of_coordinates(
+    status: int, step: int, time: float, where: str, integrator: Integrator, *, newton: bool
+) -> IntegrationError:
+    """Return the error of a Lagrangian's coordinates; `where` says where they are, newton whether that was tried."""
+    if status == NOT_CONVERGED:
+        tried = "neither by fixed point nor by Newton's method" if newton else "by fixed point"
+        return ConvergenceError(
+            f"{where}: the stages of {integrator.label} did not converge, {tried}; the result would not be "
+            "symplectic. Use a smaller dt.",
+            step=step,
+            time=time,
+        )
+    if status == NOT_REGULAR:
+        return SingularityError(
+            f"{where}: the matrix d2L/dv dv has no inverse, so momenta do not determine velocities. Use "
+            "coordinates that are regular there, or start elsewhere.",
+            step=step,
+            time=time,
+        )
+    return SingularityError(
+        f"{where}: the state is no longer finite; the motion met a singularity, or dt is far too long. Use a "
+        "smaller dt.",
+        step=step,
+        time=time,
+    )
