@@ -67,3 +67,34 @@ def test_what_two_callees_call_is_copied_once_into_their_caller():
     (callee,) = climbed.callee.overloads.values()
     name = callee.fndesc.llvm_func_name
     assert [found for found in definitions(entry.library._final_module) if found.startswith(name)] == [name]
+
+
+IN_TURN = """
+from orbits import kernel
+
+@kernel
+def even(n):
+    if n == 0:
+        return 1.0
+    return 0.5 * odd(n - 1)
+
+@kernel
+def odd(n):
+    if n == 0:
+        return 0.0
+    return 0.25 * even(n - 1)
+
+@kernel
+def both(n):
+    return even(n) + odd(n + 1)
+"""
+
+
+def test_kernels_that_call_each_other_work_in_a_second_process(tmp_path):
+    """Numba resolves such calls through memory of the process that compiled; from the cache they ended the next one."""
+    (tmp_path / "in_turn.py").write_text(IN_TURN)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    program = [sys.executable, "-c", "import in_turn; print(in_turn.both(2))"]
+    for _ in range(2):
+        done = subprocess.run(program, env=environment, capture_output=True, text=True)
+        assert (done.returncode, done.stdout) == (0, "0.15625\n"), done.stderr
