@@ -1,8 +1,10 @@
-"""What `@kernel` makes of a function: Numba's dispatcher with three habits of its own.
+"""What `@kernel` makes of a function: Numba's dispatcher with four habits of its own.
 
 * It compiles for compiled callers without the wrapper through which Python calls: that wrapper costs a fifth of the
   time that compiling takes, and most kernels are never called from Python. Those that are get an entry of their own.
 * It compiles without Numba's runtime (`_nrt`): no reference counts, and no memory to allocate.
+* What it compiles calls nothing outside its own library, so that the same input gives the same bits in whatever order
+  code was compiled or loaded (see `library.py`).
 * It says what is wrong in words where a kernel allocates.
 
 Private to Numba, as the cache; pyproject.toml pins the range in which tests have seen it work.
@@ -24,6 +26,7 @@ from numba.core.registry import CPUDispatcher
 
 from orbits.errors import InputError
 from orbits.kernels.keeping import KernelCache
+from orbits.kernels.library import KernelCompiler
 from orbits.kernels.stamp import is_covered
 
 NEEDS_RUNTIME = ("NRT required but not enabled", "Only accept returning of array passed into the function")
@@ -41,7 +44,8 @@ class _Compiled(CPUDispatcher):
     def __init__(
         self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None, purpose: str = ""
     ) -> None:
-        super().__init__(function, targetoptions={"nopython": True, "_nrt": False, "no_cfunc_wrapper": True, **options})
+        target = {"nopython": True, "_nrt": False, "no_cfunc_wrapper": True, **options}
+        super().__init__(function, targetoptions=target, pipeline_class=KernelCompiler)
         self._options, self._stamp, self._purpose = options, stamp, purpose
         # The size and time of a file of somebody else's must be those that it had when it was read.
         self._covered = is_covered(inspect.getfile(function))

@@ -26,6 +26,7 @@ from types import CodeType
 from typing import Any
 
 from numba.core import caching
+from numba.core.codegen import RuntimeLinker
 from numba.core.serialize import dumps
 
 from orbits.kernels import trust
@@ -184,6 +185,14 @@ class _Implementation(caching.CompileResultCacheImpl):
         """Return how the names of a kernel's files begin: without its line, which moves with the prose above it."""
         version = f"py{sys.version_info[0]}{sys.version_info[1]}{abiflags}"
         return f"{fullname.replace('<', '').replace('>', '')}.{version}"
+
+    def check_cachable(self, compiled: Any) -> bool:
+        """Whether a later process can use an entry: not where kernels call each other, through addresses of this one.
+
+        Loaded, such code would end the process; it is compiled anew each time.
+        """
+        names = [variable.name for variable in compiled.library._final_module.global_variables]
+        return not any(name.startswith(RuntimeLinker.PREFIX) for name in names) and super().check_cachable(compiled)
 
 
 class KernelCache(caching.FunctionCache):

@@ -1,0 +1,100 @@
+"""The same bits from kernels just compiled as from kernels loaded, whatever a process compiled or loaded before."""
+
+import os
+import subprocess
+import sys
+
+from llvmlite.binding import Linkage
+
+from orbits.kernels.compile import kernel
+
+MARCH = """
+import orbits
+gauss = orbits.Gauss(stages=2)
+path = orbits.march(orbits.lagrangians.kepler, gauss, q=[0.4, 0.0], v=[0.0, 2.0], dt=0.05, steps=300)
+print(path.q.tobytes().hex(), path.v.tobytes().hex())
+"""
+
+
+def test_a_process_that_compiles_gives_the_bits_of_one_that_loads(tmp_path):
+    """The step of Gauss is called, not copied into the loop around it: its copies differed by 1e-16 in each step."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    cold, warm = (
+        subprocess.run([sys.executable, "-c", MARCH], env=environment, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    )
+    assert list(tmp_path.rglob("*.nbc")), "nothing was kept for the second process"
+    assert warm.stdout == cold.stdout
+
+
+@kernel
+def climbed(x, n):
+    """A kernel that calls itself is never copied into its caller."""
+    return x if n == 0 else 1.0 + 2.0 * climbed(x, n - 1)
+
+
+@kernel
+def climbed_here(x, n):
+    return climbed(x, n)
+
+
+@kernel
+def climbed_there(x, n):
+    return climbed(x, n + 1)
+
+
+@kernel
+def climbed_twice(x, n):
+    return climbed_here(x, n) * climbed_there(x, n)
+
+
+def definitions(module):
+    return {function.name: function.linkage for function in module.functions if not function.is_declaration}
+
+
+def test_a_library_calls_its_own_copies_of_kernels_and_lets_no_other_call_them():
+    assert climbed_twice(0.5, 3) == 11.0 * 23.0
+    (entry,) = climbed_twice.overloads.values()
+    found = definitions(entry.library._final_module)
+    own = {entry.fndesc.llvm_func_name, entry.fndesc.llvm_cpython_wrapper_name}
+    assert {name for name, linkage in found.items() if linkage != Linkage.internal} == own
+    assert sum("climbed" in name for name in found.keys() - own) > 0, "no copy: this test shows nothing"
+
+
+def test_what_two_callees_call_is_copied_once_into_their_caller():
+    climbed_twice(0.5, 3)
+    (entry,) = climbed_twice.overloads.values()
+    (callee,) = climbed.callee.overloads.values()
+    name = callee.fndesc.llvm_func_name
+    assert [found for found in definitions(entry.library._final_module) if found.startswith(name)] == [name]
+
+
+IN_TURN = """
+from orbits import kernel
+
+@kernel
+def even(n):
+    if n == 0:
+        return 1.0
+    return 0.5 * odd(n - 1)
+
+@kernel
+def odd(n):
+    if n == 0:
+        return 0.0
+    return 0.25 * even(n - 1)
+
+@kernel
+def both(n):
+    return even(n) + odd(n + 1)
+"""
+
+
+def test_kernels_that_call_each_other_work_in_a_second_process(tmp_path):
+    """Numba resolves such calls through memory of the process that compiled; from the cache they ended the next one."""
+    (tmp_path / "in_turn.py").write_text(IN_TURN)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    program = [sys.executable, "-c", "import in_turn; print(in_turn.both(2))"]
+    for _ in range(2):
+        done = subprocess.run(program, env=environment, capture_output=True, text=True)
+        assert (done.returncode, done.stdout) == (0, "0.15625\n"), done.stderr
