@@ -181,17 +181,12 @@ class Marcher:
             if failure is not None:
                 count = self._steps_before_failure(count)
                 self._replay(count)
-                if self._stop(count):
-                    return
-                self.step += count
-                trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
-                self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
-                raise failure
             lost = self._retired.lost()
             if lost is not None:  # a particle: again, up to the step that it cannot take, and on without it
                 count = lost.steps
                 self._replay(count)
-            elif self._overflowed and count > 1:  # more passages than a list of a block holds: again, in shorter blocks
+            elif failure is None and self._overflowed and count > 1:
+                # More passages than a list of a block holds: again, in shorter blocks.
                 self._replay(0)
                 self.block = count // 2
                 continue
@@ -201,6 +196,10 @@ class Marcher:
             steps -= count
             if lost is not None:
                 self._lose(lost)
+            elif failure is not None:
+                trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
+                self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
+                raise failure
 
     def _lose(self, lost: Lost) -> None:
         """Retire particles, or raise for the first one where that was not asked for."""
@@ -248,6 +247,7 @@ class Marcher:
             np.copyto(array, self._backup[name])
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
+        self._retired.begin()
         if count:
             self._march_block(self._state, self.h, count)
 
