@@ -100,6 +100,7 @@ class Marcher:
         self.h = float(h)
         self.names = tuple(names)
         self.step = 0
+        self._start = 0.0
         self.evaluations = 0
         self.particle_evaluations = 0
         self._massive = np.asarray(massive).nonzero()[0]
@@ -265,11 +266,13 @@ class Marcher:
         copy["memory"][:] = 0.0
         copy["particle_memory"][:] = 0.0
         before = self.evaluations, self.particle_evaluations
-        self._march_block(copy, offset, 1)
-        lost = self._retired.lost()
-        if lost is not None and not self._retire:
-            self._lose(lost)
-        self.evaluations, self.particle_evaluations = before
+        try:
+            self._march_block(copy, offset, 1)
+            lost = self._retired.lost()
+            if lost is not None and not self._retire:
+                self._lose(lost)
+        finally:
+            self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
 
     def part_of_a_step(self, offset: float) -> Marcher:
@@ -278,14 +281,23 @@ class Marcher:
         """
         massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
         massive[self._massive] = True
-        state = self.state()
-        part = Marcher(self.lagrangian, self.integrator, self.model, massive, *state, offset, names=self.names)
+        q, v = self.state()
+        gone = self._particles[self._retired.gone()]
+        q[gone], v[gone] = NOWHERE, 0.0
+        options: dict[str, Any] = {"names": self.names, "retire": self._retire}
+        part = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, offset, **options)
+        part._start = self._start + self.step * self.h
+        part._retired.take(self._retired)
         part.advance(1)
         return part
 
     def approaches(self) -> Array:
         """Return the closest approaches up to now, (4, 2, rows + padding), see `orbits.kernels.encounters`."""
-        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], self._state)
+        self._retired.begin()
+        q = self._state["particle_q"].copy()
+        q[:, : len(self._particles)][:, self._retired.gone()] = np.nan
+        state = {**self._state, "particle_q": q}
+        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], state)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to go on bit for bit; the arrays are copies."""
@@ -348,7 +360,8 @@ class Marcher:
     def _march_block(self, state: dict[str, Array], h: float, count: int) -> None:
         if h not in self._coefficients:
             self._coefficients = {self.h: self._coefficients[self.h], h: _coefficients(self._form, h)}
-        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, 0.0, self.step, h)
+        clock = (self._start, self.step, h) if h == self.h else (self._start + self.step * self.h, 0, h)
+        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, *clock)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)
