@@ -213,8 +213,8 @@ def follow_row(context, h, steps, way, i):
 
 @kernel
 def follow_particles(context, track, h, steps, start, stop):
-    """Look for closest approaches of particles start ... start + 7, those below `stop`, whose states are in `track`;
-    then, where there are conditions, whether one is met.
+    """Look for closest approaches of particles start ... start + 7, those below `stop`, whose states are in `track`,
+    except where x is NaN; then, where there are conditions, whether one is met.
 
     track : (6 (steps + 1), 8), x, y, z and their velocities at the beginning of each step and at the end
     """
@@ -227,6 +227,7 @@ def follow_particles(context, track, h, steps, start, stop):
     valid = full(0.0)
     for p in range(start, stop):
         valid = valid + unit(p - start)
+    valid = valid * (load(track, 0) * 0.0 == 0.0)
     lowest, highest = full(0.0), full(MANY)
     if dominant >= 0:
         lowest, highest = _apsides(watch, track)

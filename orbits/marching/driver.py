@@ -6,6 +6,8 @@ is that of constant steps: step k of a march from time t0 begins at t0 + k h.
 
 from __future__ import annotations
 
+import math
+
 from numba.extending import overload
 
 from orbits.kernels.barrier import Barrier
@@ -39,7 +41,9 @@ from orbits.kernels.steps import (
 )
 
 NOWHERE = 1e6
-"""Where the particles that fill the last eight are, and those that were retired: finite, and never read."""
+"""Where the particles that fill the last eight are, and those that were retired: finite, and never read. Observers see
+NaN for a retired one, which no comparison holds for.
+"""
 
 
 @kernel
@@ -173,7 +177,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, start, st
         particle, carry, done = load_particle(columns, p), storage.carry[p], 0
         if retired[p, 0] != OK:
             for k in range(steps + 1):
-                _record_one(track, k, lane_of_p, NOWHERE, NOWHERE, NOWHERE, 0.0, 0.0, 0.0)
+                _record_one(track, k, lane_of_p, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
         else:
             while done < steps:
                 _record_one(
@@ -246,6 +250,8 @@ def _finish(columns, retired, track, steps, p, particles, stop):
     for j in range(p, min(p + WIDTH, stop)):
         if retired[j, 0] != OK:
             _put_back(columns, j, kept)
+            for k in range(steps + 1):
+                track[6 * k, j - p] = math.nan
         elif not _is_finite(track, steps, j - p):
             k = steps
             while k > 0 and not _is_finite(track, k, j - p):

@@ -90,6 +90,7 @@ class Marcher:
         self.h = float(h)
         self.names = tuple(names)
         self.step = 0
+        self._start = 0.0
         self.evaluations = 0
         self.particle_evaluations = 0
         self._massive = np.asarray(massive).nonzero()[0]
@@ -171,17 +172,12 @@ class Marcher:
             if failure is not None:
                 count = last_good(self._can_be_taken, count)
                 self._replay(count)
-                if self._stop(count):
-                    return
-                self.step += count
-                trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
-                self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
-                raise failure
             lost = self._retired.lost()
             if lost is not None:  # a particle: again, up to the step that it cannot take, and on without it
                 count = lost.steps
                 self._replay(count)
-            elif self._overflowed and count > 1:  # more passages than a list of a block holds: again, in shorter blocks
+            elif failure is None and self._overflowed and count > 1:
+                # More passages than a list of a block holds: again, in shorter blocks.
                 self._replay(0)
                 self.block = count // 2
                 continue
@@ -191,6 +187,10 @@ class Marcher:
             steps -= count
             if lost is not None:
                 self._lose(lost)
+            elif failure is not None:
+                trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
+                self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
+                raise failure
 
     def _lose(self, lost: Lost) -> None:
         """Retire particles, or raise for the first one where that was not asked for."""
@@ -233,6 +233,7 @@ class Marcher:
             np.copyto(array, self._backup[name])
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
+        self._retired.begin()
         if count:
             self._march_block(self._state, self.h, count)
 
@@ -250,11 +251,13 @@ class Marcher:
         copy["memory"][:] = 0.0
         copy["particle_memory"][:] = 0.0
         before = self.evaluations, self.particle_evaluations
-        self._march_block(copy, offset, 1)
-        lost = self._retired.lost()
-        if lost is not None and not self._retire:
-            self._lose(lost)
-        self.evaluations, self.particle_evaluations = before
+        try:
+            self._march_block(copy, offset, 1)
+            lost = self._retired.lost()
+            if lost is not None and not self._retire:
+                self._lose(lost)
+        finally:
+            self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
 
     def part_of_a_step(self, offset: float) -> Marcher:
@@ -263,14 +266,23 @@ class Marcher:
         """
         massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
         massive[self._massive] = True
-        state = self.state()
-        part = Marcher(self.lagrangian, self.integrator, self.model, massive, *state, offset, names=self.names)
+        q, v = self.state()
+        gone = self._particles[self._retired.gone()]
+        q[gone], v[gone] = NOWHERE, 0.0
+        options: dict[str, Any] = {"names": self.names, "retire": self._retire}
+        part = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, offset, **options)
+        part._start = self._start + self.step * self.h
+        part._retired.take(self._retired)
         part.advance(1)
         return part
 
     def approaches(self) -> Array:
         """Return the closest approaches up to now, (4, 2, rows + padding), see `orbits.kernels.encounters`."""
-        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], self._state)
+        self._retired.begin()
+        q = self._state["particle_q"].copy()
+        q[:, : len(self._particles)][:, self._retired.gone()] = np.nan
+        state = {**self._state, "particle_q": q}
+        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], state)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to go on bit for bit; the arrays are copies."""
@@ -333,7 +345,8 @@ class Marcher:
     def _march_block(self, state: dict[str, Array], h: float, count: int) -> None:
         if h not in self._coefficients:
             self._coefficients = {self.h: self._coefficients[self.h], h: coefficients_of(self._form, h)}
-        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, 0.0, self.step, h)
+        clock = (self._start, self.step, h) if h == self.h else (self._start + self.step * self.h, 0, h)
+        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, *clock)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)

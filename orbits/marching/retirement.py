@@ -64,6 +64,11 @@ class Retired:
         self._known[lost.particles, 0], self._known[lost.particles, 1] = lost.status, step
         self.begin()
 
+    def take(self, other: Retired) -> None:
+        """Retire those that another march of as many particles has retired, before the first step of this one."""
+        self._known[:, 0] = other._known[:, 0]
+        self.begin()
+
     def gone(self) -> NDArray[np.bool_]:
         """Return which particles are retired or were lost in the block just marched, (m,)."""
         return np.asarray(self.block[: self._count, 0] != OK)
@@ -81,6 +86,8 @@ class Retired:
         """Go back to a checkpoint; those of earlier versions retired nobody. Raises InputError for what cannot be."""
         self._known[:] = 0
         if retired is not None:
+            if retired.shape != (self._count, 2):
+                raise InputError(f"the retired particles in its checkpoint are {retired.shape}, not {self._count, 2}.")
             status, step = np.asarray(retired)[:, 0], np.asarray(retired)[:, 1]
             if not (np.isin(status, [OK, *REASONS]).all() and (step >= 0).all() and (step <= steps).all()):
                 raise InputError("the retired particles in its checkpoint have reasons or steps that cannot be.")
