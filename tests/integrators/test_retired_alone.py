@@ -15,9 +15,7 @@ def collapse(*, retire):
     """Two bodies fall into each other at t = 4; far away a particle falls into a third one at t = 0.5."""
     gm = np.array([1.0, 1.0, 1.0, 0.0])
     q = np.array([[-1.5, 0, 0], [1.5, 0, 0], [1000.0, 0, 0], [1000.6, 0, 0]])
-    return Marcher(
-        newtonian, Gauss(stages=4), parameters(gm[:3]), gm > 0, q, np.zeros((4, 3)), 1 / 32, retire=retire
-    )
+    return Marcher(newtonian, Gauss(stages=4), parameters(gm[:3]), gm > 0, q, np.zeros((4, 3)), 1 / 32, retire=retire)
 
 
 def struck(**options):
@@ -67,5 +65,6 @@ def test_a_part_of_a_step_goes_on_without_a_retired_particle():
     run = struck()
     run.advance(10)
     part = run.part_of_a_step(0.01)
-    assert np.array_equal(part.state()[0], run.state_after(0.01)[0], equal_nan=True)
+    # It begins at the state rounded to float64: one rounding of numbers below 8.
+    np.testing.assert_allclose(part.state()[0], run.state_after(0.01)[0], rtol=0, atol=2**-50)
     assert np.isnan(part.state()[0][2]).all()
