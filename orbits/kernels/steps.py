@@ -8,11 +8,14 @@ it (`orbits.marching.driver`) knows nothing of stages. A method enters compiled 
         what can be derived from the state, such as the first force; called when a block of steps begins
     step(method, model, t, h, state, storage) -> (status, where, evaluations)
         one step of h from time t, in place. One that fails says at which body or coordinate; whoever goes on after it
-        has kept the state. Explicit methods always succeed: whether the state is finite is looked at once a block
+        has kept state and carry, both of which it may have spoilt, and calls `begin` again. Explicit methods always
+        succeed: whether the state is finite is looked at once a block
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
         the same for massless particles, which are values: eight in lanes, or one with its stages in lanes, as the
-        constant `width` of the method says. `storage.stages` is what the massive bodies' step went through
+        constant `width` of the method says. `storage.stages` is what the massive bodies' step went through.
+        In lanes the status goes unread: what cannot be stepped becomes NaN in its lane, and is found there after the
+        block; `begin_particles` is called for lanes only, and what they carry ends with the block
 """
 
 from __future__ import annotations
