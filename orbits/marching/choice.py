@@ -6,12 +6,11 @@ from orbits.errors import InputError
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Form
-from orbits.lagrangians.base import Lagrangian
+from orbits.kernels.lanes import WIDTH
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
 
 
-def form_for(
-    integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool = False, with_particles: bool = False
-) -> Form:
+def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool = False) -> Form:
     """Return the form, in positions and momenta if that is asked for or the only one.
 
     Raises InputError, naming the methods that can, where there is none.
@@ -20,9 +19,29 @@ def form_for(
     form = integrator.form(lagrangian, canonical=canonical)
     if form is None:
         raise InputError(f"{integrator.label} has no canonical form for '{lagrangian.name}'")
+    return form
+
+
+def form_of_bodies(integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool) -> Form:
+    """Return the form in which bodies are marched by their positions and velocities.
+
+    Raises InputError as `form_for`, for Lagrangians whose velocities are not their momenta, and for massless particles
+    where the form has none.
+    """
+    form = form_for(integrator, lagrangian)
+    if SEPARABLE not in lagrangian.traits:
+        raise InputError(
+            f"'{lagrangian.name}' is not separable: its momenta are not its velocities, by which bodies are marched "
+            "here; use orbits.march, which takes any Lagrangian"
+        )
     if with_particles and not form.serves_particles:
         raise InputError(
             f"{integrator.label} steps '{lagrangian.name}' for massive bodies only; give the massless ones a small "
             "mass, or use a method that takes particles, such as Gauss(stages=8)"
+        )
+    if with_particles and form.particle_carry_rows and form.own_kernels().get("width", WIDTH) == WIDTH:
+        raise InputError(
+            f"{integrator.label} carries numbers of massless particles that lie in lanes from step to step, which are "
+            "not kept; expected particle_carry_rows = 0, or the constant width = 1: one particle at a time"
         )
     return form

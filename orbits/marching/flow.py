@@ -186,7 +186,8 @@ class Flow:
                 break
         out_q[:], out_p[:] = self.lagrangian.caller_order(out_q), self.lagrangian.caller_order(out_p)
         if mass is not None:
-            out_p[:] = out_p @ mass
+            with np.errstate(invalid="ignore"):  # what is past a failure is not handed on
+                out_p[:] = out_p @ mass
         return int(status), int(done), int(evaluations)
 
     def _path(self, q: Array, p: Array, every: int, evaluations: int = 0) -> DiscretePath:

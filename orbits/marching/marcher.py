@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -23,7 +24,7 @@ from orbits.kernels.steps import NOT_CONVERGED, OK
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
-from orbits.marching.choice import form_for
+from orbits.marching.choice import form_of_bodies
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good
 from orbits.marching.parallel import Parallel, shares
@@ -98,7 +99,7 @@ class Marcher:
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._form = form_for(integrator, lagrangian, with_particles=m > 0)
+        self._form = form_of_bodies(integrator, lagrangian, with_particles=m > 0)
         self._coefficients = {self.h: coefficients_of(self._form, self.h)}
         self._backup: dict[str, Array] = {}
         shape = self._form.stages_shape(3 * n)
@@ -169,6 +170,9 @@ class Marcher:
                 self._march_block(self._state, self.h, count)
             except IntegrationError as error:
                 failure = error
+            except BaseException:  # an interrupt: the state is that of the last whole block
+                self._replay(0)
+                raise
             if failure is not None:
                 count = last_good(self._can_be_taken, count)
                 self._replay(count)
@@ -383,8 +387,16 @@ class Marcher:
             watched = (observer, context, track)
             return int(driver.march_particles(*bound, *particles, *room, count, start, stop, *watched))
 
-        tasks = range(len(self._tasks))
-        self.particle_evaluations += sum(self._pool.map(share, tasks) if self._pool else map(share, tasks))
+        if self._pool is None:
+            self.particle_evaluations += sum(map(share, range(len(self._tasks))))
+            return
+        shares: list[Future[int]] = []
+        try:
+            for task in range(len(self._tasks)):
+                shares.append(self._pool.submit(share, task))
+        finally:
+            wait(shares)  # also after an interrupt: only then may others use the arrays
+        self.particle_evaluations += sum(future.result() for future in shares)
 
     def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
         """Return two massive bodies: `body` and the one next to it, the lighter one first."""
