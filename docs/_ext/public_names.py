@@ -114,7 +114,7 @@ def pages_written() -> list[Path]:
 
 
 def attribute_doc(entry: Entry) -> str:
-    """Return the string that follows the assignment of a constant, in the module where it is assigned."""
+    """Return the string that follows the assignment of a constant, or of several, in the module that assigns it."""
     start = f"orbits.{orbits._MODULE_OF[entry.name]}" if entry.module == "orbits" else entry.module
     package = importlib.import_module(start)
     inside = [m.name for m in pkgutil.iter_modules(getattr(package, "__path__", ()))]
@@ -122,7 +122,8 @@ def attribute_doc(entry: Entry) -> str:
         body = ast.parse(inspect.getsource(module)).body
         for statement, following in pairwise(body):
             targets = getattr(statement, "targets", [getattr(statement, "target", None)])
-            named = entry.name in [getattr(target, "id", None) for target in targets]
+            single = [name for target in targets for name in getattr(target, "elts", [target])]
+            named = entry.name in [getattr(name, "id", None) for name in single]
             if named and isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
                 return inspect.cleandoc(str(following.value.value))
     return ""

@@ -13,8 +13,13 @@ from orbits.lagrangians.base import GRADIENTS, Lagrangian
 from orbits.tableaux import PartitionedTableau
 
 SYMPLECTIC = "symplectic"
+"""Property: the step keeps the symplectic form."""
+
 SYMMETRIC = "symmetric"
+"""Property: a step of -h undoes a step of h."""
+
 MOMENTUM_MAPS = "momentum maps"
+"""Property: the step keeps the charges of symmetries that translate or turn: momentum, angular momentum."""
 
 
 @dataclass(frozen=True)
