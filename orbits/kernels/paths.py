@@ -9,6 +9,16 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.kernels.watch import flat
 
+NOWHERE = 1e6
+"""Where the particles that fill the last eight are, and those that were retired: finite, and never read."""
+
+
+@kernel(inline=True)
+def is_absent(watch, track, row):
+    """Return whether a row is that of a retired particle at the beginning of a block."""
+    k = (row - watch.bodies) % WIDTH
+    return row >= watch.bodies and track[0, k] == NOWHERE and track[1, k] == NOWHERE and track[2, k] == NOWHERE
+
 
 @kernel(inline=True)
 def relative(watch, track, row, j, step):

@@ -8,7 +8,7 @@ from orbits.kernels.approach_search import longest_way
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import pair_potential
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import least_distance, relative
+from orbits.kernels.paths import is_absent, least_distance, relative
 from orbits.kernels.watch import watch_at
 
 ANY = -1
@@ -39,6 +39,8 @@ def first_met(context, track, h, steps, start, stop):
         bound2 = stops[c, BOUND2]
         closer = stops[c, KIND] == CLOSER
         for row in range(start, stop):
+            if is_absent(watch, track, row):
+                continue
             for j in range(min(row, n)):
                 if not _concerns(stops, c, row, j):
                     continue

@@ -13,7 +13,7 @@ from orbits.kernels.binding import dimension
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_particles, record_strip
+from orbits.kernels.paths import NOWHERE, record_particles, record_strip
 from orbits.kernels.state import (
     Columns,
     all_finite,
@@ -38,10 +38,6 @@ from orbits.kernels.steps import (
     step,
     step_particles,
 )
-
-NOWHERE = 1e6
-"""Where the particles that fill the last eight are, and those that were retired: finite, and never read."""
-
 
 @kernel
 def march(

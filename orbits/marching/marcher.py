@@ -21,11 +21,11 @@ from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import NOWHERE
 from orbits.kernels.steps import NOT_CONVERGED, OK
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
-from orbits.marching.driver import NOWHERE
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.passage_list import PassageList
 from orbits.marching.pool import Pool
@@ -279,7 +279,9 @@ class Marcher:
         massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
         massive[self._massive] = True
         state = self.state()
-        part = Marcher(self.lagrangian, self.integrator, self.model, massive, *state, offset, names=self.names)
+        part = Marcher(
+            self.lagrangian, self.integrator, self.model, massive, *state, offset, names=self.names, retire=self._retire
+        )
         part.advance(1)
         return part
 

@@ -183,13 +183,19 @@ def joined(run: Trajectory, i: int) -> Path:
 
 
 def last_state(run: Trajectory) -> System:
-    """Return the system at the last sample, without its epoch: that of a long run is no date.
+    """Return the system at the last sample, without its epoch: that of a long run is no date. Particles that were
+    retired are where they were last.
 
     Raises InputError for a run without samples.
     """
     if not len(run):
         raise InputError(f"{run!r} has no samples yet, so there is nothing to draw; expected at least one.")
-    return run.system.replaced(q=run.q[-1].value, v=run.v[-1].value, epoch=None)
+    q, v = run.q[-1].value.copy(), run.v[-1].value.copy()
+    for particle in run.retired:
+        body = run.names.index(particle.name)
+        if np.isnan(q[body]).all():
+            q[body], v[body] = particle.q.value, particle.v.value
+    return run.system.replaced(q=q, v=v, epoch=None)
 
 
 class _Samples:
