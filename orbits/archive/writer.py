@@ -218,9 +218,7 @@ class ArchiveWriter:
         self._storage.write(self._layout.commits.offset + commit.slot * ROW.itemsize, commit.encoded())
 
 
-def extended(
-    archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[Any]] | None = None
-) -> ArchiveWriter:
+def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[Any]] | None = None) -> ArchiveWriter:
     """Make room for more samples: copy the archive into a larger one, put it in its place, and go on with that.
 
     archive : as `Archive.claim` returned it; it is closed afterwards, and its file stays until the new one is whole

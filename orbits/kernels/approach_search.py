@@ -16,7 +16,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, sqrt, unit
 from orbits.kernels.observing import call_enter, call_observer, call_search
-from orbits.kernels.paths import hermite
+from orbits.kernels.paths import hermite, is_absent
 from orbits.kernels.watch import flat, no_particles, watch_at
 
 FRACTION = 0.8
@@ -213,20 +213,20 @@ def follow_row(context, h, steps, way, i):
 
 @kernel
 def follow_particles(context, track, h, steps, start, stop):
-    """Look for closest approaches of particles start ... start + 7, those below `stop`, whose states are in `track`;
-    then, where there are conditions, whether one is met.
+    """Look for closest approaches of particles start ... start + 7, those below `stop` that are not retired, whose
+    states are in `track`; then, where there are conditions, whether one is met.
 
     track : (6 (steps + 1), 8), x, y, z and their velocities at the beginning of each step and at the end
     """
     watch = watch_at(context)
     n, annuli, dominant = watch.bodies, watch.annuli, watch.dominant
     stop = min(start + WIDTH, stop)
-    if watch.first == 0:
-        for p in range(start, stop):
-            note_particle(context, track, n + p)
     valid = full(0.0)
     for p in range(start, stop):
-        valid = valid + unit(p - start)
+        if not is_absent(watch, track, n + p):
+            valid = valid + unit(p - start)
+            if watch.first == 0:
+                note_particle(context, track, n + p)
     lowest, highest = full(0.0), full(MANY)
     if dominant >= 0:
         lowest, highest = _apsides(watch, track)

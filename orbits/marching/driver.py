@@ -39,6 +39,7 @@ from orbits.kernels.steps import (
     step_particles,
 )
 
+
 @kernel
 def march(
     form, coefficients, tag, parameters, t0, first, h, q, q_lo, p, p_lo, carry, scratch, stages, path, every, steps

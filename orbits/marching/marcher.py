@@ -287,7 +287,9 @@ class Marcher:
 
     def approaches(self) -> Array:
         """Return the closest approaches up to now, (4, 2, rows + padding), see `orbits.kernels.encounters`."""
-        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], self._state)
+        state = {**self._state, "particle_q": self._state["particle_q"].copy()}
+        state["particle_q"][:, : len(self._particles)][:, self._retired.gone()] = np.nan  # nowhere at the end
+        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], state)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to go on bit for bit; the arrays are copies."""

@@ -162,7 +162,8 @@ def joined(run: Trajectory, i: int) -> Path:
     straight = turn < STRAIGHT
     smooth = np.flatnonzero(~straight & (turn < SMOOTH))
     arcs = dict(zip(smooth.tolist(), samples.cubics((i,), smooth), strict=True))
-    curved = np.flatnonzero(~straight & ~wound)
+    there = np.isfinite(q).all(axis=1)  # a particle that was retired is nowhere
+    curved = np.flatnonzero(~straight & ~wound & there[:-1] & there[1:])
     if len(curved) and orbit:
         points, good = samples.arcs((i,), orbit, curved)
         arcs |= {k: arc for k, arc, fine in zip(curved.tolist(), points, good, strict=True) if fine}
@@ -178,7 +179,7 @@ def joined(run: Trajectory, i: int) -> Path:
         elif stop < count - 1 and pieces and pieces[-1] is not _GAP:
             pieces.append(_GAP)
         k = stop + 1
-    loose = ~(np.append(drawn, False) | np.append(False, drawn))
+    loose = there & ~(np.append(drawn, False) | np.append(False, drawn))
     return Path(np.concatenate(pieces or [_GAP]), loose, bool(wound.any()))
 
 

@@ -129,7 +129,7 @@ def warn_of_retired(run: Trajectory) -> None:
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} could not step {who} any further, and "
         "the run went on without: their q and v are NaN from then on, and run[k] leaves them out. All others are as "
         "they would be without them.\n" + "\n".join(f"  {particle}." for particle in first) + f"{more}\n"
-        "Use a smaller dt for them (massless particles can be run by themselves with the massive bodies), or softening.",
+        "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening.",
         RetiredWarning,
         stacklevel=level_of_caller(),
     )

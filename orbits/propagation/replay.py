@@ -57,7 +57,6 @@ class Replay:
         refine(run, seen, found)
         return [approaches.one(k) for k in found]
 
-
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the particles that the run in an archive retired, as its last checkpoint lists them."""
         from orbits.trajectory.retired import RetiredParticles

@@ -196,8 +196,10 @@ def resume(
 
     def begin() -> ArchiveWriter:
         now, before = marcher.checkpoint(), old.checkpoint()
-        # An archive of an earlier version has no room for what checkpoints hold by now: it is copied into one that has.
-        return ArchiveWriter.going_on(old) if until is None and now.keys() == before.keys() else extended(old, grid, now)
+        if until is None and now.keys() == before.keys():
+            return ArchiveWriter.going_on(old)
+        # There are more samples, or an earlier version left no room for the list of retired particles.
+        return extended(old, grid, now)
 
     watch = RunEnds(Conditions(system, ()), None, True)
     return march(system, integrator, marcher, grid, old.committed, begin, progress, watch)

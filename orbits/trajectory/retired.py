@@ -140,7 +140,8 @@ class RetiredParticles(Sequence[RetiredParticle]):
         rows = []
         for p in self._particles[:MOST_ROWS]:
             date = [] if p.date is None else [p.date.iso[:16]]
-            rows.append([p.name, p.reason, *date, f"{p.time.value:.10g}", f"{p.step:,}", *(f"{x:.6g}" for x in p.q.value)])
+            place = (f"{x:.6g}" for x in p.q.value)
+            rows.append([p.name, p.reason, *date, f"{p.time.value:.10g}", f"{p.step:,}", *place])
         return head, rows, len(self) - len(rows)
 
 
