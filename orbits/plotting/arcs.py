@@ -162,7 +162,7 @@ def joined(run: Trajectory, i: int) -> Path:
     straight = turn < STRAIGHT
     smooth = np.flatnonzero(~straight & (turn < SMOOTH))
     arcs = dict(zip(smooth.tolist(), samples.cubics((i,), smooth), strict=True))
-    there = np.isfinite(q).all(axis=1)  # a particle that was retired is nowhere
+    there = np.asarray(np.isfinite(q).all(axis=1))  # a particle that was retired is nowhere
     curved = np.flatnonzero(~straight & ~wound & there[:-1] & there[1:])
     if len(curved) and orbit:
         points, good = samples.arcs((i,), orbit, curved)
