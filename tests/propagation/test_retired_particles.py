@@ -340,5 +340,24 @@ def test_jupiter_crossers_no_longer_end_the_run_of_all():
         start.remove(*some.retired.names), GAUSS, dt=60 * u.day, duration=300 * u.yr, samples=11, check_step=False
     )
     assert alone.q.value.tobytes() == some.q.value[:, kept].tobytes()
-    with pytest.raises(orbits.InputError, match="was retired"):
-        some.to_spk("never.bsp", bodies=[some.retired.names[0]], ids={some.retired.names[0]: 2999999})
+
+
+def test_an_spk_file_has_the_others_and_who_is_retired_is_refused(tmp_path):
+    start = orbits.System.solar_system("2020-01-01", bodies=["Sun", "Jupiter"]).add(
+        ["falls", "stays"], primary="Sun", a=[5, 3] * u.au, e=[0.999999, 0.1], M=[3.0, 0.0] * u.rad
+    )
+    some = orbits.propagate(start, GAUSS, dt=40 * u.day, duration=10 * u.yr, samples=11, check_step=False)
+    ids = {"falls": 2999998, "stays": 2999999}
+    with pytest.raises(orbits.InputError, match="'falls' was retired"):
+        some.to_spk(tmp_path / "all.bsp", ids=ids)
+    rest = some.to_spk(tmp_path / "others.bsp", ids=ids, bodies=["Sun", "Jupiter", "stays"], tolerance_km=1.0)
+    assert set(rest.ids) == {"Sun", "Jupiter", "stays"}
+    k = int(np.argmax(some.times > some.retired[0].time.value))
+    assert "falls" in some[:k].to_spk(tmp_path / "before.bsp", ids=ids, tolerance_km=1.0).ids
+
+
+def test_a_comparison_says_who_was_given_up():
+    with pytest.raises(orbits.IntegrationError, match="near"):
+        orbits.compare(system(orbiting=2), VERLET, dt=DT, duration=END, samples=7, reference="converged")
+    report = orbits.compare(system(orbiting=2), GAUSS, dt=DT, duration=END, samples=7, reference="none")
+    assert "near" in str(report)
