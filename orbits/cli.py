@@ -294,12 +294,15 @@ def _show(file: Path, run: Any, as_json: bool) -> None:
         "from": float(run.times[0]) if len(run) else None,
         "to": float(run.times[-1]) if len(run) else None,
         "largest_relative_change": {n: getattr(drift, n).max_fraction for n in names} if drift else None,
+        "retired": run.retired.to_records(),
     }
     if as_json:
         print(json.dumps(record, indent=1))
         return
     print(run)
     print(run.system)
+    if len(run.retired):
+        print(run.retired)
     if drift is not None:
         print(drift)
     if not run.complete:

@@ -67,6 +67,15 @@ class StepWarning(OrbitsWarning):
     trajectory: Any = None
 
 
+class RetiredWarning(OrbitsWarning):
+    """Massless particles could not be stepped any further, and the run went on without them; see `run.retired`.
+
+    trajectory : where warnings are errors, the run that was done when this one was raised after it; else None
+    """
+
+    trajectory: Any = None
+
+
 class IntegrationError(OrbitsError):
     """A step could not be taken. What was computed before it stays valid.
 

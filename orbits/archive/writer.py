@@ -23,7 +23,7 @@ from orbits.archive import schema
 from orbits.archive.commits import CHUNK, ROW, Commit
 from orbits.archive.creation import built, check_target, discarded_on_failure, partial_path, take_name
 from orbits.archive.header import Header
-from orbits.archive.reader import Archive, Checkpoint
+from orbits.archive.reader import Archive
 from orbits.archive.schema import Layout
 from orbits.archive.storage import BLOCK, Storage, raw_bytes
 from orbits.errors import ArchiveError, StorageError
@@ -218,11 +218,12 @@ class ArchiveWriter:
         self._storage.write(self._layout.commits.offset + commit.slot * ROW.itemsize, commit.encoded())
 
 
-def extended(archive: Archive, grid: TimeGrid) -> ArchiveWriter:
+def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[Any]] | None = None) -> ArchiveWriter:
     """Make room for more samples: copy the archive into a larger one, put it in its place, and go on with that.
 
     archive : as `Archive.claim` returned it; it is closed afterwards, and its file stays until the new one is whole
     grid : the step, which stays, and the times of all samples, those that are there first and unchanged
+    checkpoint : the state to go on from with all arrays that later ones will have; by default the archive's own
     Raises ArchiveError where it does not go on from the samples that are there; StorageError where the device has
     no room for both files.
     """
@@ -234,7 +235,7 @@ def extended(archive: Archive, grid: TimeGrid) -> ArchiveWriter:
                 "are."
             )
         header = replace(archive.parts()[1], grid=grid)
-        checkpoint = archive.checkpoint()
+        checkpoint = archive.checkpoint() if checkpoint is None else checkpoint
         with ArchiveWriter._made(place, header, checkpoint) as writer:
             _copy(archive, writer, checkpoint)
             if not archive.parts()[0].is_at(place):
@@ -243,7 +244,7 @@ def extended(archive: Archive, grid: TimeGrid) -> ArchiveWriter:
         return writer
 
 
-def _copy(archive: Archive, writer: ArchiveWriter, checkpoint: Checkpoint) -> None:
+def _copy(archive: Archive, writer: ArchiveWriter, checkpoint: Mapping[str, NDArray[Any]]) -> None:
     """Commit all chunks of an archive to a new writer as they were, in blocks."""
     per_sample = 48 * archive.layout.q.shape[1]
     step = max(1, BLOCK // per_sample)

@@ -162,7 +162,8 @@ def joined(run: Trajectory, i: int) -> Path:
     straight = turn < STRAIGHT
     smooth = np.flatnonzero(~straight & (turn < SMOOTH))
     arcs = dict(zip(smooth.tolist(), samples.cubics((i,), smooth), strict=True))
-    curved = np.flatnonzero(~straight & ~wound)
+    there = np.asarray(np.isfinite(q).all(axis=1))  # a particle that was retired is nowhere
+    curved = np.flatnonzero(~straight & ~wound & there[:-1] & there[1:])
     if len(curved) and orbit:
         points, good = samples.arcs((i,), orbit, curved)
         arcs |= {k: arc for k, arc, fine in zip(curved.tolist(), points, good, strict=True) if fine}
@@ -178,18 +179,24 @@ def joined(run: Trajectory, i: int) -> Path:
         elif stop < count - 1 and pieces and pieces[-1] is not _GAP:
             pieces.append(_GAP)
         k = stop + 1
-    loose = ~(np.append(drawn, False) | np.append(False, drawn))
+    loose = there & ~(np.append(drawn, False) | np.append(False, drawn))
     return Path(np.concatenate(pieces or [_GAP]), loose, bool(wound.any()))
 
 
 def last_state(run: Trajectory) -> System:
-    """Return the system at the last sample, without its epoch: that of a long run is no date.
+    """Return the system at the last sample, without its epoch: that of a long run is no date. Particles that were
+    retired are where they were last.
 
     Raises InputError for a run without samples.
     """
     if not len(run):
         raise InputError(f"{run!r} has no samples yet, so there is nothing to draw; expected at least one.")
-    return run.system.replaced(q=run.q[-1].value, v=run.v[-1].value, epoch=None)
+    q, v = run.q[-1].value.copy(), run.v[-1].value.copy()
+    for particle in run.retired:
+        body = run.names.index(particle.name)
+        if np.isnan(q[body]).all():
+            q[body], v[body] = particle.q.value, particle.v.value
+    return run.system.replaced(q=q, v=v, epoch=None)
 
 
 class _Samples:

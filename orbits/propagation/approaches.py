@@ -35,6 +35,7 @@ class Approaches:
     partner : (bodies, 2) indices; column 0 is the dominant body (unused where no body has 90 % of the mass), column 1
         the closest other. For a massless particle, passages beyond three Hill radii of a planet (or 5 % of the planet's
         distance) are not recorded, and the closest is the smallest share of that.
+        Of one that was retired the approach that it did not live through is not among them: see `run.retired`.
     left_out : how many passages more there were than are listed; those listed are the ones of largest speed / distance
 
     Listed is every flyby within `reach` of a body, every passage that is fast for the step (but for pericentres of mild

@@ -32,6 +32,10 @@ PASSAGES = frozenset({"passages", "passage_counts"})
 """Arrays of a checkpoint that list the passages of a march."""
 
 
+RETIRED = frozenset({"retired"})
+"""The array of a checkpoint that lists the particles that were given up."""
+
+
 def bound(
     system: System,
     integrator: Integrator,
@@ -67,7 +71,8 @@ def bound(
 def march_of(
     bodies: PointMasses, integrator: Integrator, h: float, model: tuple[Lagrangian, Any] | None = None, **options: Any
 ) -> Marcher:
-    """Return bodies bound to a method that can serve them, with step h; the options are those of `Marcher`.
+    """Return bodies bound to a method that can serve them, with step h, so that a massless particle that cannot be
+    stepped is retired alone; the options are those of `Marcher`.
 
     model : the Lagrangian of the massive bodies and its parameters, as of `orbits.system.model.model`; None stands for
         Newton's gravity alone
@@ -75,7 +80,7 @@ def march_of(
     gm, q, v, softening = bodies
     massive = bodies.massive
     lagrangian, vectors = (newtonian, parameters(gm[massive], softening)) if model is None else model
-    return Marcher(lagrangian, integrator, vectors, massive, q, v, h, **options)
+    return Marcher(lagrangian, integrator, vectors, massive, q, v, h, retire=True, **options)
 
 
 def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
@@ -87,6 +92,8 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items()}
     if not found.keys() & PASSAGES:  # a run of an earlier version, which kept no list of them
         expected = {name: kind for name, kind in expected.items() if name not in PASSAGES}
+    if not found.keys() & RETIRED:  # nor retired anybody
+        expected = {name: kind for name, kind in expected.items() if name not in RETIRED}
     wrong = [name for name in sorted(expected.keys() | found.keys()) if expected.get(name) != found.get(name)]
     if wrong:
         raise ArchiveError(

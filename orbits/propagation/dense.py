@@ -35,8 +35,7 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     one = times.ndim == 0
     q, v, times = _states(trajectory, np.atleast_1d(times), "t" if one else "t[{}]")
     if one:
-        moved: System = trajectory.system.replaced(q=q[0], v=v[0], epoch=trajectory.epoch_at(float(times[0])))
-        return moved
+        return trajectory.system_of(q[0], v[0], float(times[0]))
     return trajectory.with_samples(times, q, v)
 
 
@@ -73,4 +72,8 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1, state=state)
         marcher.advance(int(steps[k]) - marcher.step)
         q[k], v[k] = marcher.state_after(float(rests[k]))
+    whole, _ = split(times, trajectory.step)
+    for particle in trajectory.retired:  # a march from a sample may come a step farther
+        later, body = whole > particle.step, trajectory.names.index(particle.name)
+        q[later, body] = v[later, body] = np.nan
     return q, v, times

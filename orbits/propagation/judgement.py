@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orbits.errors import StepWarning, level_of_caller
+from orbits.errors import RetiredWarning, StepWarning, level_of_caller
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
@@ -114,6 +114,23 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
         "the run is not to be trusted for these bodies:\n" + "\n".join(lines) + f"{more}\n{remedy}.",
         StepWarning,
+        stacklevel=level_of_caller(),
+    )
+
+
+def warn_of_retired(run: Trajectory) -> None:
+    """Warn, with `RetiredWarning`, of the particles that a run went on without."""
+    retired, unit = run.retired, run.system.units.time
+    first = sorted(retired, key=lambda particle: particle.step)[:SHOWN]
+    hidden = len(retired) - len(first)
+    more = f"\n  And {hidden:,} more, in run.retired." if hidden else ""
+    who = f"{len(retired):,} massless particle{'s' * (len(retired) > 1)}"
+    warnings.warn(
+        f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} could not step {who} any further, and "
+        "the run went on without: their q and v are NaN from then on, and run[k] leaves them out. All others are as "
+        "they would be without them.\n" + "\n".join(f"  {particle}." for particle in first) + f"{more}\n"
+        "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening.",
+        RetiredWarning,
         stacklevel=level_of_caller(),
     )
 

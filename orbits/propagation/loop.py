@@ -11,7 +11,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import IntegrationError, Interrupted, OrbitsError, StepWarning, StorageError
+from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWarning, StepWarning, StorageError
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement
 from orbits.propagation.passages_seen import Record
@@ -22,7 +22,8 @@ from orbits.propagation.signals import StopRequest
 from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
 from orbits.system import System
 from orbits.time_grid import TimeGrid
-from orbits.trajectory import Statistics, Trajectory
+from orbits.trajectory import RetiredParticles, Statistics, Trajectory
+from orbits.trajectory.retired import absent, without
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
@@ -71,7 +72,7 @@ def march(
 
     begin : opens the archive to write to, if there is one
     """
-    begun = time.perf_counter()
+    begun, known = time.perf_counter(), len(marcher.retired())
     failure: IntegrationError | StorageError | None = None
     writer: ArchiveWriter | None = None
     try:
@@ -112,14 +113,17 @@ def march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
+    trajectory._retired = RetiredParticles.of(system, grid.h, marcher.retired())
     trajectory.record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
     try:
+        if len(trajectory.retired) > known:
+            judgement.warn_of_retired(trajectory)
         if watch.check_step and len(trajectory.record.listed):
             with StopRequest() as late:
                 judgement.warn_of(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
-    except StepWarning as warning:  # an error by the filters that are set: the run is not lost by it
+    except (RetiredWarning, StepWarning) as warning:  # an error by the filters that are set: the run is not lost by it
         warning.trajectory = trajectory
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise
@@ -207,4 +211,4 @@ def _sample(
 
 def _moved(system: System, t: float, q: Array, v: Array) -> System:
     epoch = None if system.epoch is None else system.epoch + u.Quantity(t, system.units.time)
-    return system.replaced(q=q, v=v, epoch=epoch)
+    return without(system, absent(q, v, system.massive), q, v, epoch)

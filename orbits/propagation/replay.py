@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Seen
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
+    from orbits.trajectory.retired import RetiredParticles
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,25 @@ class Replay:
         found = [k for k, _ in spoiling(run, seen)]
         refine(run, seen, found)
         return [approaches.one(k) for k in found]
+
+    def retired(self, run: Trajectory) -> RetiredParticles:
+        """Return the particles that the run in an archive retired, as its last checkpoint lists them."""
+        from orbits.trajectory.retired import RetiredParticles
+
+        assert run.archive is not None
+        checkpoint = run.archive.checkpoint()
+        listed = checkpoint.get("retired")
+        if listed is None or not listed[:, 0].any():
+            return RetiredParticles()
+        from orbits.marching.retirement import REASONS
+
+        particles = np.flatnonzero(~run.system.massive)
+        q, v = checkpoint["particle_q"], checkpoint["particle_v"]
+        rows = [
+            (int(particles[k]), int(listed[k, 1]), REASONS[int(listed[k, 0])], q[:, k].copy(), v[:, k].copy())
+            for k in np.flatnonzero(listed[:, 0])
+        ]
+        return RetiredParticles.of(run.system, run.step, rows)
 
 
 REPLAY = Replay()

@@ -73,7 +73,8 @@ def propagate(
         it, to the last bit.
 
     Raises InputError for what cannot be run, UnknownNameError for an argument that there is not, with what is there in
-    the place of those of other packages; ConvergenceError or SingularityError for a step that fails, StorageError when
+    the place of those of other packages; ConvergenceError or SingularityError for a step of the massive bodies that
+    fails (a massless particle is retired alone, see `run.retired`, with a `RetiredWarning`), StorageError when
     writing fails or the archive is deleted or replaced meanwhile, Interrupted (a KeyboardInterrupt) after Ctrl-C,
     SIGTERM or SIGHUP; all but the first two with the samples so far as `.trajectory`.
     """
@@ -194,7 +195,11 @@ def resume(
         raise
 
     def begin() -> ArchiveWriter:
-        return ArchiveWriter.going_on(old) if until is None else extended(old, grid)
+        now, before = marcher.checkpoint(), old.checkpoint()
+        if until is None and now.keys() == before.keys():
+            return ArchiveWriter.going_on(old)
+        # There are more samples, or an earlier version left no room for the list of retired particles.
+        return extended(old, grid, now)
 
     watch = RunEnds(Conditions(system, ()), None, True)
     return march(system, integrator, marcher, grid, old.committed, begin, progress, watch)

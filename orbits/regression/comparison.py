@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits import integrators as methods
+from orbits.body_names import few
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, IntegrationError, Interrupted, StepWarning, shown
+from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning, shown
 from orbits.integrators.base import Integrator
 from orbits.marching.marcher import available_threads
 from orbits.propagation.run import propagated
@@ -245,6 +246,7 @@ def _run(
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", StepWarning)
+            warnings.simplefilter("always", RetiredWarning)
             run = propagated(system, method, grid, threads=threads, progress=progress)
     except IntegrationError as error:
         return Sampled(method.label, "ours", compile_s=compile_s, note=str(error))
@@ -255,6 +257,8 @@ def _run(
 def _finished(run: Trajectory, method: Integrator, compile_s: float | None = None) -> Sampled:
     """A run's samples; its cost too, which a run that was opened from a file no longer knows."""
     units, cost = run.system.units, run.statistics
+    if len(run.retired):
+        return Sampled(method.label, "ours", compile_s=compile_s, note=f"gave up {few(run.retired.names)}")
     return Sampled(
         method.label,
         "ours",

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.body_names import few
+from orbits.errors import ConvergenceError
 from orbits.point_masses import PointMasses
 
 if TYPE_CHECKING:
@@ -248,6 +250,13 @@ def converged(system: System, grid: TimeGrid, threads: int | None = None) -> Ref
         propagated(system, Gauss(stages=stages), grid, threads=threads, progress=False, check_step=False)
         for stages in (8, 7, 6)
     )
+    for run in (judge, *others):
+        if len(run.retired):
+            raise ConvergenceError(
+                f"the reference solution by {run.integrator.label} lost {few(run.retired.names)}, whose stages did not "
+                "converge; nothing can be compared with it. Use a smaller dt, or remove them (system.remove).",
+                bodies=run.retired.names,
+            )
     q, *checks = (np.asarray(run.q.to_value(system.units.length)) for run in (judge, *others))
     error = np.max([np.linalg.norm(q - check, axis=-1).max(axis=0) for check in checks], axis=0)
     named = f"{grid.dt:.6g} {system.units.time}".strip()

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, StepWarning, shown
+from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, RetiredWarning, StepWarning, shown
 from orbits.scenario.definition import MIND, CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -216,6 +216,7 @@ def _minding(say: Say) -> Iterator[None]:
     """Say the warnings of a run, of one that fails too."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", StepWarning)
+        warnings.simplefilter("always", RetiredWarning)
         try:
             yield
         finally:

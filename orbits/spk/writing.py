@@ -107,6 +107,7 @@ def write(
         raise InputError(f"bodies = {list(names)!r} leaves nothing to write; expected at least one besides the centre.")
     _check(run, tolerance_km)
     wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
+    _refuse_retired(run, wanted)
     if isinstance(ids, Mapping):  # numbers of bodies that are not written do no harm
         places_of_ids = {name: place_of(name, run.names) for name in ids}
         ids = {name if at is None else run.names[at]: ids[name] for name, at in places_of_ids.items()}
@@ -174,6 +175,18 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
     if len(run) < 2:
         raise InputError(f"{run!r} covers no span of time; expected a run with at least two samples.")
     positive_number(tolerance_km, "tolerance_km")
+
+
+def _refuse_retired(run: Trajectory, wanted: Sequence[str]) -> None:
+    """Refuse bodies that were retired before the last sample: a segment covers the whole run."""
+    h, ends = run.step, (run.times[0], run.times[-1])
+    lost = [p for p in run.retired if p.name in wanted and p.step * abs(h) < max(map(abs, ends))]
+    if lost:
+        raise InputError(
+            f"{lost[0].name!r} was retired at t = {lost[0].time:.10g}, before the end of the run"
+            f"{f', and {len(lost) - 1} more' * (len(lost) > 1)}; a segment covers the whole run. Write the others, "
+            "bodies=[...], or the samples before, run[:k].to_spk(...)."
+        )
 
 
 def _fitted(

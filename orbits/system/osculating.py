@@ -87,6 +87,14 @@ class OrbitalElements(Tabular):
             names=(self.names[i],), primary=self.primary, frame=self.frame, t=self.t, epoch=self.epoch, **one
         )
 
+    def blank(self, where: NDArray[np.bool_]) -> OrbitalElements:
+        """Return these elements with NaN where bodies are absent, (samples, k)."""
+        kept = {key: getattr(self, key) for key in self.keys()}
+        blanked = {key: u.Quantity(np.where(where, np.nan, x.value), x.unit, copy=False) for key, x in kept.items()}
+        return OrbitalElements(
+            names=self.names, primary=self.primary, frame=self.frame, t=self.t, epoch=self.epoch, **blanked
+        )
+
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.names)
 
@@ -131,7 +139,12 @@ class OrbitalElements(Tabular):
         values = getattr(self, key).reshape((*self.t.shape, len(self.names)))[..., :MOST_ROWS].to_value(unit)
         if values.ndim == 1:
             return [f"{x:.6g}" for x in values]
-        return [f"{low:.6g} ... {high:.6g}" for low, high in zip(values.min(axis=0), values.max(axis=0), strict=True)]
+        return [f"{low:.6g} ... {high:.6g}" for low, high in zip(*_range(values), strict=True)]
+
+
+def _range(values: Floats) -> tuple[Floats, Floats]:
+    """Return the lowest and the highest value of each column, of those that are no NaN."""
+    return np.fmin.reduce(values, axis=0), np.fmax.reduce(values, axis=0)
 
 
 def osculating(

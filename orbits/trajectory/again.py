@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
     from orbits.spk import SpkFile
+    from orbits.trajectory.retired import RetiredParticles
     from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -50,6 +51,9 @@ class MarchesAgain(Protocol):
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the passages that the step could not resolve; see `Trajectory.unresolved`."""
+
+    def retired(self, run: Trajectory) -> RetiredParticles:
+        """Return the particles that the run in an archive retired."""
 
 
 class MarchedAgain:

@@ -20,10 +20,12 @@ from orbits.export import Labelled, Tabular, html_pairs
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.making import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
+from orbits.time_grid import split
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of, made_by
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
+from orbits.trajectory.retired import RetiredParticles, absent, without
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -51,11 +53,13 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
     stopped : why and where a condition or a callback ended the run, or None
     record : what was seen of the passages on the way, for what marches it again
+    retired : the massless particles that it gave up alone; None for what its archive says
     again : what marches it again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 
     run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample, run[10:20]
-    a `Trajectory` of some of the samples.
+    a `Trajectory` of some of the samples. Massless particles that could not be stepped any further are listed in
+    run.retired; from then on they are NaN in run.q and run.v, and absent from run[k].
     Raises InputError for q and v of another shape, for times that are not finite, and for what is no system or method.
     """
 
@@ -75,6 +79,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         stopped: Stop | None = None,
         record: Record | None = None,
         again: MarchesAgain | None = None,
+        retired: RetiredParticles | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         if not isinstance(system, System):
@@ -103,6 +108,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.record = record
         self.passages: Any = None
         self._again = self.marched_again_by if again is None else again
+        self._retired = retired
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -204,6 +210,16 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return u.Quantity(_as_array(self._v), self.system.units.speed, copy=False)
 
     @property
+    def retired(self) -> RetiredParticles:
+        """The massless particles that could not be stepped any further and were left out from then on: name, time,
+        last state and reason of each. Their q and v are NaN afterwards, and they are absent from `run[k]`.
+        """
+        if self._retired is None:
+            known = self.archive is not None and self._again is not None
+            self._retired = self._again.retired(self) if known and self._again is not None else RetiredParticles()
+        return self._retired
+
+    @property
     def made_by(self) -> str:
         """The method, and its step where it has one, in words: Gauss(stages=8), dt = 6 d."""
         if math.isnan(self.step):
@@ -234,7 +250,18 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         if not -len(self) <= key < len(self):
             raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
         k = int(key) % len(self)
-        return self.system.replaced(q=self._q[k], v=self._v[k], epoch=self.epoch_at(float(self.times[k])))
+        return self.system_of(self._q[k], self._v[k], float(self.times[k]))
+
+    def system_of(self, q: Array, v: Array, time: float) -> System:
+        """Return the `System` of a state of this run, (bodies, 3) each, without the particles that are retired there.
+
+        Raises InputError for other states that are not finite.
+        """
+        gone = absent(q, v, self.system.massive)
+        # One may fail in the part of a step that leads to a sample, where the march does not come by.
+        if gone.any() and not (split(np.array([time]), self.step)[1] != 0.0).any():
+            gone &= np.isin(self.names, self.retired.names)
+        return without(self.system, gone, q, v, self.epoch_at(time))
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
@@ -244,17 +271,23 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """
         values = self.system.values
         primary = primary_name(self.names, values.gm, primary)
-        return osculating(
+        q, v = _as_array(self._q), _as_array(self._v)
+        gone = None
+        if len(self.retired):
+            gone = absent(q, v, self.system.massive)
+            q, v = (np.where(gone[..., None], x, y) for x, y in ((values.q, q), (values.v, v)))
+        found = osculating(
             self.names,
             values.gm,
-            _as_array(self._q),
-            _as_array(self._v),
+            q,
+            v,
             units=self.system.units,
             primary=primary,
             frame=frame,
             t=self.times,
             epoch=self.system.epoch,
         )
+        return found if gone is None else found.blank(gone[:, [self.names.index(name) for name in found.names]])
 
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
@@ -282,6 +315,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             integrator=self.integrator,
             certificate=certificate,
             again=self._again,
+            retired=self.retired,
         )
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -296,17 +330,19 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known = {"stopped": self.stopped, "record": self.record, "_again": self._again}
+        known = {"stopped": self.stopped, "record": self.record, "_again": self._again, "_retired": self.retired}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the open file behind: the samples themselves are copied where no path leads to it."""
-        return {**vars(self), "archive": None, "_close": None}
+        return {**vars(self), "_retired": self.retired, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
         epoch = self.system.epoch
         pairs = {"bodies": few(self.names), "epoch": "none" if epoch is None else f"{epoch.isot} TDB"}
         pairs |= {"units": self.system.units.name}
+        if len(self.retired):
+            pairs |= {"retired": few(self.retired.names)}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
         if self.certificate is not None:
@@ -316,7 +352,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     def __repr__(self) -> str:
         where = f", in {self.path}" if self.path else ""
         state = "" if self.complete else ", incomplete"
-        what = f"{len(self.names)} bodies, {len(self)} samples, {span(self.t)}"
+        lost = f" ({len(self.retired):,} retired)" if len(self.retired) else ""
+        what = f"{len(self.names)} bodies{lost}, {len(self)} samples, {span(self.t)}"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
 
     def sample(self, k: int) -> tuple[Array, Array]:

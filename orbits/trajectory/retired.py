@@ -1,0 +1,159 @@
+"""The massless particles that a run gave up alone: who, when, where and why; and the others without them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import index_of
+from orbits.export import MOST_ROWS, headed, html_table, text_table
+
+if TYPE_CHECKING:
+    from astropy.table import QTable
+    from astropy.time import Time
+
+    from orbits.system import System
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RetiredParticle:
+    """A massless particle that could not be stepped any further.
+
+    name : of the body; reason : why, in words
+    step : how many steps of the run it took;  time : since the epoch, after these steps
+    date : the same as a Time (TDB), or None without an epoch
+    q, v : where it was then, (3,), its last state
+    """
+
+    name: str
+    reason: str
+    step: int
+    time: u.Quantity
+    date: Time | None
+    q: u.Quantity
+    v: u.Quantity
+
+    def __str__(self) -> str:
+        when = f"t = {self.time:.10g}" if self.date is None else f"{self.date.iso[:16]} TDB, t = {self.time:.10g}"
+        return f"{self.name}: {when}, step {self.step + 1:,}: {self.reason}"
+
+
+class RetiredParticles(Sequence[RetiredParticle]):
+    """The particles that a run retired, in the order of its bodies; by number, or by name. Empty for most runs."""
+
+    def __init__(self, particles: Iterable[RetiredParticle] = ()) -> None:
+        self._particles = tuple(particles)
+
+    @classmethod
+    def of(cls, system: System, h: float, rows: Iterable[tuple[int, int, str, Array, Array]]) -> RetiredParticles:
+        """Return those of rows of (body, step, reason, q, v) in the units of the system, with steps of h."""
+        units, epoch = system.units, system.epoch
+        particles = []
+        for body, step, reason, q, v in rows:
+            time = u.Quantity(step * h, units.time)
+            date = None if epoch is None else epoch + time
+            place, speed = u.Quantity(q, units.length), u.Quantity(v, units.speed)
+            particles.append(RetiredParticle(system.names[body], reason, step, time, date, place, speed))
+        return cls(particles)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the bodies."""
+        return tuple(particle.name for particle in self._particles)
+
+    def __len__(self) -> int:
+        return len(self._particles)
+
+    @overload
+    def __getitem__(self, key: int | str) -> RetiredParticle: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> RetiredParticles: ...
+
+    def __getitem__(self, key: int | str | slice) -> RetiredParticle | RetiredParticles:
+        """Return one by number or by name, or some by a slice. Raises UnknownNameError for one that is not retired."""
+        if isinstance(key, slice):
+            return RetiredParticles(self._particles[key])
+        if isinstance(key, str):
+            return self._particles[index_of(key, self.names, "retired particle")]
+        return self._particles[key]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
+
+    def to_table(self) -> QTable:
+        """Return an astropy QTable of body, date (TDB, where there is an epoch), time, step, q, v and reason."""
+        from astropy.table import QTable
+
+        columns: dict[str, Any] = {"body": np.array(self.names, dtype=str)}
+        if not len(self):
+            return QTable(columns)
+        if self[0].date is not None:
+            columns["date"] = self[0].date - self[0].time + u.Quantity([p.time for p in self])
+        columns["time"] = u.Quantity([p.time for p in self])
+        columns["step"] = np.array([p.step for p in self], dtype=np.int64)
+        columns["q"], columns["v"] = u.Quantity([p.q for p in self]), u.Quantity([p.v for p in self])
+        columns["reason"] = np.array([p.reason for p in self], dtype=str)
+        return QTable(columns)
+
+    def to_records(self) -> list[dict[str, Any]]:
+        """Return them as values that JSON can hold, times, places and velocities in the units of the system."""
+        return [
+            {
+                "body": p.name,
+                "time": float(p.time.value),
+                "date": None if p.date is None else p.date.isot,
+                "step": p.step,
+                "reason": p.reason,
+                "q": p.q.value.tolist(),
+                "v": p.v.value.tolist(),
+            }
+            for p in self
+        ]
+
+    def __repr__(self) -> str:
+        return text_table(self._caption(), *self._shown(), words=self._words)
+
+    def _repr_html_(self) -> str:
+        return html_table(self._caption(), *self._shown(), words=self._words)
+
+    @property
+    def _words(self) -> int:
+        return 2 + (len(self) > 0 and self[0].date is not None)
+
+    def _caption(self) -> str:
+        return "no retired particles" if not len(self) else f"{len(self):,} retired particle{'s' * (len(self) > 1)}"
+
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        if not len(self):
+            return [], [], 0
+        dated, one = self[0].date is not None, self[0]
+        head = ["body", "reason", *["date (TDB)"] * dated, headed("time", one.time.unit), "steps"]
+        head += [headed(name, one.q.unit) for name in "xyz"]
+        rows = []
+        for p in self._particles[:MOST_ROWS]:
+            date = [] if p.date is None else [p.date.iso[:16]]
+            place = (f"{x:.6g}" for x in p.q.value)
+            rows.append([p.name, p.reason, *date, f"{p.time.value:.10g}", f"{p.step:,}", *place])
+        return head, rows, len(self) - len(rows)
+
+
+def absent(q: Array, v: Array, massive: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which bodies are massless and have nothing but NaN, (bodies,), as those do that were retired before."""
+    nothing = np.isnan(q).all(axis=-1) & np.isnan(v).all(axis=-1)
+    return np.asarray(nothing & ~massive)
+
+
+def without(system: System, gone: NDArray[np.bool_], q: Array, v: Array, epoch: Time | None) -> System:
+    """Return a system moved on, without the bodies that are gone, (bodies,)."""
+    if not gone.any():
+        return system.replaced(q=q, v=v, epoch=epoch)
+    rest = system.remove(*(system.names[i] for i in np.flatnonzero(gone)))
+    return rest.replaced(q=q[~gone], v=v[~gone], epoch=epoch)
