@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -155,5 +155,15 @@ def without(system: System, gone: NDArray[np.bool_], q: Array, v: Array, epoch: 
     """Return a system moved on, without the bodies that are gone, (bodies,)."""
     if not gone.any():
         return system.replaced(q=q, v=v, epoch=epoch)
-    rest = system.remove(*(system.names[i] for i in np.flatnonzero(gone)))
+    names = {system.names[i] for i in np.flatnonzero(gone)}
+    acting = (_on_others(force, names) for force in system.forces)
+    rest = system.replaced(forces=[force for force in acting if force is not None]).remove(*names)
     return rest.replaced(q=q[~gone], v=v[~gone], epoch=epoch)
+
+
+def _on_others(force: Any, gone: set[str]) -> Any:
+    """Return a force on those of its bodies that are still there, None where it had no others."""
+    if force.bodies is None:
+        return force
+    left = [name for name in force.bodies if name not in gone]
+    return replace(force, bodies=left) if left else None

@@ -16,6 +16,7 @@ import orbits
 from orbits.archive import Archive, ArchiveWriter
 from orbits.propagation import binding
 from orbits.propagation.binding import bound
+from orbits.trajectory.retired import without
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 DT, END = 1 / 16, 6.0
@@ -370,3 +371,11 @@ def test_the_part_of_a_step_at_the_end_is_looked_at_for_the_others_too():
     column = some.names.index("slow")
     last = np.linalg.norm(some.q.value[-1, column] - some.q.value[-1, 0])
     assert float(some.closest_approaches().distance.value[column, 0]) == pytest.approx(last, rel=1e-12)
+
+
+@pytest.mark.parametrize("bodies", [["near"], ["near", "p3"], None], ids=str)
+def test_a_force_on_the_retired_goes_with_them(bodies):
+    start = system().with_forces(orbits.Drag(rate=1e-6, bodies=bodies))
+    rest = without(start, np.isin(start.names, ["near"]), start.values.q, start.values.v, None)
+    assert "near" not in rest
+    assert len(rest.forces) == (bodies != ["near"])
