@@ -52,7 +52,9 @@ class Form:
 
     @property
     def shared(self) -> bool:
-        """Whether the step of thousands of bodies can be shared among threads."""
+        """Whether threads can share the step of thousands of bodies: it then always succeeds, and what `begin` writes
+        depends on the positions alone.
+        """
         return False
 
     def coefficients(self, h: float, before: float) -> Any:
@@ -80,9 +82,10 @@ class Form:
 def coefficients_of(form: Form, h: float) -> Any:
     """Return the coefficients of steps of h, those that were made last where the form can be hashed."""
     try:
-        return _known_coefficients(form, h)
+        hash(form)
     except TypeError:
         return form.coefficients(h, h)
+    return _known_coefficients(form, h)
 
 
 @lru_cache(maxsize=256)

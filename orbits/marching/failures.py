@@ -22,24 +22,31 @@ def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
 
 
 def failure_of_bodies(
-    status: int, step: int, h: float, integrator: Integrator, names: Sequence[str]
+    status: int, step: int, time: float, h: float, integrator: Integrator, names: Sequence[str]
 ) -> IntegrationError:
-    """Return the error of bodies that cannot take the step after `step` steps of h."""
-    where = f"step {step + 1} (t = {step * h:.10g}, dt = {abs(h):.6g})"
+    """Return the error of bodies that cannot take the step of h after `step` steps, at this time."""
+    where = f"step {step + 1} (t = {time:.10g}, dt = {abs(h):.6g})"
     if status == NOT_CONVERGED:
         return ConvergenceError(
             f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "
             "the result would not be symplectic. Use a smaller dt, or softening if bodies meet closely.",
             step=step,
-            time=step * h,
+            time=time,
             bodies=list(names),
         )
     whom = f" of {', '.join(names)}" if names else ""
+    if status == NOT_REGULAR:
+        return SingularityError(
+            f"{where}: the equations{whom} have no solution there. Use a smaller dt, or start elsewhere.",
+            step=step,
+            time=time,
+            bodies=list(names),
+        )
     return SingularityError(
         f"{where}: the state{whom} is no longer finite; two bodies met, or dt is far too long. "
         "Use a smaller dt, or softening.",
         step=step,
-        time=step * h,
+        time=time,
         bodies=list(names),
     )
 

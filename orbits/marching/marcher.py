@@ -11,7 +11,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, wait
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,6 +139,7 @@ class Marcher:
         self._march = driver.march if self._parallel is None else self._parallel.march
         self._retire, self._retired = retire, Retired(m)
         self.met: tuple[int, int, int] | None = None
+        self._stopped = False
         bold, mild, keen = thresholds(integrator.order)
         self._watcher = Watcher(
             self.parameters,
@@ -162,52 +163,65 @@ class Marcher:
 
         Raises ConvergenceError or SingularityError; the state is then the one before the step that failed.
         """
-        while steps > 0:
-            count = min(steps, self.block)
+        self._stopped = False
+        while steps > 0 and not self._stopped:
             self._back_up()
-            failure: IntegrationError | None = None
+            before = self.step
             try:
-                self._march_block(self._state, self.h, count)
-            except IntegrationError as error:
-                failure = error
+                failure = self._advance_block(min(steps, self.block))
             except BaseException:  # an interrupt: the state is that of the last whole block
                 self._replay(0)
+                self.step = before
                 raise
             if failure is not None:
-                count = last_good(self._can_be_taken, count)
-                self._replay(count)
-            lost = self._retired.lost()
-            if lost is not None:  # a particle: again, up to the step that it cannot take, and on without it
-                count = lost.steps
-                self._replay(count)
-            elif failure is None and self._overflowed and count > 1:
-                # More passages than a list of a block holds: again, in shorter blocks.
-                self._replay(0)
-                self.block = count // 2
-                continue
-            if self._stop(count):
-                return
-            self.step += count
-            steps -= count
-            if lost is not None:
-                self._lose(lost)
-            elif failure is not None:
-                trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
-                self._march_block(trial, self.h, 1)  # raises, with the step and the time of the step that failed
                 raise failure
+            steps -= self.step - before
 
-    def _lose(self, lost: Lost) -> None:
-        """Retire particles, or raise for the first one where that was not asked for."""
+    def _advance_block(self, count: int) -> IntegrationError | None:
+        """March on by at most `count` steps; return why not one more can be taken, if it cannot."""
+        failure: IntegrationError | None = None
+        try:
+            self._march_block(self._state, self.h, count)
+        except IntegrationError as error:
+            failure = error
+        if failure is not None:
+            count = last_good(self._can_be_taken, count)
+            self._replay(count)
+        lost = self._retired.lost()
+        if lost is not None:  # a particle: again, up to the step that it cannot take, and on without it
+            count = lost.steps
+            self._replay(count)
+        if self._overflowed and count > 1:  # more passages than a list of a block holds: again, in shorter blocks
+            self._replay(0)
+            self.block = count // 2
+            return None
+        if self._stop(count):
+            return None
+        self.step += count
+        if lost is not None:
+            return self._lose(lost)
+        if failure is None:
+            return None
+        try:  # for the step and the time of the step that failed
+            trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
+            self._march_block(trial, self.h, 1)
+        except IntegrationError as error:
+            return error
+        return failure
+
+    def _lose(self, lost: Lost) -> IntegrationError | None:
+        """Retire particles; or return the error of the first one, where retirement was not asked for."""
         if not self._retire:
-            self._fail(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
+            return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         self._retired.add(lost, self.step)
+        return None
 
     def _stop(self, count: int) -> bool:
         """Look whether a condition was met in the block of `count` steps just marched; then go to where it was."""
         found = self._watcher.met(count)
         if found is None:
             return False
-        steps, self.met = found
+        self._stopped, (steps, self.met) = True, found
         if steps < count:
             self._replay(steps)
         self.step += steps
@@ -258,8 +272,9 @@ class Marcher:
         try:
             self._march_block(copy, offset, 1)
             lost = self._retired.lost()
-            if lost is not None and not self._retire:
-                self._lose(lost)
+            failure = None if lost is None or self._retire else self._lose(lost)
+            if failure is not None:
+                raise failure
         finally:
             self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
@@ -357,13 +372,13 @@ class Marcher:
         status, done, body, evaluations = self._march(*bound, *vectors, self._scratch, self._stages, path, 1, count)
         self.evaluations += evaluations
         if status == NOT_CONVERGED:
-            self._fail(status, done, self._meeting(state, body))
+            raise self._failure(status, done, self._meeting(state, body))
         if status != OK:
             # The state is spoilt; the bodies that met are found in the one before, if the block is a single step.
             lost = np.flatnonzero(~np.isfinite(state["q"][: 3 * self._bodies] + state["v"][: 3 * self._bodies]))
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0
-            self._fail(status, 0, self._meeting(before, body) if count == 1 else [])
+            raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
             self._watcher.begin(record, self.step)
             self._watcher.look(h, count, state["q"], state["v"], self._parallel)
@@ -407,9 +422,10 @@ class Marcher:
         pair = [body] if n == 1 else sorted((body, int(np.argmin(distance))), key=lambda b: self.parameters[1 + b])
         return [int(self._massive[b]) for b in pair]
 
-    def _fail(self, status: int, done: int, bodies: list[int]) -> NoReturn:
+    def _failure(self, status: int, done: int, bodies: list[int]) -> IntegrationError:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
-        raise failure_of_bodies(status, self.step + done, self.h, self.integrator, names)
+        step = self.step + done
+        return failure_of_bodies(status, step, self._start + step * self.h, self.h, self.integrator, names)
 
     def _gather(self, state: dict[str, Array]) -> tuple[Array, Array]:
         return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.integrators.forms import Array, padded
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
+from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK
 
 REASONS = {
     NOT_CONVERGED: "the stages did not converge",
     NOT_FINITE: "the state is no longer finite",
+    NOT_REGULAR: "its equations have no solution there",
 }
 
 
