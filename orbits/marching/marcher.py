@@ -315,6 +315,8 @@ class Marcher:
             if name not in checkpoint or checkpoint[name].shape != array.shape:
                 got = checkpoint[name].shape if name in checkpoint else "nothing"
                 raise InputError(f"the checkpoint does not fit this run: {name} is {got}, expected {array.shape}")
+            if name != "approaches" and not np.isfinite(checkpoint[name]).all():
+                raise InputError(f"its checkpoint holds {name} that is not finite.")
             array[...] = checkpoint[name]
         self.step, self.evaluations, self.particle_evaluations = (int(x) for x in checkpoint["counts"])
         self._passages.restore(checkpoint)
