@@ -5,11 +5,12 @@ it (`orbits.marching.driver`) knows nothing of stages. A method enters compiled 
 `orbits.kernels.binding`), and each function below is resolved at compile time to the method's own:
 
     begin(method, model, t, h, state, storage)
-        what can be derived from the state, such as the first force; called when a block of steps begins
+        what can be derived from the state, such as the first force; called when a block of steps begins.
+        For forms that threads share it depends on q alone, and is left out where q is that of the last block's end
     step(method, model, t, h, state, storage) -> (status, where, evaluations)
-        one step of h from time t, in place. One that fails says at which body or coordinate; whoever goes on after it
-        has kept state and carry, both of which it may have spoilt, and calls `begin` again. Explicit methods always
-        succeed: whether the state is finite is looked at once a block
+        one step of h from time t, in place. One that fails says at which body or coordinate. It may spoil state and
+        carry: to go on, restore both and call `begin` again. Explicit methods always succeed: whether the state is
+        finite is looked at once a block
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
         the same for massless particles, which are values: eight in lanes, or one with its stages in lanes, as the

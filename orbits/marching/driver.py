@@ -1,4 +1,4 @@
-"""The only loop: a clock, a step, and what is recorded of it.
+"""The loops over steps: a clock, a step, and what is recorded of it.
 
 Arguments are flat, because Python calls these functions: building records on the way costs more than a step. The clock
 is that of constant steps: step k of a march from time t0 begins at t0 + k h.

@@ -1,6 +1,6 @@
 """A system bound to an integrator and a step: floats in, floats out, marching on the grid t = step * h.
 
-The massive bodies march a block of steps; then the massless particles follow through the recorded field, shared among
+The massive bodies march a block of steps; then the massless particles follow through the recorded stages, shared among
 threads in groups of whole lanes, so that the bits do not depend on the number of threads nor on the size of the block.
 On the way closest approaches are recorded, and conditions end the march at the step where they first hold.
 """
@@ -30,11 +30,11 @@ from orbits.marching.failures import failure_of_bodies, last_good
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.passage_list import PassageList
 from orbits.marching.pool import Pool
-from orbits.marching.retirement import REASONS, Lost, Retired, Retirement
+from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
 
-FIELD_BYTES = 512 * 1024
-"""Size of the recorded field and of the track of eight particles: they should stay in the second-level cache."""
+STAGES_BYTES = 512 * 1024
+"""Size of the recorded stages and of the track of eight particles: they should stay in the second-level cache."""
 
 PATH_BYTES = 4 * 1024 * 1024
 """Size of the path of massive bodies without particles: written once, read here and there."""
@@ -104,7 +104,7 @@ class Marcher:
         self._backup: dict[str, Array] = {}
         shape = self._form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
-        room = FIELD_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
+        room = STAGES_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
         self.block = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
         self._nothing = np.zeros(0)
         self._tasks = shares(m, threads)
@@ -325,10 +325,7 @@ class Marcher:
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
         q, v = self._state["particle_q"], self._state["particle_v"]
-        return [
-            Retirement(int(self._particles[k]), step, REASONS[status], q[:, k].copy(), v[:, k].copy())
-            for k, status, step in self._retired.table()
-        ]
+        return retirements(self._retired.table(), q, v, self._particles)
 
     @property
     def dominant(self) -> int:

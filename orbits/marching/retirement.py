@@ -36,6 +36,24 @@ class Retirement(NamedTuple):
     v: Array
 
 
+def retirements(table: NDArray[np.int64], q: Array, v: Array, particles: NDArray[np.intp]) -> list[Retirement]:
+    """Return the retired particles that a table tells of, as a checkpoint holds it.
+
+    table : (m, 2), status and step; q, v : (3, padded); particles : (m,), their numbers among all bodies
+    Raises InputError for a status that is none.
+    """
+    gone = np.flatnonzero(table[:, 0] != OK)
+    unknown = set(table[gone, 0].tolist()) - set(REASONS)
+    if unknown:
+        raise InputError(
+            f"its checkpoint retired particles for the reasons {sorted(unknown)}; known are {sorted(REASONS)}."
+        )
+    return [
+        Retirement(int(particles[k]), int(table[k, 1]), REASONS[int(table[k, 0])], q[:, k].copy(), v[:, k].copy())
+        for k in gone
+    ]
+
+
 class Retired:
     """Which of m particles are retired: why, and after how many steps of the march.
 
@@ -74,10 +92,9 @@ class Retired:
         """Return which particles are retired or were lost in the block just marched, (m,)."""
         return np.asarray(self.block[: self._count, 0] != OK)
 
-    def table(self) -> list[tuple[int, int, int]]:
-        """Return (particle, status, step) of each that is retired."""
-        rows = self._known[: self._count]
-        return [(int(k), int(rows[k, 0]), int(rows[k, 1])) for k in np.flatnonzero(rows[:, 0] != OK)]
+    def table(self) -> NDArray[np.int64]:
+        """Return the status of each particle, and after how many steps of the march it was retired, (m, 2)."""
+        return self._known[: self._count]
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return the table as an array of a fixed shape; nothing where there are no particles."""

@@ -90,10 +90,9 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items()}
-    if not found.keys() & PASSAGES:  # a run of an earlier version, which kept no list of them
-        expected = {name: kind for name, kind in expected.items() if name not in PASSAGES}
-    if not found.keys() & RETIRED:  # nor retired anybody
-        expected = {name: kind for name, kind in expected.items() if name not in RETIRED}
+    for later in (PASSAGES, RETIRED):  # of which a run of an earlier version has none
+        if not found.keys() & later:
+            expected = {name: kind for name, kind in expected.items() if name not in later}
     wrong = [name for name in sorted(expected.keys() | found.keys()) if expected.get(name) != found.get(name)]
     if wrong:
         raise ArchiveError(

@@ -61,19 +61,14 @@ class Replay:
         """Return the particles that the run in an archive retired, as its last checkpoint lists them."""
         from orbits.trajectory.retired import RetiredParticles
 
-        assert run.archive is not None
-        checkpoint = run.archive.checkpoint()
+        checkpoint = {} if run.archive is None else run.archive.checkpoint()
         listed = checkpoint.get("retired")
         if listed is None or not listed[:, 0].any():
             return RetiredParticles()
-        from orbits.marching.retirement import REASONS
+        from orbits.marching.retirement import retirements
 
         particles = np.flatnonzero(~run.system.massive)
-        q, v = checkpoint["particle_q"], checkpoint["particle_v"]
-        rows = [
-            (int(particles[k]), int(listed[k, 1]), REASONS[int(listed[k, 0])], q[:, k].copy(), v[:, k].copy())
-            for k in np.flatnonzero(listed[:, 0])
-        ]
+        rows = retirements(listed, checkpoint["particle_q"], checkpoint["particle_v"], particles)
         return RetiredParticles.of(run.system, run.step, rows)
 
 

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from orbits.errors import ConvergenceError
+from orbits.errors import ConvergenceError, InputError
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.kernels.stopping import FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
+from orbits.marching.retirement import retirements
 
 
 def collapse(*, retire):
@@ -68,3 +69,9 @@ def test_a_part_of_a_step_goes_on_without_a_retired_particle():
     # It begins at the state rounded to float64: one rounding of numbers below 8.
     np.testing.assert_allclose(part.state()[0], run.state_after(0.01)[0], rtol=0, atol=2**-50)
     assert np.isnan(part.state()[0][2]).all()
+
+
+def test_a_reason_that_there_is_not_is_refused():
+    one = np.zeros((3, 1))
+    with pytest.raises(InputError, match=r"reasons \[7\]"):
+        retirements(np.array([[7, 3]]), one, one, np.array([0]))

@@ -1,0 +1,38 @@
+"""An interrupt, wherever in a block of steps it comes, leaves the state of the last whole block."""
+
+import numpy as np
+import pytest
+
+import orbits
+
+from ..contracts.problems import marcher
+from ..problems import three_bodies
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_march_that_was_interrupted_goes_on_to_the_same_bits(threads):
+    start = three_bodies(particles=11)
+    whole = marcher(orbits.Gauss(stages=4), *start, 0.15, threads=threads)
+    whole.block = 10
+    whole.advance(40)
+
+    run = marcher(orbits.Gauss(stages=4), *start, 0.15, threads=threads)
+    run.block = 10
+    march, calls = run._march, []
+
+    def interrupted(*arguments):
+        calls.append(march(*arguments))
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return calls[-1]
+
+    run._march = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        run.advance(40)
+    assert run.step == 20
+    run.advance(20)
+    for a, b in zip(whole.state(), run.state(), strict=True):
+        assert np.array_equal(a, b)
+    assert whole.evaluations == run.evaluations
+    whole.close()
+    run.close()
