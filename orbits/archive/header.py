@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
+from orbits.marching.clocks import ConstantSteps
 from orbits.system.model import from_json, to_json
 from orbits.time_grid import TimeGrid
 
@@ -138,7 +139,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
     except InputError as error:
         raise error if isinstance(error, ArchiveError) else ArchiveError(f"its system cannot be: {error}") from error
     try:
-        grid = TimeGrid(_item(items, "@dt", float), _item(items, "times", np.ndarray))
+        grid = TimeGrid(ConstantSteps(_item(items, "@dt", float)), _item(items, "times", np.ndarray))
     except InputError as error:
         raise error if isinstance(error, ArchiveError) else ArchiveError(str(error)) from error
     return Header(

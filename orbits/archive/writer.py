@@ -229,7 +229,7 @@ def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[
     """
     with archive:
         done, place = archive.committed, archive.path
-        if grid.h != archive.dt or not np.array_equal(grid.times[:done], archive.times[:done]):
+        if grid.clock != archive.grid.clock or not np.array_equal(grid.times[:done], archive.times[:done]):
             raise ArchiveError(
                 f"step and times of {place} cannot change: its {done} committed samples have to come first, as they "
                 "are."

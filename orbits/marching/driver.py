@@ -1,7 +1,7 @@
 """The loops over steps: a clock, a step, and what is recorded of it.
 
-Arguments are flat, because Python calls these functions: building records on the way costs more than a step. The clock
-is that of constant steps: step k of a march from time t0 begins at t0 + k h.
+Arguments are flat, because Python calls these functions: building records on the way costs more than a step. When a
+step begins and how long it is says the clock (`orbits.kernels.clocks`).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from numba.extending import overload
 
 from orbits.kernels.barrier import Barrier
 from orbits.kernels.binding import OPTIONS, dimension
+from orbits.kernels.clocks import Clock, step_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
@@ -48,10 +49,11 @@ NaN for a retired one, which no comparison holds for.
 
 @kernel
 def march(
-    form, coefficients, tag, parameters, t0, first, h, q, q_lo, p, p_lo, carry, scratch, stages, path, every, steps
+    form, coefficients, tag, parameters, timing, numbers, q, q_lo, p, p_lo, carry, scratch, stages, path, every, steps
 ):
-    """March by `steps` steps of h, the first of which is step `first` of a march from t0.
+    """March by `steps` steps.
 
+    timing, numbers : the tag of a clock, and what it knows; see `orbits.kernels.clocks`
     q, q_lo, p, p_lo : see `State`; carry, scratch : see `Storage`
     stages : (slots, rows, columns), a slot for each step, or slots that are used over and over
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; nothing where it is empty
@@ -59,9 +61,10 @@ def march(
     Returns (status, steps done, body or coordinate, evaluations).
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    size = dimension(tag, parameters)
+    clock, size = Clock(timing, numbers), dimension(tag, parameters)
     share = Share(0, size, None)
-    begin(method, model, t0 + first * h, h, state, Storage(carry, scratch, stages[0], share))
+    t, h = step_of(clock, 0)
+    begin(method, model, t, h, state, Storage(carry, scratch, stages[0], share))
     evaluations, slot, left, row = 0, 0, 0, 0
     for k in range(steps):
         if left == 0:
@@ -69,7 +72,8 @@ def march(
             left, row = every, row + 1
         left -= 1
         storage = Storage(carry, scratch, stages[slot], share)
-        status, where, count = step(method, model, t0 + (first + k) * h, h, state, storage)
+        t, h = step_of(clock, k)
+        status, where, count = step(method, model, t, h, state, storage)
         evaluations += count
         if status != OK:
             return status, k, where, evaluations
@@ -80,7 +84,7 @@ def march(
 @kernel
 def march_together(
     counters, threads, member, rounds, fresh,
-    form, coefficients, tag, parameters, t0, first, h, q, q_lo, p, p_lo, carry, scratch, stages, path, steps
+    form, coefficients, tag, parameters, timing, numbers, q, q_lo, p, p_lo, carry, scratch, stages, path, steps
 ):  # fmt: skip
     """March thousands of bodies as one of several threads: each moves a share of the coordinates.
 
@@ -89,23 +93,25 @@ def march_together(
     Other arguments are those of `march`.
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    size = dimension(tag, parameters)
+    clock, size = Clock(timing, numbers), dimension(tag, parameters)
     groups = (size + WIDTH - 1) // WIDTH
     start, stop = WIDTH * (groups * member // threads), min(WIDTH * (groups * (member + 1) // threads), size)
     share = Share(start, stop, Barrier(counters, threads, rounds[member]))
     rounds[member, 0], rounds[member, 1] = 0, 0
     if not fresh:
-        begin(method, model, t0 + first * h, h, state, Storage(carry, scratch, stages[0], share))
+        t, h = step_of(clock, 0)
+        begin(method, model, t, h, state, Storage(carry, scratch, stages[0], share))
     for k in range(steps):
         record_strip(path, k, q, p, start, stop)
         storage = Storage(carry, scratch, stages[k % stages.shape[0]], share)
-        _, _, count = step(method, model, t0 + (first + k) * h, h, state, storage)
+        t, h = step_of(clock, k)
+        _, _, count = step(method, model, t, h, state, storage)
         rounds[member, 1] += count
 
 
 @kernel
 def march_particles(
-    form, coefficients, tag, parameters, t0, first, h, q, q_lo, v, v_lo, carry, scratch, stages, retired,
+    form, coefficients, tag, parameters, timing, numbers, q, q_lo, v, v_lo, carry, scratch, stages, retired,
     steps, start, stop, observer, context, track
 ):  # fmt: skip
     """March massless particles start ... stop - 1 by `steps` steps through the stages of the massive bodies.
@@ -119,29 +125,28 @@ def march_particles(
     Returns how many evaluations there were.
     """
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
-    clock = t0, first, h, steps
-    storage = Storage(carry, scratch, stages, Share(0, 0, None))
-    watched = observer, context, track
-    return _march_particles(method, model, clock, columns, storage, retired, start, stop, watched)
+    clock, storage = Clock(timing, numbers), Storage(carry, scratch, stages, Share(0, 0, None))
+    block, watched = (steps, start, stop), (observer, context, track)
+    return _march_particles(method, model, clock, columns, storage, retired, block, watched)
 
 
-def _march_particles(method, model, clock, columns, storage, retired, start, stop, watched):
+def _march_particles(method, model, clock, columns, storage, retired, block, watched):
     """March particles as their method has them: eight in lanes, or one with its stages in lanes."""
     raise NotImplementedError("_march_particles() is for compiled code only")
 
 
 @overload(_march_particles, jit_options=OPTIONS)
-def _choose(method, model, clock, columns, storage, retired, start, stop, watched):
+def _choose(method, model, clock, columns, storage, retired, block, watched):
     march = _march_in_lanes if lanes_of(method) == WIDTH else _march_one_by_one
-    return lambda method, model, clock, columns, storage, retired, start, stop, watched: march(
-        method, model, clock, columns, storage, retired, start, stop, watched
+    return lambda method, model, clock, columns, storage, retired, block, watched: march(
+        method, model, clock, columns, storage, retired, block, watched
     )
 
 
 @kernel(inline=True)
-def _march_in_lanes(method, model, clock, columns, storage, retired, start, stop, watched):
+def _march_in_lanes(method, model, clock, columns, storage, retired, block, watched):
     """March eight particles in lanes, and eight more: while one register waits, the other is busy with forces."""
-    t0, first, h, steps = clock
+    steps, start, stop = block
     observer, context, track = watched
     other = track[track.shape[0] // 2 :]
     evaluations = 0
@@ -152,14 +157,14 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, start, stop
         one_carry = begin_particles(method, model, one, before)
         two_carry = begin_particles(method, model, two, before)
         for k in range(steps):
-            t, now = t0 + (first + k) * h, _at(storage, k)
+            (t, h), now = step_of(clock, k), _at(storage, k)
             record_particles(track, k, one.x, one.y, one.z, one.vx, one.vy, one.vz)
             record_particles(other, k, two.x, two.y, two.z, two.vx, two.vy, two.vz)
             one, one_carry, _, count = step_particles(method, model, t, h, one, one_carry, now)
             two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, now)
             evaluations += count * min(2 * WIDTH, stop - p)
         _finish(columns, retired, track, steps, p, one, stop)
-        call_observer(observer, context, track, h, steps, p, stop)
+        call_observer(observer, context, track, step_of(clock, 0)[1], steps, p, stop)
         if p < P:
             _finish(columns, retired, other, steps, P, two, stop)
             call_observer(observer, context, other, h, steps, P, stop)
@@ -167,9 +172,9 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, start, stop
 
 
 @kernel(inline=True)
-def _march_one_by_one(method, model, clock, columns, storage, retired, start, stop, watched):
+def _march_one_by_one(method, model, clock, columns, storage, retired, block, watched):
     """March one particle after the other."""
-    t0, first, h, steps = clock
+    steps, start, stop = block
     observer, context, track = watched
     evaluations = 0
     for p in range(start, stop):
@@ -183,7 +188,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, start, st
                 _record_one(
                     track, done, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
-                t, now = t0 + (first + done) * h, _at(storage, done)
+                (t, h), now = step_of(clock, done), _at(storage, done)
                 particle, carry, status, count = step_particles(method, model, t, h, particle, carry, now)
                 evaluations += count
                 if status != OK:
@@ -196,7 +201,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, start, st
                 )
             store_particle(columns, p, particle)
         if lane_of_p == WIDTH - 1 or p == stop - 1:
-            call_observer(observer, context, track, h, steps, p - lane_of_p, stop)
+            call_observer(observer, context, track, step_of(clock, 0)[1], steps, p - lane_of_p, stop)
     return evaluations
 
 

@@ -25,6 +25,7 @@ from orbits.lagrangians.symmetry import Symmetry
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_for
+from orbits.marching.clocks import ConstantSteps
 from orbits.marching.failures import failure_of_coordinates, last_good
 
 Array = NDArray[np.float64]
@@ -165,15 +166,17 @@ class Flow:
         self._carry[:] = 0.0
         if self.canonical:
             self._carry[: len(q)] = self._start[:, None]
-        bound = (self._form.tag, self._coefficients, self.lagrangian.tag, self.lagrangian.parameter_vector, self.t)
+        bound = (self._form.tag, self._coefficients, self.lagrangian.tag, self.lagrangian.parameter_vector)
+        clock = ConstantSteps(self.dt)
         samples, d, stride = len(out_q), len(q), padded(len(q))
         room = max(1, min(samples, PATH_BYTES // (16 * stride)))
         path = np.empty((room, 2, stride))
         evaluations = status = done = 0
         for first in range(0, samples, room):
             count = min(room, samples - first)
+            now = clock.numbers(self.t, first * every)
             status, done, _, more = driver.march(
-                *bound, first * every, self.dt, *state, self._carry, self._scratch, self._stages,
+                *bound, clock.timing, now, *state, self._carry, self._scratch, self._stages,
                 path.reshape(-1), every, count * every,
             )  # fmt: skip
             evaluations += more

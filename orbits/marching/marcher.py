@@ -1,4 +1,4 @@
-"""A system bound to an integrator and a step: floats in, floats out, marching on the grid t = step * h.
+"""A system bound to an integrator and a clock: floats in, floats out.
 
 The massive bodies march a block of steps; then the massless particles follow through the recorded stages, shared among
 threads in groups of whole lanes, so that the bits do not depend on the number of threads nor on the size of the block.
@@ -25,6 +25,7 @@ from orbits.lagrangians.base import Lagrangian
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
+from orbits.marching.clocks import ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good
 from orbits.marching.parallel import Parallel, shares
@@ -58,7 +59,7 @@ class Marcher:
     parameters : vector of the Lagrangian's kernels, for the massive bodies; of a sum of terms a tuple, Newton's first
     massive : (n,) bool; which bodies are massive
     q, v : (n, 3) float64 in the order of the caller
-    h : step, not 0; its sign is the direction of time
+    clock : when the steps are (see `orbits.marching.clocks`); a number h stands for steps of h
     names : (n,) names for messages
     threads : how many threads massless particles, and thousands of massive bodies, may use
     stops : (conditions, 4), see `orbits.kernels.stopping`, rows counting bodies in the order of the caller
@@ -76,7 +77,7 @@ class Marcher:
         massive: NDArray[np.bool_],
         q: Array,
         v: Array,
-        h: float,
+        clock: ConstantSteps | float,
         *,
         names: Sequence[str] = (),
         threads: int = 1,
@@ -88,7 +89,7 @@ class Marcher:
         self.integrator = integrator
         self.model = parameters
         self.parameters = np.ascontiguousarray(parameters[0] if isinstance(parameters, tuple) else parameters)
-        self.h = float(h)
+        self.clock = clock_of(clock)
         self.names = tuple(names)
         self.step = 0
         self._start = 0.0
@@ -100,7 +101,8 @@ class Marcher:
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
         self._form = form_of_bodies(integrator, lagrangian, with_particles=m > 0)
-        self._coefficients = {self.h: coefficients_of(self._form, self.h)}
+        h = self.clock.h
+        self._coefficients = {h: coefficients_of(self._form, h)}
         self._backup: dict[str, Array] = {}
         shape = self._form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
@@ -155,7 +157,7 @@ class Marcher:
             len(self._tasks),
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
-        self._passages = PassageList(masses, self._watcher.dominant, bold / abs(self.h))
+        self._passages = PassageList(masses, self._watcher.dominant, bold / abs(h))
         self._overflowed = False
 
     def advance(self, steps: int) -> None:
@@ -181,7 +183,7 @@ class Marcher:
         """March on by at most `count` steps; return why not one more can be taken, if it cannot."""
         failure: IntegrationError | None = None
         try:
-            self._march_block(self._state, self.h, count)
+            self._march_block(self._state, self.clock, count)
         except IntegrationError as error:
             failure = error
         if failure is not None:
@@ -204,7 +206,7 @@ class Marcher:
             return None
         try:  # for the step and the time of the step that failed
             trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
-            self._march_block(trial, self.h, 1)
+            self._march_block(trial, self.clock, 1)
         except IntegrationError as error:
             return error
         return failure
@@ -253,7 +255,28 @@ class Marcher:
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
         if count:
-            self._march_block(self._state, self.h, count)
+            self._march_block(self._state, self.clock, count)
+
+    @property
+    def time(self) -> float:
+        """The time reached, since the start of the run."""
+        return self._start + float(self.clock.time(self.step))
+
+    def is_before(self, place: Place) -> bool:
+        """Whether there are whole steps to take before a place."""
+        return self.step < place.steps
+
+    def approach(self, place: Place) -> None:
+        """March on by a block of steps, or by all before a place; raises as `advance`."""
+        self.advance(min(self.block, place.steps - self.step))
+
+    def advance_to(self, place: Place) -> None:
+        """March on by all whole steps before a place that is not behind; raises as `advance`."""
+        self.advance(place.steps - self.step)
+
+    def state_at(self, place: Place) -> tuple[Array, Array]:
+        """Return (q, v) at a place to which the march has advanced, as `state_after`."""
+        return self.state_after(place.rest)
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -270,7 +293,7 @@ class Marcher:
         copy["particle_memory"][:] = 0.0
         before = self.evaluations, self.particle_evaluations
         try:
-            self._march_block(copy, offset, 1)
+            self._march_block(copy, ConstantSteps(offset), 1)
             lost = self._retired.lost()
             failure = None if lost is None or self._retire else self._lose(lost)
             if failure is not None:
@@ -290,7 +313,7 @@ class Marcher:
         q[gone], v[gone] = NOWHERE, 0.0
         options: dict[str, Any] = {"names": self.names, "retire": self._retire}
         part = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, offset, **options)
-        part._start = self._start + self.step * self.h
+        part._start = self.time
         part._retired.take(self._retired)
         part.advance(1)
         return part
@@ -350,7 +373,7 @@ class Marcher:
             before = self.evaluations, self.particle_evaluations
             listed = self._passages.passages, self._passages.left_out
             with suppress(IntegrationError):
-                self._march_block({name: array.copy() for name, array in self._state.items()}, self.h, 1)
+                self._march_block({name: array.copy() for name, array in self._state.items()}, self.clock, 1)
             self.evaluations, self.particle_evaluations = before
             self._passages.passages, self._passages.left_out = listed
             _COMPILED.add(kind)
@@ -360,11 +383,13 @@ class Marcher:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _march_block(self, state: dict[str, Array], h: float, count: int) -> None:
+    def _march_block(self, state: dict[str, Array], clock: ConstantSteps, count: int) -> None:
+        h = clock.h
         if h not in self._coefficients:
-            self._coefficients = {self.h: self._coefficients[self.h], h: coefficients_of(self._form, h)}
-        clock = (self._start, self.step, h) if h == self.h else (self._start + self.step * self.h, 0, h)
-        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, *clock)
+            usual = self.clock.h
+            self._coefficients = {usual: self._coefficients[usual], h: coefficients_of(self._form, h)}
+        now = clock.numbers(self._start, self.step) if clock == self.clock else clock.numbers(self.time, 0)
+        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, clock.timing, now)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)
@@ -424,7 +449,8 @@ class Marcher:
     def _failure(self, status: int, done: int, bodies: list[int]) -> IntegrationError:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
         step = self.step + done
-        return failure_of_bodies(status, step, self._start + step * self.h, self.h, self.integrator, names)
+        time = self._start + self.clock.time(step)
+        return failure_of_bodies(status, step, time, self.clock.h, self.integrator, names)
 
     def _gather(self, state: dict[str, Array]) -> tuple[Array, Array]:
         return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])

@@ -11,6 +11,7 @@ from astropy import units as u
 if TYPE_CHECKING:
     from astropy.time import Time
 
+    from orbits.marching.clocks import ConstantSteps
     from orbits.propagation.passages_seen import Passage
     from orbits.system import System
 
@@ -39,11 +40,11 @@ class Approach:
     error: u.Quantity | None = None
 
     @classmethod
-    def of(cls, system: System, step: float, passage: Passage, error: float | None) -> Approach:
-        """Return a passage of a run with this step as one reads it."""
+    def of(cls, system: System, clock: ConstantSteps, passage: Passage, error: float | None) -> Approach:
+        """Return a passage of a run with this clock as one reads it."""
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
-        time = u.Quantity(passage.steps * step, units.time)
+        time = u.Quantity(clock.time(passage.steps), units.time)
         return cls(
             names[lighter],
             names[heavier],

@@ -60,7 +60,7 @@ class Approaches:
     def time(self) -> u.Quantity:
         """Times since the epoch, (bodies, 2); 0 where there was no approach."""
         steps = self._of_closest("steps", 0.0)
-        return u.Quantity(steps * self._run.step, self._run.system.units.time)
+        return u.Quantity(self._run.clock.time(steps), self._run.system.units.time)
 
     @property
     def speed(self) -> u.Quantity:
@@ -162,7 +162,7 @@ class Approaches:
         """Return passage k as an `Approach`."""
         refine(self._run, self._seen, [k])
         run, seen = self._run, self._seen
-        return Approach.of(run.system, run.step, seen.passages[k], error_at_end(run, seen, k))
+        return Approach.of(run.system, run.clock, seen.passages[k], error_at_end(run, seen, k))
 
     def __str__(self) -> str:
         return text_table(repr(self), *self._shown(), words=self._words)

@@ -19,6 +19,7 @@ from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.base import Lagrangian
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.clocks import ConstantSteps
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
 from orbits.propagation.stop_conditions import Conditions
@@ -39,12 +40,12 @@ RETIRED = frozenset({"retired"})
 def bound(
     system: System,
     integrator: Integrator,
-    h: float,
+    clock: ConstantSteps | float,
     threads: int | None = None,
     conditions: Conditions | None = None,
     state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> Marcher:
-    """Return `system` bound to `integrator` with step h, massive bodies and massless particles told apart.
+    """Return `system` bound to `integrator` with a clock, massive bodies and massless particles told apart.
 
     state : q and v, (n, 3) floats, where the march begins elsewhere than where the system is
 
@@ -59,7 +60,7 @@ def bound(
     return march_of(
         bodies,
         integrator,
-        h,
+        clock,
         model,
         names=system.names,
         threads=threads,
@@ -69,10 +70,14 @@ def bound(
 
 
 def march_of(
-    bodies: PointMasses, integrator: Integrator, h: float, model: tuple[Lagrangian, Any] | None = None, **options: Any
+    bodies: PointMasses,
+    integrator: Integrator,
+    clock: ConstantSteps | float,
+    model: tuple[Lagrangian, Any] | None = None,
+    **options: Any,
 ) -> Marcher:
-    """Return bodies bound to a method that can serve them, with step h, so that a massless particle that cannot be
-    stepped is retired alone; the options are those of `Marcher`.
+    """Return bodies bound to a method that can serve them, with a clock or a step, so that a massless particle that
+    cannot be stepped is retired alone; the options are those of `Marcher`.
 
     model : the Lagrangian of the massive bodies and its parameters, as of `orbits.system.model.model`; None stands for
         Newton's gravity alone
@@ -80,7 +85,7 @@ def march_of(
     gm, q, v, softening = bodies
     massive = bodies.massive
     lagrangian, vectors = (newtonian, parameters(gm[massive], softening)) if model is None else model
-    return Marcher(lagrangian, integrator, vectors, massive, q, v, h, retire=True, **options)
+    return Marcher(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, **options)
 
 
 def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from orbits.errors import InputError
 from orbits.propagation.binding import bound
 from orbits.propagation.memory import MEMORY_SHARE, memory
-from orbits.time_grid import snapped, split, times_since
+from orbits.time_grid import snapped, times_since
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -43,7 +43,8 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     """Return q and v, (n, bodies, 3), at n times, and the times, where they miss an end by a rounding only that end."""
     if not len(trajectory):
         raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
-    direction = -1.0 if trajectory.step < 0 else 1.0
+    clock = trajectory.clock
+    direction = clock.direction
     order = np.argsort(trajectory.times * direction, kind="stable")  # samples may stand in any order
     known = trajectory.times[order]
     times = snapped(times, float(known[0]), float(known[-1]))
@@ -62,17 +63,17 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
             "this machine has to give; ask for fewer at a time"
         )
     before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
-    steps, rests = split(times - trajectory.times[before], trajectory.step)
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
     marcher, begun = None, -1
     for k in np.argsort(times * direction, kind="stable").tolist():
         if marcher is None or before[k] != begun:
             begun = int(before[k])
             state = (trajectory._q[begun], trajectory._v[begun])
-            marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1, state=state)
-        marcher.advance(int(steps[k]) - marcher.step)
-        q[k], v[k] = marcher.state_after(float(rests[k]))
-    whole, _ = split(times, trajectory.step)
+            marcher = bound(trajectory.system, trajectory.integrator, clock, threads=1, state=state)
+        place = clock.place(float(times[k] - trajectory.times[begun]))
+        marcher.advance_to(place)
+        q[k], v[k] = marcher.state_at(place)
+    whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march from a sample may come a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)
         q[later, body] = v[later, body] = np.nan

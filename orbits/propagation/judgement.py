@@ -42,7 +42,7 @@ def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
 def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
     passage, end = seen.passages[k], _end(run, seen)
     pair = passage.pair(run.system, seen.dominant)
-    return None if pair is None else effect(run.integrator, run.step, pair, end - passage.step * run.step, end)
+    return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
 
 
 def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
@@ -99,8 +99,9 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
         pair = passage.pair(run.system, seen.dominant)
         assert pair is not None
         more = f" ({len(errors):,} passages, {said(as_error(run.system, sum(errors)))} together)" * (len(errors) > 1)
-        lines.append(f"  {Approach.of(run.system, run.step, passage, errors[0])}{more}.")
-        enough = min(enough, step_that_resolves(run.integrator, run.step, pair, end - passage.step * run.step, end))
+        lines.append(f"  {Approach.of(run.system, run.clock, passage, errors[0])}{more}.")
+        left = end - run.clock.time(passage.step)
+        enough = min(enough, step_that_resolves(run.integrator, run.step, pair, left, end))
     unit = run.system.units.time
     hidden = len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown)
     more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
@@ -137,7 +138,7 @@ def warn_of_retired(run: Trajectory) -> None:
 
 def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
     """Whether marching to a passage once more takes no time."""
-    before = run.times[np.abs(run.times) <= passage.step * abs(run.step)]
+    before = run.times[np.abs(run.times) <= abs(run.clock.time(passage.step))]
     return passage.step - (abs(float(before[-1]) / run.step) if len(before) else 0.0) <= FEW_STEPS
 
 
@@ -147,7 +148,7 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
     if pair is None:
         return 0.0
     e, angle = pair.shape(run.step)
-    left = abs(end - passage.step * run.step) + abs(run.step)
+    left = abs(end - run.clock.time(passage.step)) + abs(run.step)
     around = pair.other_q + pair.q if pair.other_q.any() else pair.q
     worth = LEAST_SHARE * NEGLIGIBLE * float(np.linalg.norm(around))
     turn = passage.speed * min(2.0, 2.0 / max(e, 1e-300))
@@ -161,4 +162,4 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
 def _end(run: Trajectory, seen: Seen) -> float:
     """Return the time at which a run ended: that of its last sample or, where it was stopped, of its last step."""
     last = float(run.times[-1]) if len(run.times) else 0.0
-    return max(last, seen.steps * run.step, key=abs)
+    return max(last, float(run.clock.time(seen.steps)), key=abs)

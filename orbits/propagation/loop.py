@@ -53,8 +53,8 @@ class RunEnds:
 
     def note(self, system: System, marcher: Marcher, reason: str, condition: Condition | None) -> None:
         """Keep the reason and the state."""
-        at = _moved(system, marcher.step * marcher.h, *marcher.state())
-        t = u.Quantity(marcher.step * marcher.h, system.units.time)
+        at = _moved(system, marcher.time, *marcher.state())
+        t = u.Quantity(marcher.time, system.units.time)
         self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
 
 
@@ -113,7 +113,7 @@ def march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
-    trajectory._retired = RetiredParticles.of(system, grid.h, marcher.retired())
+    trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
     trajectory.record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
     try:
         if len(trajectory.retired) > known:
@@ -131,7 +131,7 @@ def march(
         failure.trajectory = trajectory
         raise failure
     if _was_stopped(stop, trajectory, watch):
-        at = f"{marcher.step * marcher.h:,.6g} of {grid.end:,.6g} {system.units.time}".rstrip()
+        at = f"{marcher.time:,.6g} of {grid.end:,.6g} {system.units.time}".rstrip()
         how = (
             f"go on with: orbits resume {writer.path}"
             if writer is not None
@@ -167,7 +167,7 @@ def _result(
         grid.times[: len(q)].copy(),
         q,
         v,
-        step=grid.h,
+        step=grid.clock,
         integrator=integrator,
         statistics=statistics,
         complete=len(q) == len(grid),
@@ -187,18 +187,18 @@ def _sample(
 ) -> None:
     """Visit every sample from `first` on, or as many as there are before a stop is asked for."""
     watch.begun = time.perf_counter()
-    steps, remainders = grid.steps, grid.remainders
     for index in range(first, len(grid)):
         if stop.name:
             return
-        while marcher.step < steps[index]:
-            marcher.advance(min(marcher.block, int(steps[index]) - marcher.step))
-            bar.update(marcher.step * marcher.h)
+        place = grid.place(index)
+        while marcher.is_before(place):
+            marcher.approach(place)
+            bar.update(marcher.time)
             if stop.name or watch.ended(system, marcher):
                 return
             if store.overdue:
                 store.commit(marcher)
-        state = marcher.state_after(float(remainders[index]))
+        state = marcher.state_at(place)
         store.add(*state)
         if watch.callback is not None:
             t = float(grid.times[index])

@@ -47,14 +47,15 @@ class Record(NamedTuple):
         """
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.step
         closest, (listed, left_out) = marcher.approaches(), marcher.passages()
-        rest = end - step * marcher.h
-        if not 0.0 < rest / marcher.h < 1.0:
+        h = marcher.clock.h
+        rest = end - marcher.clock.time(step)
+        if not 0.0 < rest / h < 1.0:
             return cls(closest, listed, left_out, dominant, reaches, step)
         try:
             part = marcher.part_of_a_step(rest)
         except IntegrationError:  # where the run itself failed
             return cls(closest, listed, left_out, dominant, reaches, step)
-        share = rest / marcher.h
+        share = rest / h
         later, (more, _) = part.approaches(), part.passages()
         later[TIME] = step + share * later[TIME]
         nearer = later[DISTANCE2] < closest[DISTANCE2]
@@ -143,7 +144,7 @@ class Seen:
         """Return what a run saw; of one in an archive without `record`, what its last checkpoint holds."""
         if record is None:
             assert trajectory.archive is not None
-            marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1)
+            marcher = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1)
             restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
             if marcher.step > trajectory.archive.grid.whole_steps:
                 raise ArchiveError(

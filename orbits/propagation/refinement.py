@@ -16,7 +16,6 @@ from orbits.errors import IntegrationError
 from orbits.propagation.binding import march_of
 from orbits.propagation.passages_seen import Passage, Seen
 from orbits.system.model import model
-from orbits.time_grid import split
 
 if TYPE_CHECKING:
     from orbits.marching.marcher import Marcher
@@ -42,7 +41,7 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
     h, times = trajectory.step, np.abs(trajectory.times)
     starts: dict[int, list[int]] = {}
     for k in sorted(numbers, key=lambda k: seen.passages[k].step):
-        before = int(np.searchsorted(times, seen.passages[k].step * abs(h), side="right")) - 1
+        before = int(np.searchsorted(times, abs(trajectory.clock.time(seen.passages[k].step)), side="right")) - 1
         starts.setdefault(before, []).append(k)
     for sample, ones in starts.items():
         bodies = [seen.passages[k].body for k in ones] + [seen.passages[k].other for k in ones]
@@ -63,8 +62,8 @@ class _Walk:
         wanted = self._massive.copy()
         wanted[list(bodies)] = True
         self._bodies = np.flatnonzero(wanted)
-        (step,), (rest,) = split(np.array([time]), h)
-        self.step = int(step) + (rest != 0.0)
+        step, rest = trajectory.clock.place(time)
+        self.step = step + (rest != 0.0)
         self._integrator, self._values, self._model = trajectory.integrator, system.values, model(system)
         self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
         if rest != 0.0:

@@ -26,7 +26,7 @@ class Replay:
         """Return the march of a run from its initial state."""
         from orbits.propagation.binding import bound
 
-        return bound(run.system, run.integrator, run.step)
+        return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
         """Return the state of a run at a time, or the states at several."""
@@ -69,7 +69,7 @@ class Replay:
 
         particles = np.flatnonzero(~run.system.massive)
         rows = retirements(listed, checkpoint["particle_q"], checkpoint["particle_v"], particles)
-        return RetiredParticles.of(run.system, run.step, rows)
+        return RetiredParticles.of(run.system, run.clock, rows)
 
 
 REPLAY = Replay()

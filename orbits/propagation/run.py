@@ -116,7 +116,7 @@ def propagated(
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_choice(progress, "progress")
-    marcher = bound(system, integrator, grid.h, threads, conditions)
+    marcher = bound(system, integrator, grid.clock, threads, conditions)
     if checked_flag(check_step, "check_step"):
         step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step)
@@ -187,7 +187,7 @@ def resume(
         if old.committed == len(grid):
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
-        marcher = bound(system, integrator, grid.h, threads)
+        marcher = bound(system, integrator, grid.clock, threads)
         restore(marcher, old.checkpoint(), path)
         _check_place(marcher, grid, old.committed, path)
     except BaseException:

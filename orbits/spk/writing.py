@@ -25,6 +25,7 @@ from orbits._version import __version__
 from orbits.body_names import chosen, index_of, place_of
 from orbits.checks import positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
+from orbits.marching.clocks import ConstantSteps, Place
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
 
@@ -179,8 +180,8 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
 
 def _refuse_retired(run: Trajectory, wanted: Sequence[str]) -> None:
     """Refuse bodies that were retired before the last sample: a segment covers the whole run."""
-    h, ends = run.step, (run.times[0], run.times[-1])
-    lost = [p for p in run.retired if p.name in wanted and p.step * abs(h) < max(map(abs, ends))]
+    ends = run.times[0], run.times[-1]
+    lost = [p for p in run.retired if p.name in wanted and abs(run.clock.time(p.step)) < max(map(abs, ends))]
     if lost:
         raise InputError(
             f"{lost[0].name!r} was retired at t = {lost[0].time:.10g}, before the end of the run"
@@ -226,15 +227,15 @@ def _coefficients(
     march = run.begun()
     coefficients = np.empty((grid.records, chebyshev.DEGREE + 1, len(places), 3))
     lost = np.zeros(len(places))
-    order = range(grid.records) if run.step > 0 else range(grid.records - 1, -1, -1)
+    order = range(grid.records) if run.clock.direction > 0 else range(grid.records - 1, -1, -1)
     try:
         for at in range(0, grid.records, JOINABLE):
             block = order[at : at + JOINABLE]
             q, v = np.empty((2, len(block), chebyshev.NODES, len(run.names), 3))
             for row, record in enumerate(block):
-                for node, steps, rest in _visits(grid, record, run.step):
-                    march.advance(steps - march.step)
-                    q[row, node], v[row, node] = march.state_after(rest)
+                for node, place in _visits(grid, record, run.clock):
+                    march.advance_to(place)
+                    q[row, node], v[row, node] = march.state_at(place)
             if about is not None:
                 q, v = q - q[:, :, [about]], v - v[:, :, [about]]
             fit, loss = chebyshev.fitted(q[:, :, places] * km, v[:, :, places] * kms, grid.length / 2.0)
@@ -247,22 +248,21 @@ def _coefficients(
     return coefficients, lost
 
 
-def _visits(grid: _Grid, record: int, h: float) -> list[tuple[int, int, float]]:
-    """Return (node, whole steps, rest) of a record's nodes in the order in which a march of steps h meets them.
+def _visits(grid: _Grid, record: int, clock: ConstantSteps) -> list[tuple[int, Place]]:
+    """Return a record's nodes and where they lie, in the order in which a march by this clock meets them.
 
     The end of the record that comes first is found exactly; what is left is no longer than a record.
     """
     nodes = chebyshev.nodes()
     length = float(Fraction(grid.length) / grid.seconds)
-    forwards = h > 0
+    forwards = clock.direction > 0
     end = grid.offset + (record + (not forwards)) * Fraction(grid.length) / grid.seconds
-    whole = max(0, math.floor(end / Fraction(h)))
-    begun = float(end - whole * Fraction(h))
+    whole, begun = clock.place(end)
     visits = []
     for node in range(len(nodes)) if forwards else range(len(nodes) - 1, -1, -1):
         rest = begun + length * ((1.0 + nodes[node]) / 2.0 if forwards else -(1.0 - nodes[node]) / 2.0)
-        more = max(0, math.floor(rest / h))
-        visits.append((node, whole + more, float(rest - more * h)))
+        more, left = clock.place(rest)
+        visits.append((node, Place(whole + more, left)))
     return visits
 
 

@@ -1,6 +1,6 @@
 """Where the steps and the samples of a run are, made once of what a caller gives: dt, duration or until, samples."""
 
-from orbits.time_grid.grid import TimeGrid, split
+from orbits.time_grid.grid import TimeGrid
 from orbits.time_grid.reading import snapped, times_since
 from orbits.time_grid.step_length import fastest_passage_of, rounded_step
 
@@ -9,6 +9,5 @@ __all__ = [
     "fastest_passage_of",
     "rounded_step",
     "snapped",
-    "split",
     "times_since",
 ]

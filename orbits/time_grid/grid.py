@@ -1,7 +1,4 @@
-"""`TimeGrid`: the step and the samples of a run as floats, with what follows from them.
-
-Steps stay on t = k h, a time is so many whole steps and an exact remainder.
-"""
+"""`TimeGrid`: the clock and the samples of a run as floats, with what follows from them."""
 
 from __future__ import annotations
 
@@ -11,10 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from orbits.checks import single_number
 from orbits.errors import InputError, shown
+from orbits.marching.clocks import ConstantSteps, Place, clock_of
 from orbits.time_grid.reading import is_date, snapped, times_since
 from orbits.time_grid.step_length import step_length
 from orbits.units import quantity_from_text
@@ -36,19 +34,21 @@ SLACK = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class TimeGrid:
-    """Steps of one length from the epoch on, and the samples among them; floats in the unit of time of a system.
+    """When the steps of a run are, and the samples among them; floats in the unit of time of a system.
 
-    h : the step, its sign the direction of the run; `TimeGrid.of` rounds it to 24 bits
+    clock : of the steps, from the epoch on; a number h stands for steps of h, its sign the direction of the run, which
+        `TimeGrid.of` rounds to 24 bits
     times : (n,) of the samples since the epoch, in ascending order in that direction; read-only
 
     Raises InputError for a step that is 0 or not finite, and for times that no run has.
     """
 
-    h: float
+    clock: ConstantSteps
     times: Array
 
     def __post_init__(self) -> None:
-        h, times = float(self.h), np.array(self.times, dtype=np.float64)
+        clock, times = clock_of(self.clock), np.array(self.times, dtype=np.float64)
+        h = clock.h
         if not math.isfinite(h) or h == 0.0:
             raise InputError(f"dt is {h}; expected a step that is finite and not 0.")
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
@@ -66,7 +66,7 @@ class TimeGrid:
         if not steps <= MOST_STEPS:
             raise InputError(f"the last of times is {steps:.3g} steps of dt = {h:g} away; at most 2^53 are possible.")
         times.flags.writeable = False
-        object.__setattr__(self, "h", h)
+        object.__setattr__(self, "clock", clock)
         object.__setattr__(self, "times", times)
 
     @classmethod
@@ -83,7 +83,12 @@ class TimeGrid:
                 f"duration / dt is {abs(length) / h:.3g} steps; at most 2^53 = 9.0e15 are possible. "
                 "Use a longer dt or a shorter duration."
             )
-        return cls(math.copysign(h, length), _sample_times(system, samples, length))
+        return cls(ConstantSteps(math.copysign(h, length)), _sample_times(system, samples, length))
+
+    @property
+    def h(self) -> float:
+        """The length of a step, with the sign of the direction."""
+        return self.clock.h
 
     @property
     def dt(self) -> float:
@@ -93,7 +98,7 @@ class TimeGrid:
     @property
     def direction(self) -> float:
         """1 forwards in time, -1 backwards."""
-        return math.copysign(1.0, self.h)
+        return self.clock.direction
 
     @property
     def end(self) -> float:
@@ -103,17 +108,21 @@ class TimeGrid:
     @property
     def whole_steps(self) -> int:
         """How many whole steps there are up to the end."""
-        return round((self.end - math.fmod(self.end, self.h)) / self.h)
+        return self.clock.place(self.end).steps
 
     @property
     def steps(self) -> NDArray[np.int64]:
         """The whole steps before each sample, (n,)."""
-        return self._split[0]
+        return self._places[0]
 
     @property
     def remainders(self) -> Array:
         """What is left from there to each sample, (n,), exactly: less than a step, of the sign of h."""
-        return self._split[1]
+        return self._places[1]
+
+    def place(self, sample: int) -> Place:
+        """Return where a march meets a sample."""
+        return Place(int(self.steps[sample]), float(self.remainders[sample]))
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -121,15 +130,16 @@ class TimeGrid:
 
     def is_that_of(self, other: TimeGrid) -> bool:
         """Whether both have the same step and the same samples, to the last bit."""
-        return self.h == other.h and np.array_equal(self.times, other.times)
+        return self.clock == other.clock and np.array_equal(self.times, other.times)
 
     def with_step(self, system: System, dt: Any, what: str = "dt") -> TimeGrid:
         """Return the same samples with another step, read as that of `of`; InputError calls it `what`."""
-        return TimeGrid(math.copysign(step_length(system, dt, self.end, what), self.h), self.times)
+        h = math.copysign(step_length(system, dt, self.end, what), self.h)
+        return TimeGrid(ConstantSteps(h), self.times)
 
     def begun(self, steps: float) -> TimeGrid:
         """Return the beginning of the run: its start and its state after so many steps."""
-        return TimeGrid(self.h, np.array([0.0, steps * self.h]))
+        return TimeGrid(self.clock, np.array([0.0, self.clock.time(steps)]))
 
     def extended(self, system: System, until: Any) -> TimeGrid:
         """Return the grid up to a later time, sampled as densely as before.
@@ -146,7 +156,7 @@ class TimeGrid:
         if target == end:
             return self
         if len(times) < 2:
-            return TimeGrid(h, np.array([end, target]))
+            return TimeGrid(self.clock, np.array([end, target]))
         spacing = (end - times[0]) / (len(times) - 1)
         count = int(np.floor((target - end) / spacing * (1 + 1e-12)))
         if count > MOST_SAMPLES:
@@ -158,20 +168,11 @@ class TimeGrid:
             more[-1] = target
         else:
             more = np.append(more, target)
-        return TimeGrid(h, np.concatenate([times, more]))
+        return TimeGrid(self.clock, np.concatenate([times, more]))
 
     @cached_property
-    def _split(self) -> tuple[NDArray[np.int64], Array]:
-        return split(self.times, self.h)
-
-
-def split(times: ArrayLike, h: float) -> tuple[NDArray[np.int64], Array]:
-    """Return (k, r) with times = k h + r exactly, k >= 0 whole steps and a remainder of less than a step in the
-    direction of h.
-    """
-    remainder = np.fmod(times, h)
-    steps = np.rint((times - remainder) / h).astype(np.int64)
-    return steps, remainder
+    def _places(self) -> tuple[NDArray[np.int64], Array]:
+        return self.clock.places(self.times)
 
 
 def _length(system: System, duration: Any, until: Any) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
+    from orbits.marching.clocks import Place
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
     from orbits.spk import SpkFile
@@ -27,11 +28,11 @@ class March(Protocol):
     def step(self) -> int:
         """Whole steps taken."""
 
-    def advance(self, steps: int) -> Any:
-        """Take so many steps more."""
+    def advance_to(self, place: Place) -> Any:
+        """Take all whole steps before a place that is not behind."""
 
-    def state_after(self, rest: float) -> tuple[Array, Array]:
-        """Return q and v, (bodies, 3), a part of a step from here, which changes nothing."""
+    def state_at(self, place: Place) -> tuple[Array, Array]:
+        """Return q and v, (bodies, 3), at a place to which the march has advanced, which changes nothing."""
 
     def close(self) -> None:
         """Give back what it holds."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from astropy.table import QTable
     from astropy.time import Time
 
+    from orbits.marching.clocks import ConstantSteps
     from orbits.system import System
 
 Array = NDArray[np.float64]
@@ -52,12 +53,14 @@ class RetiredParticles(Sequence[RetiredParticle]):
         self._particles = tuple(particles)
 
     @classmethod
-    def of(cls, system: System, h: float, rows: Iterable[tuple[int, int, str, Array, Array]]) -> RetiredParticles:
-        """Return those of rows of (body, step, reason, q, v) in the units of the system, with steps of h."""
+    def of(
+        cls, system: System, clock: ConstantSteps, rows: Iterable[tuple[int, int, str, Array, Array]]
+    ) -> RetiredParticles:
+        """Return those of rows of (body, step, reason, q, v) in the units of the system, by the clock of the run."""
         units, epoch = system.units, system.epoch
         particles = []
         for body, step, reason, q, v in rows:
-            time = u.Quantity(step * h, units.time)
+            time = u.Quantity(clock.time(step), units.time)
             date = None if epoch is None else epoch + time
             place, speed = u.Quantity(q, units.length), u.Quantity(v, units.speed)
             particles.append(RetiredParticle(system.names[body], reason, step, time, date, place, speed))

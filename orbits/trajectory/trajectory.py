@@ -17,10 +17,10 @@ from orbits.checks import is_whole
 from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
+from orbits.marching.clocks import ConstantSteps, clock_of
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.making import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
-from orbits.time_grid import split
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of, made_by
 from orbits.trajectory.conservation import Conservation
@@ -46,7 +46,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     system : the initial state, which also gives names, GM, units and epoch
     times : (n,) float64, since the epoch, in the system's unit of time
     q, v : (n, bodies, 3) float64, in the system's units; arrays, or what an archive reads from
-    step : the signed step actually used, in the unit of time; NaN of a method that chooses its steps as it goes
+    step : the signed step actually used, in the unit of time, or the clock of the steps; NaN of a method that chooses
+        its steps as it goes
     integrator, statistics : how it was made and what it cost
     complete : whether every sample that was asked for is there
     path, archive : the archive it reads from, if it does
@@ -70,7 +71,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         q: Samples,
         v: Samples,
         *,
-        step: float,
+        step: ConstantSteps | float,
         integrator: Integrator,
         statistics: Statistics | None = None,
         complete: bool = True,
@@ -98,7 +99,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.system = system
         self.integrator = integrator
         self.statistics = statistics
-        self.step = step
+        self.clock = clock_of(step)
         self.complete = complete
         self.path = path
         self._place = None if path is None else os.path.abspath(path)
@@ -142,7 +143,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
                 archive.times[: archive.committed],
                 archive.q,
                 archive.v,
-                step=archive.dt,
+                step=archive.grid.clock,
                 integrator=integrator,
                 statistics=statistics,
                 complete=archive.complete,
@@ -188,6 +189,11 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     def epoch_at(self, time: float) -> Time | None:
         """Return the epoch `time` (a number in the unit of time) after the start, or None for a system without one."""
         return None if self.system.epoch is None else self.system.epoch + u.Quantity(time, self.system.units.time)
+
+    @property
+    def step(self) -> float:
+        """The length of a step with the sign of the direction; NaN of a method that chooses its steps as it goes."""
+        return self.clock.h
 
     @property
     def dt(self) -> u.Quantity:
@@ -259,7 +265,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """
         gone = absent(q, v, self.system.massive)
         # One may fail in the part of a step that leads to a sample, where the march does not come by.
-        if gone.any() and not (split(np.array([time]), self.step)[1] != 0.0).any():
+        if gone.any() and self.clock.place(time).rest == 0.0:
             gone &= np.isin(self.names, self.retired.names)
         return without(self.system, gone, q, v, self.epoch_at(time))
 
@@ -311,7 +317,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             times,
             q,
             v,
-            step=self.step,
+            step=self.clock,
             integrator=self.integrator,
             certificate=certificate,
             again=self._again,

@@ -17,6 +17,7 @@ import numpy as np
 import orbits
 from benchmarks.problems import marcher
 from orbits.marching import driver
+from orbits.marching.clocks import ConstantSteps
 
 FIRST_STEP = """
 import orbits
@@ -190,8 +191,9 @@ def part_calls(repetitions: int) -> dict[str, Any]:
     def kernel() -> float:
         run = marcher(method, system.values.gm, system.values.q, system.values.v, 6.0)
         state = [run.checkpoint()[name] for name in ("q", "q_lo", "v", "v_lo", "memory")]
-        form = method.second_order
-        fixed = (form.tag, form.coefficients(6.0, 6.0), run.lagrangian.tag, run.parameters, 0.0, 0, 6.0)
+        form, clock = method.second_order, ConstantSteps(6.0)
+        bound = (form.tag, form.coefficients(6.0, 6.0), run.lagrangian.tag, run.parameters)
+        fixed = (*bound, clock.timing, clock.numbers(0.0, 0))
         scratch, stages = np.zeros(form.scratch_shape(30)), np.zeros((1, *form.stages_shape(30)))
         begun = time.perf_counter()
         driver.march(*fixed, *state, scratch, stages, np.zeros(0), 1, 100)

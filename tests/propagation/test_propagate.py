@@ -9,7 +9,8 @@ from astropy import units as u
 import orbits
 from orbits.elements import two_body
 from orbits.errors import ConvergenceError, InputError, SingularityError
-from orbits.time_grid import rounded_step, split
+from orbits.marching.clocks import ConstantSteps
+from orbits.time_grid import rounded_step
 
 from ..problems import belt
 
@@ -80,7 +81,7 @@ def test_times_split_exactly_into_steps_and_rest(h):
     from fractions import Fraction
 
     times = np.copysign(np.concatenate([np.random.default_rng(0).uniform(0, 1e6, 100), [0.0, 12 * abs(h)]]), h)
-    for t, k, r in zip(times, *split(times, h), strict=True):
+    for t, k, r in zip(times, *ConstantSteps(h).places(times), strict=True):
         assert Fraction(t) == int(k) * Fraction(h) + Fraction(r)
         assert 0 <= r / h < 1
 
