@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.lagrangians.terms.lense_thirring import LenseThirring
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
+    from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
@@ -67,6 +68,7 @@ __all__ = [
     "DIMENSIONLESS",
     "SOLAR",
     "VPRK",
+    "Adaptive",
     "Archive",
     "ArchiveError",
     "Certificate",
@@ -152,6 +154,7 @@ _HOME = {
     "forces.drag": ["Drag"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
+    "marching.adaptive": ["Adaptive"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],

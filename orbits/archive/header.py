@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import ConstantSteps
 from orbits.system.model import from_json, to_json
 from orbits.time_grid import TimeGrid
@@ -90,6 +91,8 @@ def to_items(header: Header) -> dict[str, Item]:
     }
     for name, value in dict(header.integrator.get("parameters", {})).items():
         items[f"integrator/parameters@{name}"] = json.dumps(value, sort_keys=True)
+    if isinstance(header.grid.clock, Adaptive):
+        items["@clock"] = json.dumps({"kind": "adaptive", **asdict(header.grid.clock)}, sort_keys=True)
     if system.radii is not None:
         items["system/radii"] = np.asarray(units.length_value(system.radii, "radii"))
         items["system/radii@unit"] = _unit_text(units.length)
@@ -139,7 +142,8 @@ def from_items(items: Mapping[str, Any]) -> Header:
     except InputError as error:
         raise error if isinstance(error, ArchiveError) else ArchiveError(f"its system cannot be: {error}") from error
     try:
-        grid = TimeGrid(ConstantSteps(_item(items, "@dt", float)), _item(items, "times", np.ndarray))
+        clock = ConstantSteps(_item(items, "@dt", float)) if "@clock" not in items else _clock(items)
+        grid = TimeGrid(clock, _item(items, "times", np.ndarray))
     except InputError as error:
         raise error if isinstance(error, ArchiveError) else ArchiveError(str(error)) from error
     return Header(
@@ -149,6 +153,17 @@ def from_items(items: Mapping[str, Any]) -> Header:
         {name.partition("@")[2]: _item(items, name, str) for name in items if name.startswith("provenance@")},
         _item(items, "@certificate", str) if "@certificate" in items else "",
     )
+
+
+def _clock(items: Mapping[str, Any]) -> Adaptive:
+    """Return the clock of steps that differ. Raises ArchiveError for one that no run has."""
+    known = _from_json(_item(items, "@clock", str), "@clock")
+    fits = isinstance(known, dict) and known.pop("kind", None) == "adaptive"
+    if not fits or known.keys() != {"tolerance", "direction"}:
+        raise ArchiveError(f"@clock is {shown(items['@clock'])}; expected the clock of adaptive steps.")
+    if known["direction"] not in (1.0, -1.0):
+        raise ArchiveError(f"the direction of its clock is {shown(known['direction'])}; expected 1 or -1.")
+    return Adaptive(**known)
 
 
 def checksum(items: Mapping[str, Item]) -> str:

@@ -23,7 +23,7 @@ import numpy as np
 from numba.extending import overload
 
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import OPTIONS, accelerate, bodies, dimension, field, kernel_of
+from orbits.kernels.binding import OPTIONS, accelerate, accelerate_close, bodies, dimension, field, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
@@ -39,14 +39,30 @@ from orbits.kernels.iteration import (
     unsettled_body,
     unsettled_coordinate,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, row_sums, store, total
+from orbits.kernels.lanes import (
+    WIDTH,
+    any_lane,
+    fma,
+    full,
+    largest,
+    load,
+    maximum,
+    row_maxima,
+    row_sums,
+    select,
+    store,
+    total,
+    unit,
+)
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
 from orbits.tableaux import SymplecticTableau
+from orbits.tableaux.symplectic import FAR
 
-# Rows of the table of one register of stages. ETA is the first of 8 R rows: row j holds column j of the matrix, this
-# register's stages in the lanes; START follows, in the same form.
-HC, HC_LO, HB, REST, ETA = 0, 1, 2, 3, 4
+# Rows of the table of one register of stages, the stages in the lanes. ETA is the first of 8 R rows: row j holds column
+# j of the matrix; START follows, in the same form. NODES and WEIGHTS are c and b, BARYCENTRIC the weights of the
+# polynomial through the stages, LAST those of its last Legendre coefficient.
+HC, HC_LO, HB, REST, NODES, WEIGHTS, BARYCENTRIC, LAST, ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 
 def registers(method):
@@ -58,6 +74,62 @@ def registers(method):
 def _registers(method):
     count = kernel_of(method.types[0], "registers")
     return lambda method: count
+
+
+def _is_close(method):
+    """Whether the positions of stages have low parts, by the Numba type of a method."""
+    return bool(kernel_of(method.types[0], "close"))
+
+
+def layers(method):
+    """Return of how many rows for each coordinate the stages are: 2 where their positions have low parts."""
+    raise NotImplementedError("layers() is for compiled code only")
+
+
+@overload(layers, jit_options=OPTIONS)
+def _layers(method):
+    count = 2 if _is_close(method) else 1
+    return lambda method: count
+
+
+def place(method, Q, at, lows, x, increment):
+    """Write the position x + increment of eight stages into row `at`, its low part, if it has one, `lows` rows on."""
+    raise NotImplementedError("place() is for compiled code only")
+
+
+@overload(place, jit_options=OPTIONS)
+def _place(method, Q, at, lows, x, increment):
+    if not _is_close(method):
+        return lambda method, Q, at, lows, x, increment: store(Q, at, x + increment)
+
+    def with_low_part(method, Q, at, lows, x, increment):
+        position, low = two_sum(full(x), increment)
+        store(Q, at, position)
+        store(Q, at + lows, low)
+
+    return with_low_part
+
+
+def attract(method, model, Q, r, block, lows, out):
+    """Write the accelerations in the stages of register r."""
+    raise NotImplementedError("attract() is for compiled code only")
+
+
+@overload(attract, jit_options=OPTIONS)
+def _attract(method, model, Q, r, block, lows, out):
+    if _is_close(method):
+        return lambda method, model, Q, r, block, lows, out: accelerate_close(
+            model.tag,
+            model.parameters,
+            Q[r * block : (r + 1) * block],
+            Q[lows + r * block : lows + (r + 1) * block],
+            out,
+        )
+    if kernel_of(method.types[0], "registers") == 1:
+        return lambda method, model, Q, r, block, lows, out: accelerate(model.tag, model.parameters, Q, out)
+    return lambda method, model, Q, r, block, lows, out: accelerate(
+        model.tag, model.parameters, Q[r * block : (r + 1) * block], out
+    )
 
 
 @kernel(inline=True)
@@ -96,8 +168,8 @@ def step(method, model, t, h, state, storage):
     blocks = (size + WIDTH - 1) // WIDTH
     rows = WIDTH * blocks
     L, Q, scratch = storage.carry, storage.stages, storage.scratch
-    block = Q.shape[0] // R
-    start = ETA + WIDTH * R
+    block = Q.shape[0] // (R * layers(method))
+    lows, start = R * block, ETA + WIDTH * R
     change, history = scratch[:rows], scratch[rows : rows + 3 * blocks]
     base = scratch[rows + 3 * blocks : rows + 3 * blocks + R * block]
     # With one register the changes of the stages take the place of the accelerations.
@@ -110,11 +182,11 @@ def step(method, model, t, h, state, storage):
             # Sum the increments first: q is O(30 au), what moves it is O(1e-3 au).
             increment = fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k])
             store(base, r * block + k, increment)
-            store(Q, r * block + k, q[k] + (increment + h * combine(R, table, start, L, block, k)))
+            place(method, Q, r * block + k, lows, q[k], increment + h * combine(R, table, start, L, block, k))
     iteration, patience, last = 0, PATIENCE, False
     while True:
         for r in range(R):
-            accelerate(model.tag, model.parameters, Q if R == 1 else Q[r * block : (r + 1) * block], g)
+            attract(method, model, Q, r, block, lows, g)
             hb = load(coefficients[r], HB)
             for k in range(size):
                 new = hb * load(g, k)
@@ -135,7 +207,8 @@ def step(method, model, t, h, state, storage):
         for r in range(R):
             table = coefficients[r]
             for k in range(size):
-                store(Q, r * block + k, q[k] + (load(base, r * block + k) + h * combine(R, table, ETA, L, block, k)))
+                moved_by = load(base, r * block + k) + h * combine(R, table, ETA, L, block, k)
+                place(method, Q, r * block + k, lows, q[k], moved_by)
     if not settled(history, blocks, CONVERGED):
         body = unsettled_body(history, blocks, count, CONVERGED)
         if count > 0 and body >= 0:
@@ -189,7 +262,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
     R, coefficients = registers(method), method.coefficients
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
     L, scratch, stages = carry, storage.scratch, storage.stages
-    block = stages.shape[0] // R
+    block = stages.shape[0] // (R * layers(method))
     start = ETA + WIDTH * R
     base, Q = scratch, scratch[3 * R :]
     for r in range(R):
@@ -270,13 +343,87 @@ def _sums(coefficients, R, L, k):
     return kick, kick_lo, drift
 
 
+@kernel
+def prepare(method, h, before, storage):
+    """Write the coefficients of steps of h, after one of `before`, in one register: `Collocation.coefficients`."""
+    table, ells = method.coefficients[0], storage.scratch
+    nodes, weights = load(table, NODES), load(table, WEIGHTS)
+    ratio = h / before
+    hc = h * nodes
+    store(table, HC, hc)
+    store(table, HC_LO, fma(nodes, full(h), -hc))
+    store(table, HB, h * weights)
+    stages = 0
+    while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
+        stages += 1
+    ahead = 1.0 + ratio * nodes
+    product = full(1.0)
+    for j in range(stages):
+        store(ells, j, product)
+        product = product * (ahead - table[NODES, j])
+    product = full(1.0)
+    for back in range(stages):
+        j = stages - 1 - back
+        ell = load(ells, j) * product * table[BARYCENTRIC, j]
+        product = product * (ahead - table[NODES, j])
+        if abs(ratio) > FAR:  # a polynomial says nothing far from its nodes
+            ell = unit(j)
+        store(ells, j, (ratio / table[WEIGHTS, j]) * (weights * ell))
+    for j in range(stages):
+        column = load(table, ETA) * ells[j, 0]
+        for i in range(1, stages):
+            column = column + load(table, ETA + i) * ells[j, i]
+        store(table, ETA + WIDTH + j, column)
+
+
+@kernel
+def signal(method, model, storage):
+    """Return the last Legendre coefficient of the forces on a body in the step just taken, as a share of the largest
+    force on it: the largest over all bodies, or coordinates. In one register.
+    """
+    table, L, scratch = method.coefficients[0], storage.carry, storage.scratch
+    size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
+    blocks = (size + WIDTH - 1) // WIDTH
+    rows = WIDTH * blocks
+    last, weights = load(table, LAST), load(table, WEIGHTS)
+    inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
+    products, sizes = scratch[:rows], scratch[rows : 2 * rows]
+    for k in range(size):
+        store(products, k, last * load(L, k))
+        store(sizes, k, abs(inverse * load(L, k)))
+    for b in range(blocks):
+        rest, most = abs(row_sums(products, WIDTH * b)), row_maxima(sizes, WIDTH * b)
+        store(products, b, rest)
+        store(sizes, b, most)
+    worst = 0.0
+    for i in range(count if count > 0 else size):
+        rest = most = 0.0
+        for axis in range(3 if count > 0 else 1):
+            k = axis * count + i
+            rest = max(rest, products[k // WIDTH, k % WIDTH])
+            most = max(most, sizes[k // WIDTH, k % WIDTH])
+        if rest > worst * most:
+            worst = rest / most
+    return worst
+
+
 @dataclass(frozen=True)
 class Collocation(Form):
-    """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians."""
+    """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians.
+
+    close : whether the positions of the stages have low parts, so that the distance of close bodies keeps its digits
+    """
 
     tableau: SymplecticTableau
+    close: bool = False
 
-    kernels: ClassVar[Mapping[str, Any]] = {"step": step, "step_particles": step_particles, "width": 1}
+    kernels: ClassVar[Mapping[str, Any]] = {
+        "step": step,
+        "step_particles": step_particles,
+        "prepare": prepare,
+        "signal": signal,
+        "width": 1,
+    }
 
     @property
     def registers(self) -> int:
@@ -285,10 +432,10 @@ class Collocation(Form):
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels for this number of registers."""
-        return {**self.kernels, "registers": self.registers}
+        return {**self.kernels, "registers": self.registers, "close": int(self.close)}
 
     def coefficients(self, h: float, before: float) -> Array:
-        """Return (R, 4 + 16 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
+        """Return (R, 8 + 16 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
 
         h c is a pair of doubled precision; eta stays unscaled, because h eta would be rounded once more.
         """
@@ -298,20 +445,27 @@ class Collocation(Form):
         hc = h * tableau.nodes
         rounding = [float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(tableau.nodes, hc, strict=True)]
         weights = np.zeros(WIDTH * count)
-        weights[:s] = h * tableau.b
+        weights[:s] = tableau.b
         ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
         start = tableau.eta @ ahead
+        apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
+        with np.errstate(divide="ignore"):  # of nodes that fall together, through which there is no polynomial
+            barycentric = 1.0 / apart.prod(axis=1)
+        last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
         for r in range(count):
             own = slice(WIDTH * r, WIDTH * (r + 1))
             out[r, HC], out[r, HC_LO] = hc[lane[own]], np.array(rounding)[lane[own]]
-            out[r, HB], out[r, REST] = weights[own], tableau.one_minus_nodes[lane[own]]
+            out[r, HB], out[r, REST] = h * weights[own], tableau.one_minus_nodes[lane[own]]
+            out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
+            out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
+            out[r, LAST, : len(last[own])] = last[own]
             out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
             out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
         return out
 
     def stages_shape(self, size: int) -> tuple[int, int]:
-        """One row of eight stages for each coordinate and register."""
-        return self.registers * padded(size), WIDTH
+        """One row of eight stages for each coordinate and register, and for its low part."""
+        return (1 + self.close) * self.registers * padded(size), WIDTH
 
     def carry_rows(self, size: int) -> int:
         """The kicks of the stages of the step before, one row for each coordinate and register."""

@@ -16,7 +16,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, sqrt, unit
 from orbits.kernels.observing import call_enter, call_observer, call_search
-from orbits.kernels.paths import hermite
+from orbits.kernels.paths import hermite, steps_between
 from orbits.kernels.watch import flat, no_particles, watch_at
 
 FRACTION = 0.8
@@ -81,16 +81,22 @@ def _is_sharp(watch, h, x, y, z, u, v, w):
 
 
 @kernel(inline=True)
-def _steps_until(valid, x, y, z, u, v, w, du, dv, dw, h, left):
-    """Return after how many of the steps that are left to look again at pairs whose velocities change by (du, dv, dw)
-    in one step.
-    """
+def _steps_until(watch, valid, place, velocity, change, h, k, steps):
+    """Return after how many steps to look again at pairs whose velocities change by `change` in step k of a block."""
+    (x, y, z), (u, v, w), (du, dv, dw) = place, velocity, change
+    h = h * steps_between(watch, h, k, k + 1)
     r2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
     # distance / speed, or what it takes the acceleration to cover the distance, whichever is shorter
     fall = sqrt(r2 * (du * du + dv * dv + dw * dw)) / abs(h)
     time2 = -largest(select(valid > 0.0, -r2 / (maximum(speed2, fall) + 1e-300 * r2), full(-MANY)))
-    count = min(FRACTION * math.sqrt(time2) / abs(h), 1.0 * left)
-    return int(count) if count >= 1.0 else 1
+    count = FRACTION * math.sqrt(time2) / abs(h)
+    if watch.times.shape[0] == 0:
+        count = min(count, 1.0 * (steps - k))
+        return int(count) if count >= 1.0 else 1
+    ahead = 1
+    while ahead < steps - k and steps_between(watch, h, k, k + ahead + 1) <= count:
+        ahead += 1
+    return ahead
 
 
 @kernel
@@ -108,7 +114,7 @@ def longest_way(context, h, steps):
         for i in range(n):
             u, v, w = path[first + i], path[first + n + i], path[first + 2 * n + i]
             fastest2 = max(fastest2, u * u + v * v + w * w)
-    return DETOUR * abs(h) * max(1.0 * steps, 1.0 / watch.bold) * math.sqrt(fastest2)
+    return DETOUR * abs(h) * max(steps_between(watch, h, 0, steps), 1.0 / watch.bold) * math.sqrt(fastest2)
 
 
 @kernel
@@ -142,8 +148,9 @@ def search(context, track, h, steps, j, row, valid):
         now = (x * u + y * v + z * w) * h
         turned = valid * (before < 0.0) * (now >= 0.0)
         if any_lane(turned):
+            many = steps_between(watch, h, last, k)
             d2 = _estimate(
-                h * (k - last), before * (k - last), now * (k - last), x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
+                h * many, before * many, now * many, x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
             )
             if row < n:
                 nearest = record[DISTANCE2, OTHER, j]
@@ -172,7 +179,7 @@ def search(context, track, h, steps, j, row, valid):
         u = load(states, d) - path[b] - u
         v = load(states, d + spacing) - path[b + n] - v
         w = load(states, d + 2 * spacing) - path[b + 2 * n] - w
-        k += _steps_until(valid, x, y, z, u0, v0, w0, u, v, w, h, steps - k)
+        k += _steps_until(watch, valid, (x, y, z), (u0, v0, w0), (u, v, w), h, k, steps)
 
 
 @kernel

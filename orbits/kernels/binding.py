@@ -281,6 +281,42 @@ def _accelerate(lagrangian, parameters, q, out):
     return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))
 
 
+def accelerate_close(lagrangian, parameters, q, q_lo, out):
+    """As `accelerate` for rows of eight stages, for positions (q, q_lo) of doubled precision; without a kernel for
+    that, q alone counts.
+    """
+    raise NotImplementedError("accelerate_close() is for compiled code only")
+
+
+@overload(accelerate_close, jit_options=OPTIONS)
+def _accelerate_close(lagrangian, parameters, q, q_lo, out):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, q, q_lo, out):
+            accelerate_close(first_term(lagrangian), parameters[0], q, q_lo, out)
+            n = bodies(lagrangian, parameters)
+            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
+
+        return summed
+    compiled = kernel_of(lagrangian, "accelerate_close")
+    if compiled is None:
+        return lambda lagrangian, parameters, q, q_lo, out: accelerate(lagrangian, parameters, q, out)
+    return lambda lagrangian, parameters, q, q_lo, out: compiled(parameters, q, q_lo, out)
+
+
+def dynamical_rate(lagrangian, parameters, q, v):
+    """Return the square of the rate at which something happens where most does, and its change in time."""
+    raise NotImplementedError("dynamical_rate() is for compiled code only")
+
+
+@overload(dynamical_rate, jit_options=OPTIONS)
+def _dynamical_rate(lagrangian, parameters, q, v):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters, q, v: dynamical_rate(first_term(lagrangian), parameters[0], q, v)
+    compiled = kernel_of(lagrangian, "dynamical_rate")
+    return compiled and (lambda lagrangian, parameters, q, v: compiled(parameters, q, v))
+
+
 def accelerate_some(lagrangian, parameters, q, out, start, stop):
     """Write what `accelerate` would, bit for bit, of bodies start ... stop - 1 only, start being a multiple of 8."""
     raise NotImplementedError("accelerate_some() is for compiled code only")

@@ -16,7 +16,7 @@ import math
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, lane, load
 from orbits.kernels.observing import call_enter
-from orbits.kernels.paths import least_distance, relative
+from orbits.kernels.paths import least_distance, reading, relative, steps_between
 from orbits.kernels.watch import no_particles, watch_at
 
 DISTANCE2, TIME, SPEED2, PARTNER = 0, 1, 2, 3
@@ -98,7 +98,7 @@ def _list(watch, track, row, j, begin, s, d2, speed2):
         return
     watch.listed[0] = k + 1
     line = watch.passages[k]
-    line[ROW], line[MATE], line[STEP], line[WHEN] = row, j, watch.first + begin, watch.first + begin + s
+    line[ROW], line[MATE], line[STEP], line[WHEN] = row, j, reading(watch, begin, 0.0), reading(watch, begin, s)
     line[LEAST2], line[FASTEST2] = d2, speed2
     line[STATE], line[7], line[8], line[9], line[10], line[11] = relative(watch, track, row, j, begin)
     for i in range(ABOUT, COLUMNS):
@@ -128,6 +128,7 @@ def enter_passage(context, track, row, j, begin, end, h):
         x, y, z, u, v, w = relative(watch, track, row, j, begin)
         d2, s, speed2 = x * x + y * y + z * z, 0.0, u * u + v * v + w * w
     else:
+        h = h * steps_between(watch, h, begin, begin + 1)
         d2, s, speed2 = least_distance(watch, track, row, j, begin, h)
         if (j == watch.dominant or row == watch.dominant) and h * h * speed2 > d2:
             # A step is too long here for a polynomial.
@@ -135,7 +136,7 @@ def enter_passage(context, track, row, j, begin, end, h):
         if _is_listed(watch, row, j, h, d2, speed2):
             _list(watch, track, row, j, begin, s, d2, speed2)
     for _ in range(2 if both else 1):
-        _note(watch, row, j, d2, watch.first + begin + s, speed2)
+        _note(watch, row, j, d2, reading(watch, begin, s), speed2)
         row, j = j, row
 
 

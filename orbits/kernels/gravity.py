@@ -7,8 +7,12 @@ length squared, then GM of each body. Two bodies at one place give values that a
 
 from __future__ import annotations
 
+from numba import types
+from numba.extending import overload
+
+from orbits.kernels.binding import OPTIONS
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, full, get, load, put, rsqrt_cubed, sqrt, store_some, unit
+from orbits.kernels.lanes import WIDTH, full, get, load, put, rsqrt_cubed, select, sqrt, store_some, total, unit
 
 TILE = 128
 """Partners summed apart, before their sum enters a body's."""
@@ -20,6 +24,21 @@ def pair_accelerations(strength, q, out):
 
     q, out : (3n,) float64 or (3n, 8) lanes; strength : (1 + n,)
     """
+    _add_pairs(strength, q, None, out)
+
+
+@kernel
+def close_pair_accelerations(strength, q, q_lo, out):
+    """As `pair_accelerations`, for positions of doubled precision: what separates close bodies keeps its digits.
+
+    q_lo : of the shape of q, the low parts
+    """
+    _add_pairs(strength, q, q_lo, out)
+
+
+@kernel(inline=True)
+def _add_pairs(strength, q, q_lo, out):
+    """Write the accelerations; q_lo is None for positions without low parts."""
     n = strength.shape[0] - 1
     softening2 = strength[0]
     zero = get(q, 0) * 0.0
@@ -27,10 +46,13 @@ def pair_accelerations(strength, q, out):
         put(out, k, zero)
     for i in range(n):
         x, y, z = get(q, i), get(q, n + i), get(q, 2 * n + i)
+        x_lo, y_lo, z_lo = _low(q_lo, i), _low(q_lo, n + i), _low(q_lo, 2 * n + i)
         ax, ay, az = get(out, i), get(out, n + i), get(out, 2 * n + i)
         gm_i = strength[1 + i]
         for j in range(i + 1, n):
-            dx, dy, dz = get(q, j) - x, get(q, n + j) - y, get(q, 2 * n + j) - z
+            dx = _apart(q, q_lo, j, x, x_lo)
+            dy = _apart(q, q_lo, n + j, y, y_lo)
+            dz = _apart(q, q_lo, 2 * n + j, z, z_lo)
             w = rsqrt_cubed(softening2 + dx * dx + dy * dy + dz * dz)
             w_i, w_j = w * strength[1 + j], w * gm_i
             ax, ay, az = ax + w_i * dx, ay + w_i * dy, az + w_i * dz
@@ -40,6 +62,28 @@ def pair_accelerations(strength, q, out):
         put(out, i, ax)
         put(out, n + i, ay)
         put(out, 2 * n + i, az)
+
+
+def _low(q_lo, k):
+    """Return a low part, None where there are none."""
+    raise NotImplementedError("this is for compiled code only")
+
+
+@overload(_low, jit_options=OPTIONS)
+def _choose_low(q_lo, k):
+    return (lambda q_lo, k: None) if isinstance(q_lo, types.NoneType) else (lambda q_lo, k: get(q_lo, k))
+
+
+def _apart(q, q_lo, k, x, x_lo):
+    """Return coordinate k less (x, x_lo)."""
+    raise NotImplementedError("this is for compiled code only")
+
+
+@overload(_apart, jit_options=OPTIONS)
+def _choose_apart(q, q_lo, k, x, x_lo):
+    if isinstance(q_lo, types.NoneType):
+        return lambda q, q_lo, k, x, x_lo: get(q, k) - x
+    return lambda q, q_lo, k, x, x_lo: (get(q, k) - x) + (get(q_lo, k) - x_lo)
 
 
 @kernel
@@ -138,6 +182,29 @@ def _store_bodies(out, n, first, count, ax, ay, az):
     store_some(out, first, ax, count)
     store_some(out, n + first, ay, count)
     store_some(out, 2 * n + first, az, count)
+
+
+@kernel
+def dynamical_rate(strength, q, v):
+    """Return S = sum over pairs of G (m_i + m_j) / (r_ij^2 + softening^2)^(3/2), and dS/dt.
+
+    q, v : (3n + 8,) float64. S^(-1/2) is the time in which something happens where most does.
+    """
+    n = strength.shape[0] - 1
+    numbers = full(0.0)
+    for k in range(WIDTH):
+        numbers = numbers + (1.0 * k) * unit(k)
+    rate, change = full(0.0), full(0.0)
+    for i in range(n - 1):
+        for first in range(i + 1, n, WIDTH):
+            valid = numbers < 1.0 * (n - first)
+            x, y, z = load(q, first) - q[i], load(q, n + first) - q[n + i], load(q, 2 * n + first) - q[2 * n + i]
+            u, w, s = load(v, first) - v[i], load(v, n + first) - v[n + i], load(v, 2 * n + first) - v[2 * n + i]
+            r2 = select(valid > 0.0, x * x + y * y + z * z + strength[0], full(1.0))
+            own = select(valid > 0.0, (load(strength, 1 + first) + strength[1 + i]) * rsqrt_cubed(r2), full(0.0))
+            turning = select(valid > 0.0, (x * u + y * w + z * s) / r2, full(0.0))
+            rate, change = rate + own, change - 3.0 * own * turning
+    return total(rate), total(change)
 
 
 @kernel

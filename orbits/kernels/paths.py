@@ -11,6 +11,27 @@ from orbits.kernels.watch import flat
 
 
 @kernel(inline=True)
+def steps_between(watch, h, begin, end):
+    """Return how long it is from the beginning of one step to that of another, in steps of h: where all are alike, how
+    many there are.
+    """
+    if watch.times.shape[0] == 0:
+        return 1.0 * (end - begin)
+    return (watch.times[end] - watch.times[begin]) / h
+
+
+@kernel(inline=True)
+def reading(watch, step, s):
+    """Return what the clock reads at the fraction s of a step: whole steps, or the time."""
+    if watch.times.shape[0] == 0:
+        return watch.first + step + s
+    begin = watch.times[step]
+    if s > 0.0:
+        return watch.origin + (begin + s * (watch.times[step + 1] - begin))
+    return watch.origin + begin
+
+
+@kernel(inline=True)
 def relative(watch, track, row, j, step):
     """Return the position and velocity of a row relative to body j at the beginning of a step."""
     n, path = watch.bodies, watch.path

@@ -11,6 +11,10 @@ it (`orbits.marching.driver`) knows nothing of stages. A method enters compiled 
         one step of h from time t, in place. One that fails says at which body or coordinate. It may spoil state and
         carry: to go on, restore both and call `begin` again. Explicit methods always succeed: whether the state is
         finite is looked at once a block
+    prepare(method, h, before, storage)
+        for clocks that change h: write the coefficients of steps of h, after one of `before`
+    signal(method, model, storage) -> float
+        how much of the forces the step just taken could not resolve: 0 for none, 1 for all
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
         the same for massless particles, which are values: eight in lanes, or one with its stages in lanes, as the
@@ -30,6 +34,9 @@ from orbits.kernels.lanes import WIDTH
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """What became of a step."""
+
+BEYOND, TOO_SHORT = 4, 5
+"""Why a clock took none: it would lead too far, or it is too short to change the time."""
 
 
 class State(NamedTuple):
@@ -123,6 +130,28 @@ def step(method, model, t, h, state, storage):
 def _step(method, model, t, h, state, storage):
     compiled = _kernel(method, "step")
     return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
+
+
+def prepare(method, h, before, storage):
+    """Write the coefficients of steps of h, after one of `before`."""
+    raise NotImplementedError("prepare() is for compiled code only")
+
+
+@overload(prepare, jit_options=OPTIONS)
+def _prepare(method, h, before, storage):
+    compiled = _kernel(method, "prepare")
+    return compiled and (lambda method, h, before, storage: compiled(method, h, before, storage))
+
+
+def signal(method, model, storage):
+    """Return how much of the forces the step just taken could not resolve."""
+    raise NotImplementedError("signal() is for compiled code only")
+
+
+@overload(signal, jit_options=OPTIONS)
+def _signal(method, model, storage):
+    compiled = _kernel(method, "signal")
+    return compiled and (lambda method, model, storage: compiled(method, model, storage))
 
 
 def begin_particles(method, model, particles, storage):

@@ -8,7 +8,7 @@ from orbits.kernels.approach_search import longest_way
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import pair_potential
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import least_distance, relative
+from orbits.kernels.paths import least_distance, relative, steps_between
 from orbits.kernels.watch import watch_at
 
 ANY = -1
@@ -56,7 +56,8 @@ def first_met(context, track, h, steps, start, stop):
                     if step > 0:
                         met = d2 < bound2 if closer else d2 > bound2
                         if closer and before < 0.0 <= now:
-                            met = met or least_distance(watch, track, row, j, step - 1, h)[0] < bound2
+                            length = h * steps_between(watch, h, step - 1, step)
+                            met = met or least_distance(watch, track, row, j, step - 1, length)[0] < bound2
                         if met:
                             found = (step, c, row, j)
                             break

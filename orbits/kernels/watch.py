@@ -6,11 +6,14 @@ path : flat; n bodies' q and v at the beginning of each step and at the end, eac
 stride : length of a padded vector
 bodies : n
 first : steps taken before this block
+origin : time at which it begins; for clocks whose steps differ
+times : when its steps begin, since then, and the last one ends; empty where steps are all alike
 dominant : the body that rules the motion of the others, or -1
 mu : its GM
 annuli : (n, 3), see `encounters.py`
 reaches : (n + padding,), how close to a body flybys are listed; 0 where no body dominates
-record : (4, 2, rows + 8) squared distance, time in steps, squared speed and partner of the closest approaches
+record : (4, 2, rows + 8) squared distance, time as the clock reads it, squared speed and partner of the closest
+    approaches
 stops : (conditions, 4), see `stopping.py`
 hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
     which condition first held for which row and body
@@ -55,6 +58,8 @@ _KINDS: dict[str, Any] = {
     "stride": types.int64,
     "bodies": types.int64,
     "first": types.int64,
+    "origin": types.float64,
+    "times": _array(1),
     "dominant": types.int64,
     "mu": types.float64,
     "annuli": _array(2),

@@ -24,6 +24,8 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import (
     attraction,
     body_accelerations,
+    close_pair_accelerations,
+    dynamical_rate,
     pair_accelerations,
     pair_potential,
     share_of_accelerations,
@@ -112,6 +114,8 @@ def _compiled() -> Compiled:
         "accelerate": body_accelerations,
         "accelerate_some": share_of_accelerations,
         "accelerate_stages": pair_accelerations,
+        "accelerate_close": close_pair_accelerations,
+        "dynamical_rate": dynamical_rate,
         "field": attraction,
         "particle_gradients": particle_gradients,
     }

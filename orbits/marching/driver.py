@@ -12,7 +12,7 @@ from numba.extending import overload
 
 from orbits.kernels.barrier import Barrier
 from orbits.kernels.binding import OPTIONS, dimension
-from orbits.kernels.clocks import Clock, step_of
+from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
@@ -37,7 +37,6 @@ from orbits.kernels.steps import (
     begin,
     begin_particles,
     lanes_of,
-    step,
     step_particles,
 )
 
@@ -49,11 +48,12 @@ NaN for a retired one, which no comparison holds for.
 
 @kernel
 def march(
-    form, coefficients, tag, parameters, timing, numbers, q, q_lo, p, p_lo, carry, scratch, stages, path, every, steps
-):
+    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
+    path, every, steps
+):  # fmt: skip
     """March by `steps` steps.
 
-    timing, numbers : the tag of a clock, and what it knows; see `orbits.kernels.clocks`
+    timing, numbers, room : the tag of a clock, and its vectors; see `orbits.kernels.clocks`
     q, q_lo, p, p_lo : see `State`; carry, scratch : see `Storage`
     stages : (slots, rows, columns), a slot for each step, or slots that are used over and over
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; nothing where it is empty
@@ -61,7 +61,7 @@ def march(
     Returns (status, steps done, body or coordinate, evaluations).
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    clock, size = Clock(timing, numbers), dimension(tag, parameters)
+    clock, size = Clock(timing, numbers, room), dimension(tag, parameters)
     share = Share(0, size, None)
     t, h = step_of(clock, 0)
     begin(method, model, t, h, state, Storage(carry, scratch, stages[0], share))
@@ -72,8 +72,7 @@ def march(
             left, row = every, row + 1
         left -= 1
         storage = Storage(carry, scratch, stages[slot], share)
-        t, h = step_of(clock, k)
-        status, where, count = step(method, model, t, h, state, storage)
+        status, where, count = take_step(clock, method, model, k, state, storage)
         evaluations += count
         if status != OK:
             return status, k, where, evaluations
@@ -84,7 +83,7 @@ def march(
 @kernel
 def march_together(
     counters, threads, member, rounds, fresh,
-    form, coefficients, tag, parameters, timing, numbers, q, q_lo, p, p_lo, carry, scratch, stages, path, steps
+    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages, path, steps
 ):  # fmt: skip
     """March thousands of bodies as one of several threads: each moves a share of the coordinates.
 
@@ -93,7 +92,7 @@ def march_together(
     Other arguments are those of `march`.
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    clock, size = Clock(timing, numbers), dimension(tag, parameters)
+    clock, size = Clock(timing, numbers, room), dimension(tag, parameters)
     groups = (size + WIDTH - 1) // WIDTH
     start, stop = WIDTH * (groups * member // threads), min(WIDTH * (groups * (member + 1) // threads), size)
     share = Share(start, stop, Barrier(counters, threads, rounds[member]))
@@ -104,14 +103,13 @@ def march_together(
     for k in range(steps):
         record_strip(path, k, q, p, start, stop)
         storage = Storage(carry, scratch, stages[k % stages.shape[0]], share)
-        t, h = step_of(clock, k)
-        _, _, count = step(method, model, t, h, state, storage)
+        _, _, count = take_step(clock, method, model, k, state, storage)
         rounds[member, 1] += count
 
 
 @kernel
 def march_particles(
-    form, coefficients, tag, parameters, timing, numbers, q, q_lo, v, v_lo, carry, scratch, stages, retired,
+    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, v, v_lo, carry, scratch, stages, retired,
     steps, start, stop, observer, context, track
 ):  # fmt: skip
     """March massless particles start ... stop - 1 by `steps` steps through the stages of the massive bodies.
@@ -125,7 +123,7 @@ def march_particles(
     Returns how many evaluations there were.
     """
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
-    clock, storage = Clock(timing, numbers), Storage(carry, scratch, stages, Share(0, 0, None))
+    clock, storage = Clock(timing, numbers, room), Storage(carry, scratch, stages, Share(0, 0, None))
     block, watched = (steps, start, stop), (observer, context, track)
     return _march_particles(method, model, clock, columns, storage, retired, block, watched)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR
+from orbits.marching.clocks import Clock
 
 
 def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
@@ -22,10 +23,18 @@ def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
 
 
 def failure_of_bodies(
-    status: int, step: int, time: float, h: float, integrator: Integrator, names: Sequence[str]
+    status: int, step: int, time: float, clock: Clock, integrator: Integrator, names: Sequence[str]
 ) -> IntegrationError:
-    """Return the error of bodies that cannot take the step of h after `step` steps, at this time."""
-    where = f"step {step + 1} (t = {time:.10g}, dt = {abs(h):.6g})"
+    """Return the error of bodies that cannot take the next step after `step` steps, at this time."""
+    where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
+    if clock.changes:
+        return SingularityError(
+            f"{where}: {' and '.join(names)} meet: no step is short enough to go on from there. Use softening, or end "
+            "the run before, with stop=orbits.CloserThan(...).",
+            step=step,
+            time=time,
+            bodies=list(names),
+        )
     if status == NOT_CONVERGED:
         return ConvergenceError(
             f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "

@@ -176,7 +176,7 @@ class Flow:
             count = min(room, samples - first)
             now = clock.numbers(self.t, first * every)
             status, done, _, more = driver.march(
-                *bound, clock.timing, now, *state, self._carry, self._scratch, self._stages,
+                *bound, clock.timing, now, _NO_ROOM, *state, self._carry, self._scratch, self._stages,
                 path.reshape(-1), every, count * every,
             )  # fmt: skip
             evaluations += more
@@ -283,6 +283,9 @@ def velocities(lagrangian: Lagrangian, t: Array, q: Array, p: Array) -> Array:
         mass = lagrangian.hessians(q[0], np.zeros(lagrangian.dimension))[2]
         return np.asarray(np.linalg.solve(mass, p.T).T, dtype=np.float64)
     return np.array([lagrangian.velocity(x, y, float(s)) for x, y, s in zip(q, p, t, strict=True)])
+
+
+_NO_ROOM: Array = np.zeros(0)
 
 
 def _padded(x: Array) -> Array:

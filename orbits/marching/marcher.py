@@ -7,6 +7,7 @@ On the way closest approaches are recorded, and conditions end the march at the 
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, wait
@@ -20,12 +21,13 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, coefficients_of, padded
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import NOT_CONVERGED, OK
+from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching import driver
+from orbits.marching import adaptive, driver
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
-from orbits.marching.clocks import ConstantSteps, Place, clock_of
+from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good
 from orbits.marching.parallel import Parallel, shares
@@ -77,7 +79,7 @@ class Marcher:
         massive: NDArray[np.bool_],
         q: Array,
         v: Array,
-        clock: ConstantSteps | float,
+        clock: Clock | float,
         *,
         names: Sequence[str] = (),
         threads: int = 1,
@@ -90,6 +92,7 @@ class Marcher:
         self.model = parameters
         self.parameters = np.ascontiguousarray(parameters[0] if isinstance(parameters, tuple) else parameters)
         self.clock = clock_of(clock)
+        self.clock.check(integrator)
         self.names = tuple(names)
         self.step = 0
         self._start = 0.0
@@ -100,9 +103,11 @@ class Marcher:
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._form = form_of_bodies(integrator, lagrangian, with_particles=m > 0)
-        h = self.clock.h
-        self._coefficients = {h: coefficients_of(self._form, h)}
+        self._form = form_of_bodies(integrator, lagrangian, self.clock, with_particles=m > 0)
+        h = self.clock.h  # coefficients of steps that differ are prepared before each
+        first = self._form.coefficients(1.0, 1.0) if self.clock.changes else coefficients_of(self._form, h)
+        self._coefficients = {h: first}
+        self._arrived = False
         self._backup: dict[str, Array] = {}
         shape = self._form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
@@ -132,6 +137,9 @@ class Marcher:
             self._state[name][: 3 * n] = x[self._massive].T.ravel()
             self._state[f"particle_{name}"][...] = NOWHERE
             self._state[f"particle_{name}"][:, :m] = x[self._particles].T
+        if isinstance(self.clock, Adaptive):
+            self._state["clock"] = self.clock.numbers_for(integrator)
+        self._room = np.zeros(self.clock.room(self.block, sum(x.size for x in self._state.values())))
         self._state["approaches"] = empty_record(n + m)
         rows = 12 * (self.block + 1) if m else 0
         self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
@@ -142,7 +150,7 @@ class Marcher:
         self._retire, self._retired = retire, Retired(m)
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
-        bold, mild, keen = thresholds(integrator.order)
+        bold, mild, keen = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -154,19 +162,20 @@ class Marcher:
             bold,
             mild,
             keen,
+            self._room,
             len(self._tasks),
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
-        self._passages = PassageList(masses, self._watcher.dominant, bold / abs(h))
+        self._passages = PassageList(masses, self._watcher.dominant, bold, self.clock)
         self._overflowed = False
 
     def advance(self, steps: int) -> None:
-        """March on by `steps` >= 0 steps.
+        """March on by `steps` >= 0 steps, or by all before the place that it approaches.
 
         Raises ConvergenceError or SingularityError; the state is then the one before the step that failed.
         """
-        self._stopped = False
-        while steps > 0 and not self._stopped:
+        self._stopped = self._arrived = False
+        while steps > 0 and not (self._stopped or self._arrived):
             self._back_up()
             before = self.step
             try:
@@ -183,7 +192,7 @@ class Marcher:
         """March on by at most `count` steps; return why not one more can be taken, if it cannot."""
         failure: IntegrationError | None = None
         try:
-            self._march_block(self._state, self.clock, count)
+            count = self._march_block(self._state, self.clock, count)
         except IntegrationError as error:
             failure = error
         if failure is not None:
@@ -205,8 +214,7 @@ class Marcher:
         if failure is None:
             return None
         try:  # for the step and the time of the step that failed
-            trial = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
-            self._march_block(trial, self.clock, 1)
+            self._march_block(self._copied(), self.clock, 1)
         except IntegrationError as error:
             return error
         return failure
@@ -257,26 +265,62 @@ class Marcher:
         if count:
             self._march_block(self._state, self.clock, count)
 
+    def _copied(self) -> dict[str, Array]:
+        """Return a copy of the state that is not watched."""
+        return {name: array.copy() for name, array in self._state.items() if name != "approaches"}
+
     @property
     def time(self) -> float:
         """The time reached, since the start of the run."""
-        return self._start + float(self.clock.time(self.step))
+        return float(self._state["clock"][adaptive.TIME]) if self.clock.changes else self._time_of(self.step)
+
+    @property
+    def reading(self) -> float:
+        """What the clock reads: whole steps, or the time."""
+        return self.time if self.clock.changes else self.step
+
+    def _time_of(self, step: int) -> float:
+        return self._start + float(self.clock.time(step))
 
     def is_before(self, place: Place) -> bool:
-        """Whether there are whole steps to take before a place."""
+        """Whether there may be whole steps to take before a place."""
+        if self.clock.changes:
+            return not (self._arrived and self._state["clock"][adaptive.LIMIT] == place.rest)
         return self.step < place.steps
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by all before a place; raises as `advance`."""
-        self.advance(min(self.block, place.steps - self.step))
+        if self.clock.changes:
+            self._state["clock"][adaptive.LIMIT] = place.rest
+        self.advance(self.block if self.clock.changes else min(self.block, place.steps - self.step))
 
     def advance_to(self, place: Place) -> None:
         """March on by all whole steps before a place that is not behind; raises as `advance`."""
-        self.advance(place.steps - self.step)
+        while self.is_before(place):
+            self.approach(place)
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return (q, v) at a place to which the march has advanced, as `state_after`."""
-        return self.state_after(place.rest)
+        """Return (q, v) at a place to which the march has advanced, on a copy: the march itself does not notice."""
+        if not self.clock.changes:
+            return self.state_after(place.rest)
+        copy, before = self._copied(), self.evaluations
+        copy["clock"][[adaptive.LIMIT, adaptive.EXACT]] = place.rest, 1.0
+        try:
+            while self._march_block(copy, self.clock, self.block) == self.block:
+                pass
+        finally:
+            self.evaluations = before
+        return self._gather(copy)
+
+    def ended_at(self, time: float) -> Marcher:
+        """Return a marcher that has gone on from here to end exactly at a time; for clocks whose steps differ."""
+        massive = np.ones(len(self._massive), dtype=bool)
+        q, v = self.state()
+        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, names=self.names)
+        end.restore(self.checkpoint())
+        end._state["clock"][adaptive.EXACT] = 1.0
+        end.advance_to(Place(0, time))
+        return end
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -287,7 +331,9 @@ class Marcher:
         """Return (q, v) a partial step `offset` later, by a step on a copy: the march itself does not notice."""
         if offset == 0.0:
             return self.state()
-        copy = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
+        if self.clock.changes:
+            return self.state_at(Place(0, self.time + offset))
+        copy = self._copied()
         # What is carried from step to step belongs to steps of h; a partial step starts cold.
         copy["memory"][:] = 0.0
         copy["particle_memory"][:] = 0.0
@@ -383,20 +429,30 @@ class Marcher:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def _march_block(self, state: dict[str, Array], clock: ConstantSteps, count: int) -> None:
-        h = clock.h
-        if h not in self._coefficients:
-            usual = self.clock.h
-            self._coefficients = {usual: self._coefficients[usual], h: coefficients_of(self._form, h)}
-        now = clock.numbers(self._start, self.step) if clock == self.clock else clock.numbers(self.time, 0)
-        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, clock.timing, now)
+    def _march_block(self, state: dict[str, Array], clock: Clock, count: int) -> int:
+        """March `count` steps, or all before the place that the clock is bound for; return how many."""
+        if isinstance(clock, ConstantSteps):
+            if clock.h not in self._coefficients:
+                usual = self.clock.h
+                self._coefficients = {usual: self._coefficients[usual], clock.h: coefficients_of(self._form, clock.h)}
+            now = clock.numbers(self._start, self.step) if clock == self.clock else clock.numbers(self.time, 0)
+            h = clock.h
+        else:
+            now = state["clock"]
+            now[adaptive.ORIGIN], h = now[adaptive.TIME], now[adaptive.LENGTH] or clock.direction
+        timing = (clock.timing, now, self._room)
+        bound = (self._form.tag, self._coefficients[clock.h], self.lagrangian.tag, self.model, *timing)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)
         status, done, body, evaluations = self._march(*bound, *vectors, self._scratch, self._stages, path, 1, count)
         self.evaluations += evaluations
-        if status == NOT_CONVERGED:
-            raise self._failure(status, done, self._meeting(state, body))
+        if status == BEYOND:
+            status, count, self._arrived = OK, done, True
+        if status == TOO_SHORT:
+            body = self._closest(state)
+        if status in (NOT_CONVERGED, TOO_SHORT):
+            raise self._failure(status, done, self._meeting(state, body), now)
         if status != OK:
             # The state is spoilt; the bodies that met are found in the one before, if the block is a single step.
             lost = np.flatnonzero(~np.isfinite(state["q"][: 3 * self._bodies] + state["v"][: 3 * self._bodies]))
@@ -404,15 +460,16 @@ class Marcher:
             body = int(lost[0]) % self._bodies if lost.size else 0
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
-            self._watcher.begin(record, self.step)
+            self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._parallel)
         if self._tasks:
-            self._march_particles(state, bound, h, count)
+            self._march_particles(state, bound, count)
         if record is not None:
             self._overflowed = self._passages.overflows(self._watcher.lists)
             self._passages.add(self._watcher.lists)
+        return count
 
-    def _march_particles(self, state: dict[str, Array], bound: tuple[Any, ...], h: float, count: int) -> None:
+    def _march_particles(self, state: dict[str, Array], bound: tuple[Any, ...], count: int) -> None:
         """March the massless particles through the block of `count` steps that the bodies have just taken."""
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
         observer = self._watcher.observer if "approaches" in state else 0
@@ -437,6 +494,13 @@ class Marcher:
             wait(shares)  # also after an interrupt: only then may others use the arrays
         self.particle_evaluations += sum(future.result() for future in shares)
 
+    def _closest(self, state: dict[str, Array]) -> int:
+        """Return one of the two massive bodies that are closest to each other."""
+        n = self._bodies
+        q = state["q"][: 3 * n].reshape(3, n)
+        distance = np.sum((q[:, :, None] - q[:, None, :]) ** 2, axis=0) + np.where(np.eye(n) > 0, np.inf, 0.0)
+        return int(np.argmin(distance)) // n
+
     def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
         """Return two massive bodies: `body` and the one next to it, the lighter one first."""
         n = self._bodies
@@ -446,11 +510,11 @@ class Marcher:
         pair = [body] if n == 1 else sorted((body, int(np.argmin(distance))), key=lambda b: self.parameters[1 + b])
         return [int(self._massive[b]) for b in pair]
 
-    def _failure(self, status: int, done: int, bodies: list[int]) -> IntegrationError:
+    def _failure(self, status: int, done: int, bodies: list[int], now: Array | None = None) -> IntegrationError:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
         step = self.step + done
-        time = self._start + self.clock.time(step)
-        return failure_of_bodies(status, step, time, self.clock.h, self.integrator, names)
+        time = self._time_of(step) if now is None or not self.clock.changes else float(now[adaptive.TIME])
+        return failure_of_bodies(status, step, time, self.clock, self.integrator, names)
 
     def _gather(self, state: dict[str, Array]) -> tuple[Array, Array]:
         return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])

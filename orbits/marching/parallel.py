@@ -143,7 +143,7 @@ class Parallel:
     def march(self, *arguments: Any) -> tuple[int, int, int, int]:
         """March the bodies with the arguments of `driver.march`, and return what it does."""
         *flat, _, steps = arguments
-        q, p = flat[6], flat[8]
+        q, p = flat[7], flat[9]
         fresh = bool(np.array_equal(q[: self._size], self._at))
         self._at = np.zeros(0)
         self._threads.run(march_together, self._rounds, fresh, *flat, steps)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.errors import InputError
 from orbits.integrators.forms import Array
 from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, STEP, WHEN
+from orbits.marching.clocks import Clock
 
 BLOCK_ROOM = 8192
 """Passages that are listed in a block, by all calls of kernels together: each has room for all of them, so that what
@@ -40,15 +42,17 @@ class PassageList:
 
     gm : (rows,), of the massive bodies, then of the massless particles
     dominant : the row of the body that rules the others, or -1
-    bold : (angle of a step from which on revolutions are listed) / h
+    bold : angle of a step from which on revolutions are listed
+    clock : of the march; steps and times in the list are its readings
 
     Revolutions of a moon are kept only where the step covers more than the bold angle; pericentres about the dominant
     body and flybys all. Beyond the room there is, of each kind those of the largest speed / distance are
     kept, which does not depend on how the march was cut.
     """
 
-    def __init__(self, gm: Array, dominant: int, bold: float) -> None:
-        self._gm, self._dominant, self._bold2 = gm, dominant, bold * bold
+    def __init__(self, gm: Array, dominant: int, bold: float, clock: Clock) -> None:
+        rate = math.inf if clock.changes else bold / abs(clock.h)
+        self._gm, self._dominant, self._bold2, self._clock = gm, dominant, rate * rate, clock
         self._room = ROOM + ROOM_PER_BODY * len(gm)
         self.passages: Array = np.empty((0, COLUMNS))
         self.left_out = 0
@@ -69,7 +73,7 @@ class PassageList:
         if self.left_out != UNKNOWN:
             self.left_out += missed
         known = np.concatenate(kept)
-        self.passages = known[np.lexsort((known[:, MATE], known[:, ROW], known[:, WHEN]))]
+        self.passages = known[np.lexsort((known[:, MATE], known[:, ROW], np.abs(known[:, WHEN])))]
 
     @staticmethod
     def overflows(blocks: list[BlockList]) -> bool:
@@ -95,8 +99,11 @@ class PassageList:
         bodies, when, step = passages[:, [ROW, MATE]], passages[:, WHEN], passages[:, STEP]
         fits = count == len(passages) and left_out >= UNKNOWN and bool(np.isfinite(passages).all())
         fits = fits and bool(((bodies == np.floor(bodies)) & (bodies >= 0) & (bodies < len(self._gm))).all())
-        fits = fits and bool(((step == np.floor(step)) & (step >= 0) & (step <= steps)).all())
-        fits = fits and bool(((when >= step) & (when <= step + 1)).all())
+        if self._clock.changes:
+            fits = fits and bool(((when - step) * self._clock.direction >= 0.0).all())
+        else:
+            fits = fits and bool(((step == np.floor(step)) & (step >= 0) & (step <= steps)).all())
+            fits = fits and bool(((when >= step) & (when <= step + 1)).all())
         if not fits or (passages[:, [LEAST2, FASTEST2]] < 0.0).any():
             raise InputError("the list of passages in its checkpoint holds bodies, steps or numbers that cannot be.")
         self.passages, self.left_out = passages, left_out
@@ -128,4 +135,4 @@ class PassageList:
             return passages
         with np.errstate(all="ignore"):
             rate = passages[:, FASTEST2] / passages[:, LEAST2]
-        return passages[np.lexsort((passages[:, ROW], passages[:, WHEN], -rate))[: self._room]]
+        return passages[np.lexsort((passages[:, ROW], np.abs(passages[:, WHEN]), -rate))[: self._room]]

@@ -73,7 +73,7 @@ class Watcher:
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
     stops, energy_bound : see `Marcher`
-    bold, mild, keen : see `orbits.kernels.watch`
+    bold, mild, keen, times : see `orbits.kernels.watch`
     tasks : how many tasks march particles at the same time
 
     contexts, lists : of the massive bodies, then of each task
@@ -91,6 +91,7 @@ class Watcher:
         bold: float,
         mild: float,
         keen: float,
+        times: Array,
         tasks: int = 0,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
@@ -121,6 +122,7 @@ class Watcher:
             bold=bold,
             mild=mild,
             keen=keen,
+            times=times,
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
@@ -137,11 +139,11 @@ class Watcher:
             self._observer = observer_address(follow_particles)
         return self._observer
 
-    def begin(self, record: Array, first: int) -> None:
-        """Prepare for a block that comes after `first` steps: what is found goes into `record` and empty lists."""
+    def begin(self, record: Array, first: int, origin: float = 0.0) -> None:
+        """Prepare for a block after `first` steps, at the time `origin`: its finds go into `record` and empty lists."""
         if not self._compiled:
             self._compile()
-        self.contexts.enter(record=record, first=first)
+        self.contexts.enter(record=record, first=first, origin=origin)
         self._listed[:] = 0
 
     def _compile(self) -> None:

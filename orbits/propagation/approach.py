@@ -11,7 +11,7 @@ from astropy import units as u
 if TYPE_CHECKING:
     from astropy.time import Time
 
-    from orbits.marching.clocks import ConstantSteps
+    from orbits.marching.clocks import Clock
     from orbits.propagation.passages_seen import Passage
     from orbits.system import System
 
@@ -40,7 +40,7 @@ class Approach:
     error: u.Quantity | None = None
 
     @classmethod
-    def of(cls, system: System, clock: ConstantSteps, passage: Passage, error: float | None) -> Approach:
+    def of(cls, system: System, clock: Clock, passage: Passage, error: float | None) -> Approach:
         """Return a passage of a run with this clock as one reads it."""
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])

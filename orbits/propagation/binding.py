@@ -19,7 +19,7 @@ from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.base import Lagrangian
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks import ConstantSteps
+from orbits.marching.clocks import Clock
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
 from orbits.propagation.stop_conditions import Conditions
@@ -40,7 +40,7 @@ RETIRED = frozenset({"retired"})
 def bound(
     system: System,
     integrator: Integrator,
-    clock: ConstantSteps | float,
+    clock: Clock | float,
     threads: int | None = None,
     conditions: Conditions | None = None,
     state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
@@ -72,7 +72,7 @@ def bound(
 def march_of(
     bodies: PointMasses,
     integrator: Integrator,
-    clock: ConstantSteps | float,
+    clock: Clock | float,
     model: tuple[Lagrangian, Any] | None = None,
     **options: Any,
 ) -> Marcher:

@@ -40,6 +40,8 @@ def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
 
 
 def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
+    if run.clock.changes:  # steps that resolve what is in them
+        return None
     passage, end = seen.passages[k], _end(run, seen)
     pair = passage.pair(run.system, seen.dominant)
     return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
@@ -51,6 +53,8 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
 
     Those are judged whose states are known; at most so many, those that may be the worst.
     """
+    if run.clock.changes:
+        return []
     end = _end(run, seen)
     bounds = {k: bound for k in range(len(seen.passages)) if (bound := _most(run, seen, seen.passages[k], end)) > 0.0}
     judged: dict[frozenset[int], list[tuple[int, Effect]]] = {}
@@ -162,4 +166,4 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
 def _end(run: Trajectory, seen: Seen) -> float:
     """Return the time at which a run ended: that of its last sample or, where it was stopped, of its last step."""
     last = float(run.times[-1]) if len(run.times) else 0.0
-    return max(last, float(run.clock.time(seen.steps)), key=abs)
+    return max(last, float(run.clock.time(seen.end)), key=abs)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,6 +18,7 @@ from orbits.propagation.binding import bound, restore
 from orbits.propagation.passage_effect import Pair
 
 if TYPE_CHECKING:
+    from orbits.marching.clocks import Clock
     from orbits.marching.marcher import Marcher
     from orbits.system import System
     from orbits.trajectory import Trajectory
@@ -30,7 +32,7 @@ SAME = 1.5
 class Record(NamedTuple):
     """What a marcher saw: `closest` (4, 2, rows) and `listed` (n, columns), see `orbits.kernels.encounters`; how many
     passages more there were; the body that dominates the system, in the kernels' rows, or -1; how close to each
-    massive body flybys are listed; and after how many steps that was.
+    massive body flybys are listed; and what the clock read then.
     """
 
     closest: Array
@@ -38,14 +40,18 @@ class Record(NamedTuple):
     left_out: int
     dominant: int
     reaches: Array
-    steps: int
+    end: float
 
     @classmethod
     def of(cls, marcher: Marcher, end: float) -> Record:
         """Return what a marcher has seen up to now, and what happens from there to the end of the run, less than a step
         later.
         """
-        dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.step
+        dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
+        if marcher.clock.changes:
+            with suppress(IntegrationError):  # where the run itself failed
+                marcher = marcher.ended_at(end)
+            return cls(marcher.approaches(), *marcher.passages(), dominant, reaches, marcher.reading)
         closest, (listed, left_out) = marcher.approaches(), marcher.passages()
         h = marcher.clock.h
         rest = end - marcher.clock.time(step)
@@ -70,7 +76,7 @@ class Record(NamedTuple):
 class Passage:
     """One passage of a body by another one, numbered as in the system; floats in its units.
 
-    step : at whose beginning the states are; steps : time of the pericentre in steps
+    step : what the clock reads where the states are, at the beginning of a step; steps : at the pericentre
     distance, speed : at the pericentre
     state : (6,), position and velocity relative to the other, or None where they are not known
     about : (6,), relative to the dominant body; zeros without one
@@ -78,7 +84,7 @@ class Passage:
 
     body: int
     other: int
-    step: int
+    step: float
     steps: float
     distance: float
     speed: float
@@ -117,17 +123,17 @@ class Seen:
     passages : numbered from 0; errors : what is known of the error at the end that they cause; refined : the numbers of
         those that are as good as the orbit
     dominant : number of the body that dominates the system, or -1
-    reach : (bodies,), how close to each body flybys are listed; steps : how many the run took
+    reach : (bodies,), how close to each body flybys are listed; end : what the clock read at the end of the run
     closest : (bodies, 2) numbers of passages, -1 where there is none: the closest to the dominant body, and to another
     flybys : numbers of the passages that are listed, and of the closest approaches but to the dominant body
     """
 
-    def __init__(self, system: System, record: Record) -> None:
+    def __init__(self, system: System, record: Record, clock: Clock) -> None:
         massive = system.massive
         self._order = np.concatenate([np.flatnonzero(massive), np.flatnonzero(~massive)])
         self._gm = system.values.gm
         self.dominant = int(self._order[record.dominant]) if record.dominant >= 0 else -1
-        self.left_out, self.steps = record.left_out, record.steps
+        self.left_out, self.end, self._clock = record.left_out, record.end, clock
         self.refined: set[int] = set()
         self.errors: dict[int, float | None] = {}
         self.reach = np.zeros(len(system))
@@ -146,13 +152,13 @@ class Seen:
             assert trajectory.archive is not None
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1)
             restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
-            if marcher.step > trajectory.archive.grid.whole_steps:
+            if not trajectory.clock.changes and marcher.step > trajectory.archive.grid.whole_steps:
                 raise ArchiveError(
                     f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
                     "behind the end of the run. Restore it from a copy."
                 )
             record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
-        return cls(trajectory.system, record)
+        return cls(trajectory.system, record, trajectory.clock)
 
     @cached_property
     def flybys(self) -> list[int]:
@@ -164,7 +170,7 @@ class Seen:
         return Passage(
             body=int(self._order[int(row[encounters.ROW])]),
             other=int(self._order[int(row[encounters.MATE])]),
-            step=int(row[encounters.STEP]),
+            step=float(row[encounters.STEP]),
             steps=float(row[encounters.WHEN]),
             distance=math.sqrt(row[encounters.LEAST2]),
             speed=math.sqrt(row[encounters.FASTEST2]),
@@ -176,11 +182,16 @@ class Seen:
         """Return the number of a closest approach, which is listed or is now."""
         other, steps = int(self._order[int(entry[PARTNER])]), float(entry[TIME])
         key = (min(body, other), max(body, other))
+        same = 0.0 if self._clock.changes else SAME
         for k in self._numbers.get(key, ()):
-            if abs(self.passages[k].steps - steps) < SAME:
+            if self.passages[k].steps == steps or abs(self.passages[k].steps - steps) < same:
                 return k
         distance, speed = math.sqrt(entry[DISTANCE2]), math.sqrt(entry[SPEED2])
-        self.passages.append(Passage(body, other, math.floor(steps), steps, distance, speed))
+        begin: float = math.floor(steps)
+        if self._clock.changes:  # no step is known there: half the time that the passage takes
+            way = 0.5 * distance / speed if speed > 0.0 else 0.0
+            begin = steps - self._clock.direction * min(way, abs(steps))
+        self.passages.append(Passage(body, other, begin, steps, distance, speed))
         self._numbers.setdefault(key, []).append(len(self.passages) - 1)
         return len(self.passages) - 1
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.marching.clocks import Clock, Place
 from orbits.propagation.binding import march_of
 from orbits.propagation.passages_seen import Passage, Seen
 from orbits.system.model import model
@@ -28,6 +29,9 @@ PRECISION = 1e-13
 
 ROUNDS = 60
 
+WIDER = 2.0
+"""How many times as far as where a passage may be it is looked for, where steps differ."""
+
 
 def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
     """Make distance, time, speed and states of some passages as good as the orbit of the run.
@@ -38,9 +42,9 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
     numbers = [k for k in numbers if k not in seen.refined]
     seen.refined.update(numbers)
     seen.errors = {k: error for k, error in seen.errors.items() if k not in seen.refined}
-    h, times = trajectory.step, np.abs(trajectory.times)
+    times = np.abs(trajectory.times)
     starts: dict[int, list[int]] = {}
-    for k in sorted(numbers, key=lambda k: seen.passages[k].step):
+    for k in sorted(numbers, key=lambda k: abs(seen.passages[k].step)):
         before = int(np.searchsorted(times, abs(trajectory.clock.time(seen.passages[k].step)), side="right")) - 1
         starts.setdefault(before, []).append(k)
     for sample, ones in starts.items():
@@ -48,7 +52,7 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
         with suppress(IntegrationError):  # the run failed here; what was recorded has to do
             walk = _Walk(trajectory, sample, sorted(set(bodies)))
             for k in ones:
-                seen.passages[k] = _refined(walk, seen, seen.passages[k], h)
+                seen.passages[k] = _refined(walk, seen, seen.passages[k], trajectory.clock)
 
 
 class _Walk:
@@ -63,16 +67,23 @@ class _Walk:
         wanted[list(bodies)] = True
         self._bodies = np.flatnonzero(wanted)
         step, rest = trajectory.clock.place(time)
-        self.step = step + (rest != 0.0)
+        self.step: float = step + (rest != 0.0)
+        self._clock = trajectory.clock
         self._integrator, self._values, self._model = trajectory.integrator, system.values, model(system)
         self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
-        if rest != 0.0:
+        if self._clock.changes:
+            self._begun = self.step = time
+        elif rest != 0.0:
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))
 
-    def to(self, step: int) -> None:
-        """March on to a step that is not behind."""
+    def to(self, step: float) -> None:
+        """March on to the beginning of a step, as the clock reads it, that is not behind."""
+        if self._clock.changes:
+            self.step = step
+            self.marcher.advance_to(Place(0, step - self._begun))
+            return
         while self.step < step:
-            count = min(self.marcher.block, step - self.step)
+            count = min(self.marcher.block, int(step - self.step))
             self.marcher.advance(count)
             self.step += count
 
@@ -81,14 +92,17 @@ class _Walk:
         wanted = self._massive.copy()
         wanted[list(pair)] = True
         there = wanted[self._bodies]
-        q, v = self.marcher.state()
+        q, v = self._state()
         bodies = self._bodies[there]
         return _Pair(self._bound(bodies, q[there], v[there]), bodies)
+
+    def _state(self) -> tuple[Array, Array]:
+        return self.marcher.state_at(Place(0, self.step - self._begun)) if self._clock.changes else self.marcher.state()
 
     def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array) -> Marcher:
         # All massive bodies are among them, so that the model is that of the run.
         values = self._values._replace(gm=self._values.gm[bodies], q=q, v=v)
-        return march_of(values, self._integrator, self._h, self._model)
+        return march_of(values, self._integrator, self._clock, self._model)
 
 
 class _Pair:
@@ -110,7 +124,7 @@ class _Least(NamedTuple):
     speed: float
 
 
-def _refined(walk: _Walk, seen: Seen, passage: Passage, h: float) -> Passage:
+def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage:
     walk.to(passage.step)
     body, other = passage.body, passage.other
     pair = walk.pair(body, other)
@@ -118,20 +132,25 @@ def _refined(walk: _Walk, seen: Seen, passage: Passage, h: float) -> Passage:
     about = pair.relative(body, seen.dominant) if seen.dominant >= 0 and body != seen.dominant else np.zeros(6)
     if passage.steps == passage.step:  # where the run begins or ends, or to the bit at a step
         least = _Least(0.0, float(np.linalg.norm(state[:3])), float(np.linalg.norm(state[3:])))
+    elif clock.changes:
+        guess, end = passage.steps - passage.step, walk.end - passage.step
+        length = min(WIDER * guess, end, key=abs)
+        least = _least(pair, passage, seen.gm(passage), length, guess / length, 1.0)
+        least = least._replace(part=least.part * length)
     else:
-        end = abs(walk.end / h) - passage.step
-        least = _least(pair, passage, seen.gm(passage), h, end if passage.step == seen.steps else 1.0)
-    return Passage(
-        body, other, passage.step, passage.step + least.part, least.distance, least.speed, state=state, about=about
-    )
+        end = abs(walk.end / clock.h) - passage.step if passage.step == seen.end else 1.0
+        least = _least(pair, passage, seen.gm(passage), clock.h, min(passage.steps - passage.step, end), end)
+    when = passage.step + least.part
+    return Passage(body, other, passage.step, when, least.distance, least.speed, state=state, about=about)
 
 
-def _least(pair: _Pair, passage: Passage, mu: float, h: float, end: float) -> _Least:
+def _least(pair: _Pair, passage: Passage, mu: float, h: float, part: float, end: float) -> _Least:
     """Return where in a step the distance is least: Newton's method on r.v, with the acceleration of the pair alone.
 
-    end : part of the step that there is; where the two still approach each other there, it is the least
+    part : of the step where it may be; end : what there is of the step: where the two still approach each other there,
+    it is the least
     """
-    low, high, part = 0.0, end, min(passage.steps - passage.step, end)
+    low, high = 0.0, end
     x = w = np.zeros(3)
     for _ in range(ROUNDS):
         state = pair.relative(passage.body, passage.other, part * h)

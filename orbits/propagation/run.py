@@ -30,9 +30,9 @@ Path = str | PathLike[str]
 
 def propagate(
     system: System,
-    integrator: Integrator | str,
+    integrator: Integrator | str | None = None,
     *,
-    dt: Any,
+    dt: Any = None,
     duration: Any = None,
     until: Any = None,
     samples: Any = 101,
@@ -46,11 +46,16 @@ def propagate(
     threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> Trajectory:
-    """Propagate `system` with constant steps and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
+    """Propagate `system` and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
+
+        run = orbits.propagate(system, duration=100 * u.yr)  # steps chosen as it goes
+        run = orbits.propagate(system, "gauss", dt=6 * u.day, duration="100 yr")  # steps of one length, symplectic
 
     system : a `System`; bodies with GM = 0 are massless particles in the field of the others
-    integrator : e.g. `Gauss(stages=8)`, or its name as on the command line: "gauss", "gauss(stages=4)"
-    dt : the length of a step, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a
+    integrator : e.g. `Gauss(stages=8)`, the one taken where none is given, or its name as on the command line: "gauss",
+        "gauss(stages=4)"
+    dt : None chooses each step as it comes, to the last digit and through encounters, as `orbits.Adaptive()` does, for
+        massive bodies and Gauss; or the length of a step, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a
         fraction of the shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used). Its sign
         does not matter
     duration : how far to go, a quantity, a number or a text ("10 yr"); negative for backwards in time
@@ -82,7 +87,7 @@ def propagate(
         raise unknown_argument(propagate, name)
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
-    integrator = integrators.named(integrator)
+    integrator = integrators.named("gauss" if integrator is None else integrator)
     return propagated(
         system,
         integrator,
@@ -117,7 +122,7 @@ def propagated(
     check_callback(callback)
     progress = checked_choice(progress, "progress")
     marcher = bound(system, integrator, grid.clock, threads, conditions)
-    if checked_flag(check_step, "check_step"):
+    if checked_flag(check_step, "check_step") and not grid.clock.changes:
         step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step)
     if archive is None:
@@ -129,6 +134,8 @@ def propagated(
 
     if not isinstance(certificate, bool | Certificate | None):
         raise InputError(f"certificate is a {type(certificate).__name__}; expected True or what orbits.certify returns")
+    if certificate is True and grid.clock.changes:
+        raise InputError("a certificate is of steps of one length: give dt=..., or leave the certificate away")
     measured = certify(system, integrator, grid.h) if certificate is True else certificate
 
     replace = checked_flag(overwrite, "overwrite")
@@ -207,6 +214,14 @@ def resume(
 
 def _check_place(marcher: Marcher, grid: TimeGrid, committed: int, path: Path) -> None:
     """Refuse a checkpoint that does not lie between the last sample that is there and the next one."""
+    if grid.clock.changes:
+        following = float(grid.times[committed])
+        if not (following - marcher.time) * grid.direction >= 0.0:
+            raise ArchiveError(
+                f"{path} is damaged: its checkpoint is at {marcher.time:.10g}, behind the next sample, "
+                f"{following:.10g}. Restore it from a copy."
+            )
+        return
     steps = grid.steps
     last = int(steps[committed - 1]) if committed else 0
     if not last <= marcher.step <= int(steps[committed]):

@@ -25,7 +25,7 @@ from orbits._version import __version__
 from orbits.body_names import chosen, index_of, place_of
 from orbits.checks import positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
-from orbits.marching.clocks import ConstantSteps, Place
+from orbits.marching.clocks import Clock, Place
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
 
@@ -248,7 +248,7 @@ def _coefficients(
     return coefficients, lost
 
 
-def _visits(grid: _Grid, record: int, clock: ConstantSteps) -> list[tuple[int, Place]]:
+def _visits(grid: _Grid, record: int, clock: Clock) -> list[tuple[int, Place]]:
     """Return a record's nodes and where they lie, in the order in which a march by this clock meets them.
 
     The end of the record that comes first is found exactly; what is left is no longer than a record.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from orbits.checks import single_number
 from orbits.errors import InputError, shown
-from orbits.marching.clocks import ConstantSteps, Place, clock_of
+from orbits.marching.adaptive import Adaptive
+from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.time_grid.reading import is_date, snapped, times_since
 from orbits.time_grid.step_length import step_length
 from orbits.units import quantity_from_text
@@ -43,26 +44,26 @@ class TimeGrid:
     Raises InputError for a step that is 0 or not finite, and for times that no run has.
     """
 
-    clock: ConstantSteps
+    clock: Clock
     times: Array
 
     def __post_init__(self) -> None:
         clock, times = clock_of(self.clock), np.array(self.times, dtype=np.float64)
         h = clock.h
-        if not math.isfinite(h) or h == 0.0:
+        if not clock.changes and not (math.isfinite(h) and h != 0.0):
             raise InputError(f"dt is {h}; expected a step that is finite and not 0.")
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
             raise InputError(f"times have shape {times.shape}; expected at least one time, all finite.")
-        onward = times * np.sign(h)
+        onward = times * clock.direction
         disorder = np.flatnonzero(np.diff(onward) <= 0.0)
         if onward[0] < 0.0 or disorder.size:
             k = int(disorder[0]) + 1 if onward[0] >= 0.0 else 0
             raise InputError(
                 f"times[{k}] is {times[k]:g}; expected times from 0 on, in ascending order in the direction of "
-                f"dt = {h:g}."
+                + ("the run." if clock.changes else f"dt = {h:g}.")
             )
         with np.errstate(over="ignore"):
-            steps = onward[-1] / abs(h)
+            steps = 0.0 if clock.changes else onward[-1] / abs(h)
         if not steps <= MOST_STEPS:
             raise InputError(f"the last of times is {steps:.3g} steps of dt = {h:g} away; at most 2^53 are possible.")
         times.flags.writeable = False
@@ -73,10 +74,13 @@ class TimeGrid:
     def of(cls, system: System, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101) -> TimeGrid:
         """Return the grid of a run of `system`: the one place where dt is read, signed and rounded.
 
-        dt, duration, until, samples : as `orbits.propagate` takes them
+        dt, duration, until, samples : as `orbits.propagate` takes them; dt None stands for `Adaptive()`
         Raises InputError for what cannot be run, EpochError for dates where the system has no epoch.
         """
         length = _length(system, duration, until)
+        if dt is None or isinstance(dt, Adaptive):
+            clock = replace(dt or Adaptive(), direction=math.copysign(1.0, length))
+            return cls(clock, _sample_times(system, samples, length))
         h = step_length(system, dt, length)
         if abs(length) / h > MOST_STEPS:
             raise InputError(
@@ -87,7 +91,7 @@ class TimeGrid:
 
     @property
     def h(self) -> float:
-        """The length of a step, with the sign of the direction."""
+        """The length of a step, with the sign of the direction; NaN where steps differ."""
         return self.clock.h
 
     @property
@@ -134,7 +138,7 @@ class TimeGrid:
 
     def with_step(self, system: System, dt: Any, what: str = "dt") -> TimeGrid:
         """Return the same samples with another step, read as that of `of`; InputError calls it `what`."""
-        h = math.copysign(step_length(system, dt, self.end, what), self.h)
+        h = math.copysign(step_length(system, dt, self.end, what), self.direction)
         return TimeGrid(ConstantSteps(h), self.times)
 
     def begun(self, steps: float) -> TimeGrid:
@@ -148,9 +152,11 @@ class TimeGrid:
         Raises InputError unless it can be reached, and for one before the end.
         """
         h, times, end = self.h, self.times, self.end
+        most = math.inf if self.clock.changes else MOST_STEPS * abs(h)
         target = single_number(times_since(system, until, "until"), "until")
-        if not math.isfinite(target) or abs(target / h) > MOST_STEPS:
-            raise InputError(f"until = {target:g} cannot be reached with steps of {abs(h):g}; give a nearer time")
+        if not math.isfinite(target) or abs(target) > most:
+            steps = "" if self.clock.changes else f" with steps of {abs(h):g}"
+            raise InputError(f"until = {target:g} cannot be reached{steps}; give a nearer time")
         if (target - end) * self.direction < 0.0:
             raise InputError(f"until = {target:g} lies before the end of the run, {end:g} {system.units.time}")
         if target == end:

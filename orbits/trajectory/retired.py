@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from astropy.table import QTable
     from astropy.time import Time
 
-    from orbits.marching.clocks import ConstantSteps
+    from orbits.marching.clocks import Clock
     from orbits.system import System
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
 
     @classmethod
     def of(
-        cls, system: System, clock: ConstantSteps, rows: Iterable[tuple[int, int, str, Array, Array]]
+        cls, system: System, clock: Clock, rows: Iterable[tuple[int, int, str, Array, Array]]
     ) -> RetiredParticles:
         """Return those of rows of (body, step, reason, q, v) in the units of the system, by the clock of the run."""
         units, epoch = system.units, system.epoch

@@ -17,7 +17,7 @@ from orbits.checks import is_whole
 from orbits.diagnostics.states import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
-from orbits.marching.clocks import ConstantSteps, clock_of
+from orbits.marching.clocks import Clock, clock_of
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.making import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
@@ -71,7 +71,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         q: Samples,
         v: Samples,
         *,
-        step: ConstantSteps | float,
+        step: Clock | float,
         integrator: Integrator,
         statistics: Statistics | None = None,
         complete: bool = True,
@@ -202,7 +202,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         Raises InputError for a run of a method that chooses its steps as it goes.
         """
         if math.isnan(self.step):
-            raise InputError(f"{self.integrator.label} chooses its steps as it goes, so there is no dt of this run.")
+            whose = "the adaptive clock" if self.clock.changes else self.integrator.label
+            raise InputError(f"{whose} chooses its steps as it goes, so there is no dt of this run.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
     @property
@@ -228,6 +229,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     @property
     def made_by(self) -> str:
         """The method, and its step where it has one, in words: Gauss(stages=8), dt = 6 d."""
+        if self.clock.changes:
+            return f"{self.integrator.label}, adaptive steps"
         if math.isnan(self.step):
             return self.integrator.label
         return f"{self.integrator.label}, dt = {abs(self.step):g} {self.system.units.time}".rstrip()

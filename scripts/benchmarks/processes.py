@@ -193,7 +193,7 @@ def part_calls(repetitions: int) -> dict[str, Any]:
         state = [run.checkpoint()[name] for name in ("q", "q_lo", "v", "v_lo", "memory")]
         form, clock = method.second_order, ConstantSteps(6.0)
         bound = (form.tag, form.coefficients(6.0, 6.0), run.lagrangian.tag, run.parameters)
-        fixed = (*bound, clock.timing, clock.numbers(0.0, 0))
+        fixed = (*bound, clock.timing, clock.numbers(0.0, 0), np.zeros(0))
         scratch, stages = np.zeros(form.scratch_shape(30)), np.zeros((1, *form.stages_shape(30)))
         begun = time.perf_counter()
         driver.march(*fixed, *state, scratch, stages, np.zeros(0), 1, 100)

@@ -1,0 +1,206 @@
+"""Steps that are chosen one by one: long where nothing happens, short in encounters, as accurate as floats are.
+
+A step is h = theta g, with g the dynamical time of the bodies there, taken half a step ahead; theta follows what the
+step just taken could not resolve: the last Legendre coefficient of the forces, as a share w of the largest. With s
+stages and f = (tolerance / w)^(1 / (s - 1)), a step with f < 3/4 is taken again, shorter by 0.95 f; otherwise theta
+grows by f, at most by one half.
+
+The steps depend on the state alone, not on the samples: a march stops before the step that would lead past its goal.
+Not symplectic, as no method is whose steps depend on where it was; at round-off no drift of the energy is seen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from orbits.errors import InputError, shown
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
+from orbits.kernels.binding import Tag, dynamical_rate
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH, load, store
+from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, prepare, signal, step
+from orbits.kernels.summation import two_sum
+from orbits.marching.clocks import Clock, Place
+
+TIME, TIME_LO, LENGTH, THETA, TOLERANCE, POWER, DIRECTION, LIMIT, EXACT, ORIGIN = range(10)
+"""What the clock knows: the time reached, a number of doubled precision; the last step; theta; the tolerance and the
+power 1 / (s - 1); 1 or -1; the time not to pass; whether a step ends there (1) or the march before it (0); and when the
+block began.
+"""
+
+NUMBERS = 10
+
+FIRST_THETA = 0.2
+
+REFUSED, CAUTION, GROWTH = 0.75, 0.95, 1.5
+LEAST, MOST = 0.3, 2.0
+"""Of f: below which a step is taken again, how much shorter still, and by how much theta grows; and its bounds."""
+
+ATTEMPTS = 100
+
+
+@kernel(inline=True)
+def step_of(clock, k):
+    """Return when step k of a block began, and how long it was."""
+    return clock.numbers[ORIGIN] + clock.room[k], clock.room[k + 1] - clock.room[k]
+
+
+@kernel(inline=True)
+def _keep(room, at, state, carry):
+    """Write state and carry into the room, from `at` on."""
+    for x in (state.q, state.q_lo, state.p, state.p_lo):
+        for k in range(0, x.shape[0], WIDTH):
+            store(room, at + k, load(x, k))
+        at += x.shape[0]
+    for row in range(carry.shape[0]):
+        store(room, at + WIDTH * row, load(carry, row))
+
+
+@kernel(inline=True)
+def _put_back(room, at, state, carry):
+    """Read state and carry from the room, from `at` on."""
+    for x in (state.q, state.q_lo, state.p, state.p_lo):
+        for k in range(0, x.shape[0], WIDTH):
+            store(x, k, load(room, at + k))
+        at += x.shape[0]
+    for row in range(carry.shape[0]):
+        store(carry, row, load(room, at + WIDTH * row))
+
+
+@kernel(inline=True)
+def take_step(clock, method, model, k, state, storage):
+    """Take a step, if there is room for it before the limit; again and shorter until it resolves the forces."""
+    numbers, room = clock.numbers, clock.room
+    kept = room.shape[0] - 4 * state.q.shape[0] - WIDTH * storage.carry.shape[0]
+    direction, theta, before = numbers[DIRECTION], numbers[THETA], numbers[LENGTH]
+    left = (numbers[LIMIT] - numbers[TIME]) - numbers[TIME_LO]
+    if numbers[TIME] + left == numbers[TIME]:
+        return BEYOND, 0, 0
+    rate, change = dynamical_rate(model.tag, model.parameters, state.q, state.p)
+    scale, slope = math.inf, 0.0
+    if rate > 0.0:
+        scale = 1.0 / math.sqrt(rate)
+        slope = -0.5 * direction * change * scale * scale * scale
+    _keep(room, kept, state, storage.carry)
+    status, where, evaluations = TOO_SHORT, 0, 0
+    for _ in range(ATTEMPTS):
+        h = direction * theta * scale * math.exp(min(max(0.5 * theta * slope, -1.0), 1.0))
+        if not direction * (h - left) <= 0.0:
+            if numbers[EXACT] == 0.0:
+                return BEYOND, 0, evaluations
+            h = left
+        if numbers[TIME] + h == numbers[TIME]:
+            return TOO_SHORT if status == OK else status, where, evaluations
+        prepare(method, h, before if before != 0.0 else h, storage)
+        status, where, count = step(method, model, numbers[TIME], h, state, storage)
+        evaluations += count
+        factor = 0.5 / CAUTION
+        if status == OK:
+            missed = signal(method, model, storage)
+            factor = MOST if missed == 0.0 else (numbers[TOLERANCE] / missed) ** numbers[POWER]
+            factor = min(max(factor, LEAST), MOST)
+            if factor >= REFUSED:
+                time, lost = two_sum(numbers[TIME], h)
+                numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
+                numbers[LENGTH], numbers[THETA] = h, theta * min(factor, GROWTH)
+                room[k + 1] = room[k] + h
+                return OK, 0, evaluations
+        _put_back(room, kept, state, storage.carry)
+        theta *= CAUTION * factor
+    return TOO_SHORT if status == OK else status, where, evaluations
+
+
+ADAPTIVE = Tag("adaptive-steps", {"step_of": step_of, "take_step": take_step})
+
+ROUND_OFF = 1e-9 ** (16 / 7)
+"""The error of a step of order 2s is about w^(2s / (s - 1)): by default that of every method is as small as that of
+1e-9 with 8 stages, at which nothing but round-off is left."""
+
+TIGHTEST, LOOSEST = 1e-15, 0.1
+
+FEWEST_STAGES, MOST_STAGES = 3, WIDTH
+
+
+@dataclass(frozen=True)
+class Adaptive(Clock):
+    """Steps chosen one by one, so that each resolves what happens in it; the clock of a run without dt.
+
+        orbits.propagate(system, dt=orbits.Adaptive(tolerance=1e-9), duration=10 * u.yr)
+
+    tolerance : what a step may leave of the forces, as a share of them, by their last Legendre coefficient: with 8
+        stages 1e-9, the default, leaves nothing but round-off; 1e-8 takes a quarter less time
+    direction : 1 forwards in time, -1 backwards; a run sets it
+
+    For Gauss with 3 to 8 stages. Raises InputError for a tolerance that cannot be.
+    """
+
+    tolerance: float | None = None
+    direction: float = 1.0
+
+    timing: ClassVar[Tag] = ADAPTIVE
+
+    def __post_init__(self) -> None:
+        tolerance = self.tolerance
+        if tolerance is None:
+            return
+        if isinstance(tolerance, bool | str) or not isinstance(tolerance, int | float | np.floating):
+            raise InputError(f"tolerance is {shown(tolerance)}; expected a number such as 1e-9.")
+        if not TIGHTEST <= tolerance <= LOOSEST:
+            raise InputError(
+                f"tolerance is {tolerance:g}; expected {TIGHTEST:g} ... {LOOSEST:g}. With 8 stages 1e-9 leaves nothing "
+                "but round-off, and no smaller one is more accurate."
+            )
+        object.__setattr__(self, "tolerance", float(tolerance))
+
+    @property
+    def h(self) -> float:  # type: ignore[override]
+        """NaN: there is no one length."""
+        return math.nan
+
+    @property
+    def changes(self) -> bool:
+        """Whether steps differ in length."""
+        return True
+
+    def check(self, integrator: Integrator) -> None:
+        """Raise InputError, saying which can, for a method whose steps this clock cannot choose."""
+        stages = getattr(integrator, "stages", 0)
+        if integrator.name != "gauss" or not FEWEST_STAGES <= stages <= MOST_STAGES:
+            raise InputError(
+                f"{integrator.label} needs a dt: steps are chosen by the last coefficient of the polynomial through "
+                f"the forces, which Gauss(stages={FEWEST_STAGES}) ... Gauss(stages={MOST_STAGES}) have. Give dt=..., "
+                "or use Gauss(stages=8)."
+            )
+
+    def room(self, block: int, size: int) -> int:
+        """Return room for the times of a block, and for the state before a step."""
+        return block + 1 + size
+
+    def numbers_for(self, integrator: Any) -> Array:
+        """Return what the clock knows at the start of a march by a method that it can choose steps for."""
+        stages = integrator.stages
+        tolerance = ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
+        numbers = np.zeros(NUMBERS)
+        numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, tolerance, 1.0 / (stages - 1)
+        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(math.inf, self.direction)
+        return numbers
+
+    def time(self, reading: Any) -> Any:
+        """Return the time that this clock reads: a time is its own reading."""
+        return reading * 1.0
+
+    def place(self, time: float | Fraction) -> Place:
+        """Return where a time lies: no whole steps are known beforehand."""
+        return Place(0, float(time))
+
+    def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:
+        """Return the places of times: no whole steps, and the times."""
+        rest = np.asarray(times, dtype=np.float64)
+        return np.zeros(rest.shape, dtype=np.int64), rest
