@@ -346,7 +346,8 @@ def _sums(coefficients, R, L, k):
 @kernel
 def prepare(method, h, before, storage):
     """Write the coefficients of steps of h, after one of `before`, in one register: `Collocation.coefficients`."""
-    table, ells = method.coefficients[0], storage.scratch
+    table = method.coefficients[0]
+    ells = storage.scratch[storage.scratch.shape[0] - WIDTH :]  # behind the increments of the last coordinate
     nodes, weights = load(table, NODES), load(table, WEIGHTS)
     ratio = h / before
     hc = h * nodes
@@ -387,21 +388,21 @@ def signal(method, model, storage):
     rows = WIDTH * blocks
     last, weights = load(table, LAST), load(table, WEIGHTS)
     inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
-    products, sizes = scratch[:rows], scratch[rows : 2 * rows]
+    # Where a step has changes, history and increments; the changes of coordinates that there are not stay zero.
+    products, history, sizes = scratch[:rows], scratch[rows : rows + 3 * blocks], scratch[rows + 3 * blocks :]
     for k in range(size):
         store(products, k, last * load(L, k))
         store(sizes, k, abs(inverse * load(L, k)))
     for b in range(blocks):
-        rest, most = abs(row_sums(products, WIDTH * b)), row_maxima(sizes, WIDTH * b)
-        store(products, b, rest)
-        store(sizes, b, most)
+        store(history, b, abs(row_sums(products, WIDTH * b)))
+        store(history, blocks + b, row_maxima(sizes, WIDTH * b))
     worst = 0.0
     for i in range(count if count > 0 else size):
         rest = most = 0.0
         for axis in range(3 if count > 0 else 1):
             k = axis * count + i
-            rest = max(rest, products[k // WIDTH, k % WIDTH])
-            most = max(most, sizes[k // WIDTH, k % WIDTH])
+            rest = max(rest, history[k // WIDTH, k % WIDTH])
+            most = max(most, history[blocks + k // WIDTH, k % WIDTH])
         if rest > worst * most:
             worst = rest / most
     return worst

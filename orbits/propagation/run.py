@@ -55,9 +55,9 @@ def propagate(
     integrator : e.g. `Gauss(stages=8)`, the one taken where none is given, or its name as on the command line: "gauss",
         "gauss(stages=4)"
     dt : None chooses each step as it comes, to the last digit and through encounters, as `orbits.Adaptive()` does, for
-        massive bodies and Gauss; or the length of a step, a quantity or a number in the system's time unit, or a text: "6 d", or "P/20" for a
-        fraction of the shortest orbital period; rounded to 24 significant bits (`run.dt` is the step used). Its sign
-        does not matter
+        massive bodies and Gauss; or the length of a step, a quantity or a number in the system's time unit, or a text:
+        "6 d", or "P/20" for a fraction of the shortest orbital period; rounded to 24 significant bits (`run.dt` is the
+        step used). Its sign does not matter
     duration : how far to go, a quantity, a number or a text ("10 yr"); negative for backwards in time
     until : instead, the end: a date (a Time, "2030-01-01", a datetime64; TDB where no scale is said), or a time since
         the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
