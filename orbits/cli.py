@@ -288,7 +288,7 @@ def _show(file: Path, run: Any, as_json: bool) -> None:
         "epoch": None if run.system.epoch is None else run.system.epoch.isot,
         "time_unit": str(run.system.units.time),
         "integrator": run.integrator.label,
-        "dt": abs(run.step),
+        "dt": None if run.clock.changes else abs(run.step),
         "samples": len(run),
         "complete": run.complete,
         "from": float(run.times[0]) if len(run) else None,

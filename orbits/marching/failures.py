@@ -29,8 +29,8 @@ def failure_of_bodies(
     where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
     if clock.changes:
         return SingularityError(
-            f"{where}: {' and '.join(names)} meet: no step is short enough to go on from there. Use softening, or end "
-            "the run before, with stop=orbits.CloserThan(...).",
+            f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or what they "
+            "feel is out of the range of floats. Use softening, or end the run before: stop=orbits.CloserThan(...).",
             step=step,
             time=time,
             bodies=list(names),

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
 
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
@@ -17,7 +20,7 @@ from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
-from orbits.time_grid import TimeGrid
+from orbits.time_grid import MOST_STEPS, TimeGrid
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -122,6 +125,8 @@ def propagated(
     check_callback(callback)
     progress = checked_choice(progress, "progress")
     marcher = bound(system, integrator, grid.clock, threads, conditions)
+    if grid.clock.changes:
+        _refuse_endless(system, grid)
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
         step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step)
@@ -153,6 +158,22 @@ def propagated(
         )
 
     return march(system, integrator, marcher, grid, 0, begin, progress, watch)
+
+
+def _refuse_endless(system: System, grid: TimeGrid) -> None:
+    """Refuse a run of more steps than numbers can count, by the dynamical time at its start."""
+    gm, q, _, softening = system.values
+    rate = 0.0
+    with np.errstate(all="ignore"):
+        for i in np.flatnonzero(gm > 0.0):
+            r2 = np.sum((q[i + 1 :] - q[i]) ** 2, axis=1) + softening**2
+            rate += float(np.sum((gm[i + 1 :] + gm[i]) * r2**-1.5))
+        steps = abs(grid.end) * math.sqrt(rate)
+    if steps > MOST_STEPS:
+        raise InputError(
+            f"duration is {grid.end:g} {system.units.time}, about {steps:.1g} times the time in which bodies move; at "
+            "most 2^53 steps are possible. Use a shorter duration."
+        )
 
 
 def resume(

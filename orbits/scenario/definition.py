@@ -259,7 +259,7 @@ def angular_momentum_checks(
         head = f"{case}: {label}" if case else label
         if "momentum maps" in run.integrator.declares:
             yield Check(f"{head} keeps angular momentum", change < bound, f"{change:.1e}")
-        elif foils and abs(run.times[-1]) > 0.99 * abs(run.step):  # dt was rounded
+        elif foils and not abs(run.times[-1]) <= 0.99 * abs(run.step):  # dt was rounded
             yield Check(f"{head} loses angular momentum", change > 10 * bound, f"{change:.1e}")
 
 

@@ -308,7 +308,7 @@ def _run_record(run: Trajectory) -> dict[str, Any]:
     cost = run.statistics
     return {
         "integrator": run.integrator.label,
-        "dt": abs(run.step),
+        "dt": None if run.clock.changes else abs(run.step),
         "time_unit": str(run.system.units.time),
         "samples": len(run),
         "steps": cost.steps if cost else None,

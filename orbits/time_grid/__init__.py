@@ -1,10 +1,11 @@
 """Where the steps and the samples of a run are, made once of what a caller gives: dt, duration or until, samples."""
 
-from orbits.time_grid.grid import TimeGrid
+from orbits.time_grid.grid import MOST_STEPS, TimeGrid
 from orbits.time_grid.reading import snapped, times_since
 from orbits.time_grid.step_length import fastest_passage_of, rounded_step
 
 __all__ = [
+    "MOST_STEPS",
     "TimeGrid",
     "fastest_passage_of",
     "rounded_step",
