@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Unpack
-
-import numpy as np
 
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
@@ -20,7 +17,7 @@ from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
-from orbits.time_grid import MOST_STEPS, TimeGrid
+from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -162,13 +159,7 @@ def propagated(
 
 def _refuse_endless(system: System, grid: TimeGrid) -> None:
     """Refuse a run of more steps than numbers can count, by the dynamical time at its start."""
-    gm, q, _, softening = system.values
-    rate = 0.0
-    with np.errstate(all="ignore"):
-        for i in np.flatnonzero(gm > 0.0):
-            r2 = np.sum((q[i + 1 :] - q[i]) ** 2, axis=1) + softening**2
-            rate += float(np.sum((gm[i + 1 :] + gm[i]) * r2**-1.5))
-        steps = abs(grid.end) * math.sqrt(rate)
+    steps = abs(grid.end) / dynamical_time(system)
     if steps > MOST_STEPS:
         raise InputError(
             f"duration is {grid.end:g} {system.units.time}, about {steps:.1g} times the time in which bodies move; at "

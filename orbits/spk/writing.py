@@ -28,6 +28,7 @@ from orbits.errors import ArchiveError, EpochError, InputError, shown
 from orbits.marching.clocks import Clock, Place
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
+from orbits.time_grid import dynamical_time
 
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
@@ -46,6 +47,10 @@ JOINABLE = 32
 """Records come in multiples of this, so that five times two neighbours can be joined."""
 
 LONGEST_IN_STEPS, SHORTEST_IN_STEPS = 8.0, 0.25
+
+PART_OF_DYNAMICAL_TIME = 0.2
+"""About the length of the steps of the adaptive clock."""
+
 MOST_BYTES = 2**32
 BLOCK = 4096
 
@@ -194,9 +199,13 @@ def _fitted(
     run: Trajectory, places: Sequence[int], about: int | None, tolerance_km: float
 ) -> tuple[_Grid, Array, Array]:
     """Return the grid of records that keep the tolerance, coefficients (records, degree + 1, bodies, 3), and losses."""
-    step = abs(run.step) * float(run.system.units.time.to(u.s))
+    typical, shortest = abs(run.step), SHORTEST_IN_STEPS
+    if run.clock.changes:
+        shortest = 0.0
+        typical = min(PART_OF_DYNAMICAL_TIME * dynamical_time(run.system), abs(float(run.times[-1] - run.times[0])))
+    step = typical * float(run.system.units.time.to(u.s))
     length, reached = LONGEST_IN_STEPS * step, math.inf
-    while length >= SHORTEST_IN_STEPS * step:
+    while length >= shortest * step:
         grid = _Grid.of(run, length)
         needed = 8 * 3 * (chebyshev.DEGREE + 1) * grid.records * len(places)
         if needed > MOST_BYTES:
@@ -212,7 +221,7 @@ def _fitted(
             reached = loss.args[0]
             length = min(length, grid.length) / 2.0
     raise InputError(
-        f"{run.integrator.label} with dt = {run.dt:g} is not smooth to {tolerance_km:g} km: its own error in a step "
+        f"{run.made_by} is not smooth to {tolerance_km:g} km: its own error in a step "
         f"shows as {reached:.2g} km that records of {2 * length / DAY:.3g} d cannot hold. Give a larger tolerance_km, "
         "or propagate with a smaller dt or a method of higher order."
     )
@@ -306,8 +315,9 @@ def _planets_at_their_barycentres(numbers: Mapping[str, int], grid: _Grid) -> li
 
 
 def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, tolerance_km: float) -> list[str]:
+    steps = "adaptive steps" if run.clock.changes else f"dt = {abs(run.step)!r} {run.system.units.time}"
     lines = [
-        f"Made by orbits {__version__}: {run.integrator.label}, dt = {abs(run.step)!r} {run.system.units.time}.",
+        f"Made by orbits {__version__}: {run.integrator.label}, {steps}.",
         f"Epoch of the initial state: {run.system.epoch} TDB.",
         f"Polynomials within {tolerance_km:g} km of the run. Axes: ICRF (J2000 in SPICE).",
     ]

@@ -6,6 +6,8 @@ import math
 import re
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from orbits.checks import single_number
 from orbits.errors import InputError, shown
 from orbits.units import quantity_from_text
@@ -34,6 +36,20 @@ def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float
             f"{what} = {value:g} is out of the range of floats; choose units in which it is of ordinary size"
         )
     return h
+
+
+def dynamical_time(system: System) -> float:
+    """Return the time in which bodies move where they move fastest, (sum G (m + m') / r^3)^(-1/2) over all pairs at the
+    start; infinite for a body alone.
+    """
+    gm, q, _, softening = system.values
+    rate = 0.0
+    with np.errstate(all="ignore"):
+        for i in range(len(gm)):
+            r2 = np.sum((q[i + 1 :] - q[i]) ** 2, axis=1) + softening**2
+            pairs = gm[i + 1 :] + gm[i]
+            rate += float(np.sum(pairs[pairs > 0.0] * r2[pairs > 0.0] ** -1.5))
+    return rate**-0.5 if rate > 0.0 else math.inf
 
 
 def rounded_step(dt: float) -> float:

@@ -24,7 +24,7 @@ def approaches(run):
     """(4, 2, rows): distance, time, speed and partner, with rows in the kernels' order."""
     out = run.checkpoint()["approaches"][:, :, : len(run._massive) + len(run._particles)].copy()
     out[DISTANCE2], out[SPEED2] = np.sqrt(out[DISTANCE2]), np.sqrt(out[SPEED2])
-    out[TIME] *= run.h
+    out[TIME] *= run.clock.h
     return out
 
 

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from astropy import units as u
+from jplephem.spk import SPK
 
 import orbits
 from orbits.archive import Archive
@@ -13,6 +14,7 @@ from orbits.errors import ArchiveError, InputError, SingularityError
 from orbits.marching.clocks import Place
 from orbits.propagation.binding import bound
 
+from ..encounters import APOPHIS_MISS, apophis_2029
 from ..problems import kepler, three_bodies
 
 PLAIN = orbits.DIMENSIONLESS
@@ -213,3 +215,18 @@ def test_a_clock_that_no_run_has_is_refused_by_the_archive(tmp_path):
             from_items({**items, "@clock": json.dumps({**good, **change})})
     with pytest.raises(ArchiveError):
         from_items({**items, "@clock": "nonsense"})
+
+
+def test_a_run_without_dt_becomes_an_spk_file_through_an_encounter(tmp_path):
+    start = apophis_2029()
+    light = np.where(start.values.gm > 0.0, start.values.gm, 1e-30)
+    run = propagate(start.replaced(gm=light), 150 * u.day, samples=31)
+    ids = {"Apophis": 2099942}
+    file = run.to_spk(tmp_path / "run.bsp", centre="Earth", bodies=["Apophis"], tolerance_km=1e-2, ids=ids)
+    assert file.error_km["Apophis"] < 1e-2
+    miss = min(run.closest_approaches()["Apophis"], key=lambda approach: approach.distance)
+    assert miss.distance.to_value(u.km) == pytest.approx(APOPHIS_MISS, abs=0.02)  # printed to 0.01 km
+    with SPK.open(str(tmp_path / "run.bsp")) as kernel:
+        (segment,) = [s for s in kernel.segments if s.target == 2099942]
+        place = segment.compute(float((start.epoch + miss.time).jd))
+    assert np.linalg.norm(place) == pytest.approx(APOPHIS_MISS, abs=0.05)
