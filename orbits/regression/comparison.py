@@ -107,6 +107,14 @@ def compare(
     )
 
 
+def require_constant_steps(grid: TimeGrid) -> None:
+    """Refuse a grid without a dt."""
+    if grid.clock.changes:
+        raise InputError(
+            "a comparison needs dt: methods with steps of one length take it to the bit; give dt=6 * u.day or the like"
+        )
+
+
 def compared(
     system: System,
     integrators: Any,
@@ -122,10 +130,7 @@ def compared(
 ) -> Report:
     """Compare on a grid of steps and samples that was made before; otherwise as `compare`."""
     ours = _ours(integrators)
-    if grid.clock.changes:
-        raise InputError(
-            "a comparison needs dt: methods with steps of one length take it to the bit; give dt=6 * u.day or the like"
-        )
+    require_constant_steps(grid)
     if not isinstance(against, Iterable):
         raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {shown(against)}")
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]

@@ -67,6 +67,10 @@ def perform(
     for name, system in systems.items():
         stem = f"-{slug(name)}" if name else ""
         grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
+        if scenario.against or scenario.demands():
+            from orbits.regression.comparison import require_constant_steps
+
+            require_constant_steps(grid)  # before the runs
         runs = _runs(scenario, name, system, grid, folder / f"run{stem}.h5", progress, say, complaints)
         files.append(folder / f"run{stem}.h5")
         cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, grid, runs, progress, say))
