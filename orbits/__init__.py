@@ -22,7 +22,7 @@ from orbits._version import __version__
 if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate, certify
-    from orbits.elements.flow import kepler_flow
+    from orbits.elements.kepler_flow import kepler_flow
     from orbits.ephemeris import asteroids, read_mpcorb, read_sbdb
     from orbits.errors import (
         ArchiveError,
@@ -131,7 +131,7 @@ __all__ = [
 _HOME = {
     "archive": ["Archive"],
     "certificate": ["Certificate", "certify"],
-    "elements.flow": ["kepler_flow"],
+    "elements.kepler_flow": ["kepler_flow"],
     "ephemeris": ["asteroids", "read_mpcorb", "read_sbdb"],
     "errors": [
         "ArchiveError",

@@ -145,8 +145,8 @@ def certify(
 ) -> None:
     """Measure on the problems of a scenario whether its methods are variational integrators, as they declare.
 
-    The tables go to standard output and into certificate.json. Foils such as RK4, which declare nothing, are shown and
-    not judged, unless --integrator asks for one.
+    The tables go to standard output and into certificate.json. Controls such as RK4, which declare nothing, are shown
+    and not judged, unless --integrator asks for one.
 
     Example: orbits certify kepler --integrator "gauss(stages=4)" --dt 0.05
     """

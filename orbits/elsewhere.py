@@ -45,6 +45,7 @@ STEPS = "steps are constant: dt=..."
 SAMPLES = "what is kept is samples=..., a count or times"
 KEYWORDS = {
     "yardstick": "it is called reference now",
+    "foils": "it is called controls now",
     "additional_forces": FORCES,
     "forces": FORCES,
     "pre_timestep_modifications": FORCES,

@@ -16,7 +16,7 @@ import numpy as np
 
 import orbits
 from orbits.diagnostics import Growth, growth
-from orbits.diagnostics.foils import NearestGauss
+from orbits.diagnostics.nearest_gauss import NearestGauss
 from orbits.diagnostics.stepping import Bodies, march
 from orbits.point_masses import PointMasses
 from orbits.regression import peers

@@ -31,9 +31,9 @@ def systems():
 
 def checks(outcome):
     """Angular momentum: at round-off where the method declares its momentum maps, visibly not where it does not."""
-    foils = abs(outcome.run.step) > 0.99 * DT
+    controls = abs(outcome.run.step) > 0.99 * DT
     for name, case in outcome.cases.items():
-        yield from angular_momentum_checks(case.runs, bound=ROUND_OFF, foils=foils, case=name)
+        yield from angular_momentum_checks(case.runs, bound=ROUND_OFF, controls=controls, case=name)
 
 
 def draw(outcome):
@@ -158,7 +158,7 @@ def exact_ellipse(system):
 
 scenario = orbits.Scenario(
     name="kepler",
-    title="Kepler's problem: variational methods and foils against the exact orbit",
+    title="Kepler's problem: variational methods and non-symplectic controls against the exact orbit",
     system=systems,
     integrators=METHODS,
     dt=DT,

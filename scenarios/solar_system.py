@@ -1,7 +1,7 @@
 """The Solar System for a thousand years: Sun, planets and Pluto from JPL's DE440, to the round-off floor.
 
 Newtonian point masses from J2000 at steps of six days: Gauss collocation with 8 stages, Störmer–Verlet, and RK4 and
-explicit Euler as the foils that lose angular momentum; beside them REBOUND's WHFast and IAS15. The table of positions
+explicit Euler as controls that lose angular momentum; beside them REBOUND's WHFast and IAS15. The table of positions
 measures against Gauss with shorter steps, so it cannot see what is wrong with all of Gauss; a check then runs the
 same method from the ten bodies of data/solar_system_10body.json, for which a Taylor integration in quadruple precision
 says where they are after 10, 100 and 1,000 years.
@@ -33,8 +33,8 @@ def checks(outcome):
     """Angular momentum: at round-off where the method declares its momentum maps, visibly not where it does not. Gauss
     against quadruple precision.
     """
-    foils = abs(outcome.run.step) >= DT.value
-    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, foils=foils)
+    controls = abs(outcome.run.step) >= DT.value
+    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, controls=controls)
     for run in outcome.runs.values():
         if isinstance(run.integrator, orbits.Gauss) and run.times[-1] >= 10 * YEAR:
             yield against_quadruple_precision(run)

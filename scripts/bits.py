@@ -171,7 +171,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("command", choices=["write", "compare"])
     parser.add_argument("file", type=Path, help="JSON file of the hashes")
-    parser.add_argument("--only", default="*", help='cases whose name matches, such as "crowd/*" or "*gauss*"')
+    parser.add_argument("--only", default="*", help='cases whose name matches, such as "many bodies/*" or "*gauss*"')
     given = parser.parse_args()
     stored = None if given.command == "write" else json.loads(given.file.read_text())
     warnings.simplefilter("ignore")

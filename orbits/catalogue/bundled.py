@@ -16,8 +16,8 @@ from functools import cache
 
 import numpy as np
 
+from orbits.catalogue.catalogue import Catalogue, Floats, choose
 from orbits.catalogue.names import parts, rows_by_name
-from orbits.catalogue.value import Catalogue, Floats, choose
 from orbits.resources import data_path
 
 FILE = "jpl_sbdb_belt_and_trojans.csv"

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.catalogue import packed
-from orbits.catalogue.choice import Choice, Ways
+from orbits.catalogue.catalogue import Catalogue, Floats, choose, joined
 from orbits.catalogue.classes import orbit_classes
 from orbits.catalogue.columns import Bytes, decimals, lines
-from orbits.catalogue.report import Report
+from orbits.catalogue.selection import Selection, Ways
 from orbits.catalogue.sources import opened
-from orbits.catalogue.value import Catalogue, Floats, choose, joined
+from orbits.catalogue.unreadable import Unreadable
 from orbits.errors import InputError
 
 BLOCK = 2**22
@@ -102,25 +102,27 @@ def read_mpcorb(
     Raises InputError, with line and columns, for what is not in that format, and UnknownNameError for names and numbers
     that are not there.
     """
-    choice = Choice(count, names, numbers, classes, brighter_than)
+    selection = Selection(count, names, numbers, classes, brighter_than)
     pieces: list[dict[str, Any]] = []
     read = 0
     with opened(source, WHAT) as (stream, name):
-        report = Report(errors, name)
+        unreadable = Unreadable(errors, name)
         for block, line in _blocks(stream, name):
-            piece, good = _piece(block, line, choice, report)
+            piece, good = _piece(block, line, selection, unreadable)
             read += good
             pieces.append(piece)
-            if choice.is_complete:
+            if selection.is_complete:
                 break
-    if not read and not report.count:
+    if not read and not unreadable.count:
         raise InputError(f"{name} has no line with elements; expected {WHAT}")
-    report.close(read)
-    choice.check_found(f"the {read} bodies of {name}")
+    unreadable.close(read)
+    selection.check_found(f"the {read} bodies of {name}")
     called = [ways for piece in pieces for ways in piece.pop("called")]
-    table = joined(pieces, report.name, report.count)
-    rows = choice.ordered(table.numbers, called)
-    return choose(table, {}, rows=rows, count=choice.count, names=None, numbers=None, classes=None, brighter_than=None)
+    table = joined(pieces, unreadable.name, unreadable.count)
+    rows = selection.ordered(table.numbers, called)
+    return choose(
+        table, {}, rows=rows, count=selection.count, names=None, numbers=None, classes=None, brighter_than=None
+    )
 
 
 def _blocks(stream: BinaryIO, name: str) -> Iterator[tuple[Bytes, int]]:
@@ -157,7 +159,7 @@ def _header(text: bytes) -> int:
     return 0
 
 
-def _piece(block: Bytes, line: int, choice: Choice, report: Report) -> tuple[dict[str, Any], int]:
+def _piece(block: Bytes, line: int, selection: Selection, unreadable: Unreadable) -> tuple[dict[str, Any], int]:
     """Return the columns of the chosen bodies of a block, and how many lines of it could be read."""
     rows, lengths, number = lines(block, WIDTH)
     number += line
@@ -166,15 +168,15 @@ def _piece(block: Bytes, line: int, choice: Choice, report: Report) -> tuple[dic
     values["numbers"] = packed.numbers(rows[:, :7])
     faults.add(DESIGNATION, (values["numbers"] == 0) & ~_provisional(rows, values["numbers"]))
     values["names"] = _names(rows, values["numbers"], faults)
-    good = faults.sorted_out(report)
+    good = faults.sorted_out(unreadable)
     values = {what: _taken(value, good) for what, value in values.items()}
     rows = rows[good]
     values["classes"] = orbit_classes(values["a"], values["e"], np.zeros(len(rows), dtype=bool))
-    called = _ways(rows, values) if choice.names else []
-    keep = choice.rows(values, called)
+    called = _ways(rows, values) if selection.names else []
+    keep = selection.rows(values, called)
     rows = rows[keep]
     piece = {what: _taken(value, keep) for what, value in values.items()}
-    piece["called"] = _taken(called, keep) if choice.names else []
+    piece["called"] = _taken(called, keep) if selection.names else []
     piece["details"] = {"G": piece.pop("G")}
     piece["details"] |= {what: decimals(rows[:, a - 1 : b])[0] for what, (a, b) in NUMBERS.items()}
     piece["details"] |= {what: _stripped(rows[:, a - 1 : b]).astype(str) for what, (a, b) in TEXTS.items()}
@@ -206,8 +208,8 @@ class Faults:
         self._what.append((field, problem))
         self._fault[wrong & (self._fault == 0)] = len(self._what) - 1
 
-    def sorted_out(self, report: Report) -> NDArray[np.int64]:
-        """Report the lines with faults, and return the places of those without."""
+    def sorted_out(self, unreadable: Unreadable) -> NDArray[np.int64]:
+        """Note the lines with faults, and return the places of those without."""
         for i in np.flatnonzero(self._fault).tolist():
             field, problem = self._what[self._fault[i]]
             where = f"line {self._number[i]}"
@@ -215,7 +217,7 @@ class Faults:
                 where += f", columns {field.first}-{field.last}"
                 text = self._rows[i, field.first - 1 : field.last].tobytes().decode("ascii", "replace")
                 problem = f"{text!r} {problem}"
-            report.bad(where, problem)
+            unreadable.bad(where, problem)
         return np.flatnonzero(self._fault == 0)
 
 

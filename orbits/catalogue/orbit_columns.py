@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.catalogue.catalogue import Floats, passage
 from orbits.catalogue.sources import short
-from orbits.catalogue.value import Floats, passage
 from orbits.errors import InputError, shown
 
 # What this package calls a column: what the database calls it, whatever the case; the first that is there.

@@ -13,12 +13,12 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, BinaryIO
 
-from orbits.catalogue.choice import Choice
+from orbits.catalogue.catalogue import Catalogue
 from orbits.catalogue.orbit_columns import Columns
-from orbits.catalogue.report import Report
+from orbits.catalogue.selection import Selection
 from orbits.catalogue.sources import opened, short, whole
 from orbits.catalogue.table import catalogue_of_tables
-from orbits.catalogue.value import Catalogue
+from orbits.catalogue.unreadable import Unreadable
 from orbits.errors import InputError
 
 WHAT = "what JPL's Small-Body Database answers, JSON or CSV"
@@ -53,13 +53,13 @@ def read_sbdb(
     Raises InputError, with the row and its name, for what is no such answer or no orbit, and UnknownNameError for names
     and numbers that are not there.
     """
-    choice = Choice(count, names, numbers, classes, brighter_than)
+    selection = Selection(count, names, numbers, classes, brighter_than)
     if isinstance(source, Mapping):
-        report = Report(errors, "the answer given")
-        return catalogue_of_tables(_of_json(source, report.name), choice, report, WHAT)
+        unreadable = Unreadable(errors, "the answer given")
+        return catalogue_of_tables(_of_json(source, unreadable.name), selection, unreadable, WHAT)
     with opened(source, WHAT) as (stream, name):
-        report = Report(errors, name)
-        return catalogue_of_tables(_pieces(stream, name), choice, report, WHAT)
+        unreadable = Unreadable(errors, name)
+        return catalogue_of_tables(_pieces(stream, name), selection, unreadable, WHAT)
 
 
 def _pieces(stream: BinaryIO, name: str) -> Iterator[Columns]:

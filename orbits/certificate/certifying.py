@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.certificate.certificate import Certificate, Finding
 from orbits.certificate.measuring import EPS, Measured, Problem
-from orbits.certificate.values import Certificate, Finding
 from orbits.diagnostics.convergence import Slope
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown

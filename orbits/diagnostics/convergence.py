@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.diagnostics.states import numbers
+from orbits.diagnostics.arrays import numbers
 from orbits.diagnostics.stepping import Bodies, check_step, count, march
 from orbits.errors import InputError, IntegrationError
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.diagnostics.arrays import finite, numbers, scaled
 from orbits.diagnostics.doubledouble import Floats
 from orbits.diagnostics.momenta import centre_of_mass
-from orbits.diagnostics.states import finite, numbers, scaled
 from orbits.errors import InputError, shown
 
 CANCELLED = 1e-6

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.diagnostics.arrays import ORDINARY, balanced, blocks, massive_rows, scaled, unscaled
 from orbits.diagnostics.doubledouble import Floats, Pair, dot, scale, subtract, total, two_product
-from orbits.diagnostics.states import ORDINARY, balanced, blocks, massive_rows, scaled, unscaled
 from orbits.errors import InputError, shown
 
 

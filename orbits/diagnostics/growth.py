@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.diagnostics.arrays import numbers
 from orbits.diagnostics.doubledouble import Floats
-from orbits.diagnostics.states import numbers
 from orbits.errors import InputError
 
 LEAST_STARTS, LEAST_TIMES = 8, 4

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.diagnostics.arrays import balanced, blocks, massive_rows, scaled, unscaled
 from orbits.diagnostics.doubledouble import Floats, Pair, divide, scale, subtract, total, two_product
-from orbits.diagnostics.states import balanced, blocks, massive_rows, scaled, unscaled
 from orbits.errors import InputError
 
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.diagnostics.arrays import numbers
 from orbits.diagnostics.doubledouble import Floats, Pair, two_sum
-from orbits.diagnostics.states import numbers
 from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ import numpy as np
 
 from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
 from orbits.discrete.boundary import block_solve, jets_of, stationary
+from orbits.discrete.exact_linear import exact_linear
 from orbits.discrete.lambert import Way, exact_kepler
-from orbits.discrete.linear import exact_linear
 from orbits.discrete.vprk import Vprk, vprk
 from orbits.errors import ConvergenceError, InputError, shown
 from orbits.lagrangians.base import show

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, time_step
-from orbits.discrete.marching import advance, invert, step
+from orbits.discrete.evolution import advance, invert, step
 from orbits.discrete.newton import solve
 from orbits.errors import InputError, shown
 from orbits.lagrangians.base import show

@@ -19,7 +19,7 @@ from orbits.elements.frames import (
     to_frame,
 )
 from orbits.elements.osculating import Elements, elements_from_state
-from orbits.elements.states import state_from_elements
+from orbits.elements.states_from_elements import state_from_elements
 from orbits.elements.two_body import two_body
 
 __all__ = [

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.elements.refusals import shaped
 from orbits.errors import UnknownNameError, shown
 from orbits.units import UnitSystem

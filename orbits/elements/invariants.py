@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.diagnostics import doubledouble as dd
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.elements.refusals import EXTREME, NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, refuse
 
 # |q x v|/(|q| |v|) below which rounding alone decides the plane.

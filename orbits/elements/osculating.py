@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.elements.invariants import Motion, measured, scaled
-from orbits.elements.kepler import Floats, angle_minus_sine, positive_angle, sinh_minus_angle
+from orbits.elements.kepler_equation import Floats, angle_minus_sine, positive_angle, sinh_minus_angle
 from orbits.elements.refusals import BEYOND, finite, named, refuse, vectors
 
 # An eccentricity, or the sine of an inclination, that is no more than what rounding makes of an exact zero.

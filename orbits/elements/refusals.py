@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.errors import InputError, shown
 from orbits.units import kind_of
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.elements.invariants import INDISTINCT, Exponents, scaled
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.elements.refusals import NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, named, refuse, vectors
 
 TOO_LARGE = "{what} after dt would be beyond the range of floats. Choose units of its own size, or a shorter dt"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.elements.flow import kepler_flow
+from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError
 
 if TYPE_CHECKING:

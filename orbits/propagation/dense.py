@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
+from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.binding import bound
-from orbits.propagation.memory import MEMORY_SHARE, memory
 from orbits.time_grid import snapped, split, times_since
 
 if TYPE_CHECKING:

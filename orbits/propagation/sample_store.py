@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
-from orbits.propagation.memory import MEMORY_SHARE, memory
+from orbits.propagation.available_memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter

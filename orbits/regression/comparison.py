@@ -23,7 +23,7 @@ from orbits.propagation.run import propagated
 from orbits.regression import peers
 from orbits.regression import reference as solutions
 from orbits.regression import tolerances as tolerance
-from orbits.regression.invariants import Invariants
+from orbits.regression.conserved_quantities import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
 from orbits.regression.report import ReferenceNote, Report, Row
 from orbits.system import System

@@ -20,7 +20,7 @@ from orbits.scenario.typed import quantity
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orbits.scenario.certifying import CertifyOutcome
+    from orbits.scenario.certificates import CertifyOutcome
 
 Dt = Annotated[str | None, typer.Option(help="Step: '6 d', or a number in the system's unit of time.", metavar="TIME")]
 Duration = Annotated[str | None, typer.Option(help="How far: '100 yr'; negative for backwards.", metavar="TIME")]
@@ -120,7 +120,7 @@ def certify(
 ) -> int:
     """Certify the methods of a scenario, print the tables, and return the exit code."""
     from orbits import integrators
-    from orbits.scenario.certifying import certify_scenario, to_record
+    from orbits.scenario.certificates import certify_scenario, to_record
 
     console = stderr()
     console.print(f"[bold]{_escaped(scenario.title)}[/]")
@@ -145,14 +145,15 @@ def show_certificates(outcome: CertifyOutcome) -> None:
         if each.case:
             console.print(f"[bold]{_escaped(each.case)}[/]")
         console.print(_escaped(each.certificate.table()), soft_wrap=True)
-        if each.foil:
-            console.print("  a foil, shown for comparison: it does not declare to be variational, and is not judged")
+        if each.control:
+            console.print("  a control, shown for comparison: it does not claim to be variational, and is not judged")
         console.print()
     console.print(f"wrote {_escaped(str(outcome.file))}", soft_wrap=True)
-    judged = [each for each in outcome.certified if not each.foil]
+    judged = [each for each in outcome.certified if not each.control]
     if outcome.ok:
-        foils = len(outcome.certified) - len(judged)
-        console.print(f"[bold green]ok:[/] {len(judged)} certified" + (f", {foils} foils not judged" if foils else ""))
+        controls = len(outcome.certified) - len(judged)
+        shown = f", {controls} control{'s' * (controls > 1)} not judged" if controls else ""
+        console.print(f"[bold green]ok:[/] {len(judged)} certified{shown}")
     for each in judged:
         if not each.ok:
             where = f"{each.case}: " if each.case else ""

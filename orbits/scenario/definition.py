@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
+from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:
@@ -245,21 +246,29 @@ class Outcome:
 
 
 def angular_momentum_checks(
-    runs: Mapping[str, Trajectory], *, bound: float, foils: bool = True, case: str = ""
+    runs: Mapping[str, Trajectory],
+    *,
+    bound: float,
+    controls: bool = True,
+    case: str = "",
+    **others: Unpack[NoOthers],
 ) -> Iterator[Check]:
-    """Yield a check for each run: angular momentum kept where the method declares its momentum maps, lost where not.
+    """Yield a check for each run: angular momentum is kept by methods that declare it, and lost by the others.
 
-    runs : by the integrator's label; bound : largest relative change that counts as kept; ten times it counts as lost
-    foils : whether methods that declare nothing must be seen to lose it; at short steps they may take long to. It is
-        not demanded of a run that is shorter than a step
-    case : heads the claims of a scenario with several cases
+    runs : by the integrator's label
+    bound : the largest relative change that counts as kept; ten times as much counts as lost
+    controls : whether the non-symplectic controls must be seen to lose it. At short steps that may take them long; a
+        run shorter than one step is never held to it
+    case : prefix of the claims, for a scenario with several cases
     """
+    if others:
+        raise unknown_argument(angular_momentum_checks, next(iter(others)))
     for label, run in runs.items():
         change = run.drift().angular_momentum.max_fraction
         head = f"{case}: {label}" if case else label
         if "momentum maps" in run.integrator.declares:
             yield Check(f"{head} keeps angular momentum", change < bound, f"{change:.1e}")
-        elif foils and abs(run.times[-1]) > 0.99 * abs(run.step):  # dt was rounded
+        elif controls and abs(run.times[-1]) > 0.99 * abs(run.step):  # dt was rounded
             yield Check(f"{head} loses angular momentum", change > 10 * bound, f"{change:.1e}")
 
 

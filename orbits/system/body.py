@@ -14,7 +14,7 @@ from orbits.errors import InputError, shown
 from orbits.export import html_pairs
 
 if TYPE_CHECKING:
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,14 +14,14 @@ from orbits import ephemeris
 from orbits.body_names import few
 from orbits.checks import checked_flag
 from orbits.errors import EpochError, InputError, UnknownNameError
-from orbits.system.making import is_about_ssb
+from orbits.system.new_bodies import is_about_ssb
 from orbits.units import as_epoch
 
 if TYPE_CHECKING:
     from astropy.time import Time
 
     from orbits.catalogue import Catalogue
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 Floats = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from astropy import units as u
 
 from orbits import diagnostics
-from orbits.system import making
+from orbits.system import new_bodies
 from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, whole
-from orbits.system.osculating import OrbitalElements, osculating
+from orbits.system.orbital_elements import OrbitalElements, osculating
 
 if TYPE_CHECKING:
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 
 class Questions:
@@ -60,5 +60,5 @@ class Questions:
         """
         system: System = self  # type: ignore[assignment]
         gm, q, v, _ = system.values
-        primary = making.primary_name(system.names, gm, primary)
+        primary = new_bodies.primary_name(system.names, gm, primary)
         return osculating(system.names, gm, q, v, units=system.units, primary=primary, frame=frame, epoch=system.epoch)

@@ -103,7 +103,7 @@ class SymplecticTableau(PartitionedTableau):
             return float(worst * 2**53)
 
     def rounded_to_nearest(self) -> SymplecticTableau:
-        """Return the pair with each coefficient rounded to the nearest float: a foil that misses the identities."""
+        """Return the pair with each coefficient rounded to the nearest float: a control that misses the identities."""
         with mpmath.workdps(DIGITS):
             eta, mu = (np.array([[float(x) for x in row] for row in table]) for table in (_eta(self), _mu(self)))
             bar = [[float(x / b) for x, b in zip(row, self.exact_b, strict=True)] for row in self.exact_a_bar]

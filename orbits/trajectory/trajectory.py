@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.checks import is_whole
-from orbits.diagnostics.states import finite, numbers
+from orbits.diagnostics.arrays import finite, numbers
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.system import OrbitalElements, System, osculating
-from orbits.system.making import primary_name
+from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.time_grid import split
 from orbits.trajectory.again import MarchedAgain

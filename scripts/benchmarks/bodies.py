@@ -87,8 +87,8 @@ def part_particles(repetitions: int) -> dict[str, Any]:
             miss = AU_KM * np.linalg.norm(end - truth, axis=1)[10:]
             error[name] = {"median_km": float(np.median(miss)), "max_km": float(miss.max())}
     return {
-        "yardstick": "Gauss(stages=8), dt 1 d",
-        "yardstick_error_km": float(AU_KM * np.linalg.norm(check - truth, axis=1)[10:].max()),
+        "reference": "Gauss(stages=8), dt 1 d",
+        "reference_error_km": float(AU_KM * np.linalg.norm(check - truth, axis=1)[10:].max()),
         "rows": [
             {
                 "method": name,

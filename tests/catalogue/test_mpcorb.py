@@ -13,7 +13,7 @@ import pytest
 from hypothesis import strategies as st
 
 import orbits
-from orbits.catalogue import asteroids, mpcorb, orbit_classes, read_mpcorb, report
+from orbits.catalogue import asteroids, mpcorb, orbit_classes, read_mpcorb, unreadable
 from orbits.errors import InputError, OrbitsError, OrbitsWarning, UnknownNameError
 from tests.campaigns import campaign
 
@@ -207,7 +207,7 @@ def test_what_is_no_such_file_is_refused(tmp_path: Path, content: bytes, message
 def test_a_file_that_unpacks_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="more than 20,000,000 lines"):
         read_mpcorb(gzip.compress(b"\n" * 20_000_001))
-    monkeypatch.setattr(report, "MOST", 1000)
+    monkeypatch.setattr(unreadable, "MOST", 1000)
     with pytest.raises(InputError, match=r"more than 1,000 entries cannot be read.* line 1: the line ends after 1 col"):
         read_mpcorb(gzip.compress(b"x\n" * 100_000), errors="skip")
 

@@ -261,7 +261,7 @@ def test_elements_of_few_digits_bring_a_warning() -> None:
     short = [
         cell[:5] if isinstance(cell, str) and name in "ea" else cell for name, cell in zip(FIELDS, CERES, strict=True)
     ]
-    with pytest.warns(OrbitsWarning, match="with 4 digits at most, .* full-prec=1"):
+    with pytest.warns(OrbitsWarning, match="with 4 digits at most: .* full-prec=1"):
         read_sbdb(query(short))
     with warnings.catch_warnings():
         warnings.simplefilter("error")

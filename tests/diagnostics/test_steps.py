@@ -6,7 +6,7 @@ import pytest
 import orbits
 from orbits import diagnostics
 from orbits.diagnostics.doubledouble import subtract
-from orbits.diagnostics.foils import NearestGauss
+from orbits.diagnostics.nearest_gauss import NearestGauss
 from orbits.diagnostics.stepping import Bodies, StepMap, turned
 from orbits.errors import InputError
 from orbits.integrators import registry

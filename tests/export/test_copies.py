@@ -14,7 +14,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.certificate.values import Certificate, Finding
+from orbits.certificate.certificate import Certificate, Finding
 from orbits.errors import ArchiveError, SingularityError
 from orbits.integrators import registry
 

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from orbits import diagnostics
 from orbits.body_names import chosen, few, index_of
 from orbits.elements import default_frame, elements_from_state, to_frame
-from orbits.elements.kepler import positive_angle
+from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
 from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
-from orbits.system import making, presenting
+from orbits.system import new_bodies, presenting
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
@@ -171,13 +171,13 @@ def osculating(
     without elements.
     """
     frame = default_frame(units) if frame is None else frame
-    around = making.centre_of_several(names, primary) or names[index_of(primary, names, "primary")]
-    if around in making.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
+    around = new_bodies.centre_of_several(names, primary) or names[index_of(primary, names, "primary")]
+    if around in new_bodies.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
-    if around == making.JACOBI:
+    if around == new_bodies.JACOBI:
         bodies, centre_gm, centre_q, centre_v = _before(names, gm, q, v)
         two_body_gm = centre_gm + gm[bodies]
-    elif around in making.BARYCENTRIC:
+    elif around in new_bodies.BARYCENTRIC:
         bodies = np.arange(len(names))
         two_body_gm = np.full(len(names), gm.sum())
         centre_q, centre_v = (diagnostics.centre_of_mass(gm, x)[..., None, :] for x in (q, v))

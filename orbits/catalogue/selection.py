@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.catalogue.names import plain
-from orbits.catalogue.value import (
+from orbits.catalogue.catalogue import (
     checked_classes,
     checked_count,
     checked_magnitude,
     checked_numbers,
     checked_strings,
 )
+from orbits.catalogue.names import plain
 from orbits.errors import UnknownNameError
 
 Ways = tuple[str, ...]
 """All that a body is called, as `plain` writes it."""
 
 
-class Choice:
+class Selection:
     """The checked arguments of a reader, and what was found so far of the names and numbers asked for."""
 
     def __init__(self, count: Any, names: Any, numbers: Any, classes: Any, brighter_than: Any) -> None:

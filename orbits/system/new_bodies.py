@@ -19,7 +19,7 @@ from orbits.units import UnitSystem, as_epoch
 if TYPE_CHECKING:
     from astropy.time import Time
 
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 Floats = NDArray[np.float64]
 State = tuple[Floats, Floats]

@@ -14,7 +14,7 @@ from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import Labelled, Tabular
 from orbits.point_masses import PointMasses
-from orbits.system import making, model, state_checks
+from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.model import Modelled, together
@@ -140,8 +140,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
         Raises InputError and UnknownNameError as `add` does.
         """
-        first, rest = making.split_mapping(bodies)
-        gm, radius = making.primary(first, bodies[first], state_checks.checked_units(units))
+        first, rest = new_bodies.split_mapping(bodies)
+        gm, radius = new_bodies.primary(first, bodies[first], state_checks.checked_units(units))
         radii = None if radius is None else [radius]
         zero = np.zeros((1, 3))
         system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)
@@ -167,8 +167,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         Raises UnknownNameError for a body that DE440 does not have or another origin, EpochError for an epoch that it
         does not cover.
         """
-        about_ssb = making.is_about_ssb(origin)
-        system = cls(**making.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
+        about_ssb = new_bodies.is_about_ssb(origin)
+        system = cls(**new_bodies.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
         return system if about_ssb else system.barycentric()
 
     def add(
@@ -208,8 +208,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         names = checked_names([name] if isinstance(name, str) else name)
         if not names:
             raise InputError("add() got no names; expected a name, or several, such as 'Ceres'.")
-        gm_new = making.masses(names, gm, mass, self.units)
-        q, v = making.new_states(self, names, gm_new, primary, frame, elements)
+        gm_new = new_bodies.masses(names, gm, mass, self.units)
+        q, v = new_bodies.new_states(self, names, gm_new, primary, frame, elements)
         return self._extended(names, gm_new, q, v, radius)
 
     def remove(self, *names: str) -> Self:
@@ -322,7 +322,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
                 f"system + {shown(other)}: expected another System. One body comes with system.add(name, ...), a "
                 "catalogue's with system.add_particles(catalogue)."
             )
-        return self.replaced(**making.united(self, other), **together(self, other))
+        return self.replaced(**new_bodies.united(self, other), **together(self, other))
 
     def plot(self, **options: Any) -> Any:
         """Draw the system and the orbits it osculates; see `orbits.plotting.plot_system`."""
@@ -369,7 +369,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     def _extended(self, names: tuple[str, ...], gm: Floats, q: Floats, v: Floats, radius: Any) -> Self:
         mine = self.values
-        radii = making.extended_radii(self._radii, len(self), names, radius, self.units)
+        radii = new_bodies.extended_radii(self._radii, len(self), names, radius, self.units)
         return self.replaced(
             names=self.names + names,
             gm=np.concatenate([mine.gm, gm]),

@@ -11,7 +11,7 @@ SHOWN = 3
 MOST = 100_000
 
 
-class Report:
+class Unreadable:
     """Raises InputError at the first bad entry (errors="raise"), or counts them and keeps the first few ("skip")."""
 
     def __init__(self, errors: Any, name: str) -> None:

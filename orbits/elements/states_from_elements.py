@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.elements.kepler import Floats, barker_anomaly, eccentric_anomaly, positive_angle, sinh_anomaly
+from orbits.elements.kepler_equation import Floats, barker_anomaly, eccentric_anomaly, positive_angle, sinh_anomaly
 from orbits.elements.naming import PAL, naming
 from orbits.elements.refusals import BEYOND, NO_MASS, broadcast, finite, named, numbers, refuse
 
