@@ -1,4 +1,4 @@
-"""Discrete mechanics on Q x Q: discrete Lagrangians, their Euler–Lagrange equations, and what these conserve."""
+"""Discrete mechanics on Q x Q: discrete Lagrangians, their Euler–Lagrange equations, and conserved quantities."""
 
 from orbits.discrete.base import DiscreteLagrangian
 from orbits.discrete.boundary import boundary_value

@@ -13,8 +13,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
-from orbits.checks import is_whole
-from orbits.diagnostics.arrays import finite, numbers
+from orbits.checks import finite_numbers, is_whole
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.system import OrbitalElements, System, osculating
@@ -86,7 +85,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             raise InputError(f"system is {shown(system)}; expected the System at the start of the run.")
         if not hasattr(integrator, "label"):
             raise InputError(f"integrator is {shown(integrator)}; expected a method such as orbits.Gauss(stages=8).")
-        self.times = finite(numbers(times, "times"), "times")
+        self.times = finite_numbers(times, "times")
         if self.times.ndim != 1:
             raise InputError(f"times has shape {self.times.shape}; expected one time for each sample, shape (n,).")
         expected = (len(self.times), len(system), 3)
