@@ -1,4 +1,4 @@
-"""Catalogues of small bodies: the bundled one, and readers of the user's own downloads."""
+"""Catalogues of small bodies: the bundled one, and readers of downloaded files."""
 
 from __future__ import annotations
 

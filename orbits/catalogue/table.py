@@ -1,4 +1,4 @@
-"""A catalogue from tables of orbits, piece by piece."""
+"""A catalogue from tables of orbits that are read piece by piece."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from orbits.body_names import LONGEST_NAME
 from orbits.catalogue.catalogue import Catalogue, choose, joined
 from orbits.catalogue.classes import orbit_classes
 from orbits.catalogue.names import is_comet, parts, plain
@@ -19,13 +20,12 @@ from orbits.errors import InputError, OrbitsWarning
 AU_KM = 149597870.7
 SECONDS_A_DAY = 86400.0
 FEW_DIGITS = 6
-LONGEST_NAME = 128
 
 
 def catalogue_of_tables(
     pieces: Iterable[Columns], selection: Selection, unreadable: Unreadable, what: str
 ) -> Catalogue:
-    """Return what is chosen of tables of orbits; raise InputError where there is none in them."""
+    """Return the selected rows of tables of orbits. Raises InputError if there are no orbits in them."""
     pieces_read: list[dict[str, Any]] = []
     called: list[Ways] = []
     read = digits = 0
@@ -60,7 +60,7 @@ def catalogue_of_tables(
 def _piece(
     columns: Columns, orbits: Orbits, selection: Selection, unreadable: Unreadable
 ) -> tuple[dict[str, Any], list[Ways], int]:
-    """Return the columns of the chosen bodies of a piece, the ways to call them, and how many rows could be read."""
+    """Return the columns of a piece's selected bodies, the forms of their names, and how many rows could be read."""
     full = (
         orbits.texts("name")
         if "name" in columns.place

@@ -4,7 +4,7 @@
     elements = elements_from_state(q, v, gm);  elements.a, elements.pomega, ...
     q, v = two_body(q, v, gm, dt)
 
-Units are any consistent ones; angles are radians. Definitions in the degenerate cases stand in `Elements`.
+Units are consistent ones of your choice, angles are radians. `Elements` defines the degenerate cases.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The methods of a scenario, measured on its own problems."""
+"""Certificates for the methods of a scenario, measured on its own problems."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class CertifyOutcome:
 
     @property
     def ok(self) -> bool:
-        """Whether every method that claims to be variational was found to be."""
+        """Whether every method that is judged is certified."""
         return all(each.ok for each in self.certified)
 
 
@@ -57,12 +57,12 @@ def certify_scenario(
     out: Path | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> CertifyOutcome:
-    """Certify every method of a scenario on every one of its systems, or what a study `certifies`.
+    """Certify every method of a scenario on all of its systems, or the entries of a study's `certifies`.
 
     dt, integrator : replace the scenario's own. Controls are not judged, unless `integrator` asks for one
     out : results folder, ./results/NAME by default; certificate.json is written there
 
-    Raises InputError for a study that names nothing to certify, and as `orbits.certify`.
+    Raises InputError for a study with nothing to certify, and as `orbits.certify` does.
     """
     file = replaceable(results_folder(out or Path("results") / scenario.name) / "certificate.json")
     certified = []
@@ -77,7 +77,7 @@ def certify_scenario(
 
 
 def to_record(outcome: CertifyOutcome) -> dict[str, Any]:
-    """Return the certificates as values that JSON can hold."""
+    """Return the certificates as values for JSON."""
     return {
         "format": "orbits-certificates",
         "version": 2,  # in version 1 the key "control" was "foil"

@@ -1,4 +1,4 @@
-"""Systems of bodies: names, GM, positions, velocities, an epoch and units, checked where they are made."""
+"""Systems of bodies: names, GM, positions, velocities, an epoch and units, checked when they are made."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def test_a_run_without_samples_is_refused_in_words():
 
 def test_the_dashed_line_of_a_run_and_the_ellipses_are_explained():
     told = " ".join(seen.texts(physical(365.25).plot())).replace("\n", " ")
-    for words in ("dashed: 2⁻⁵³, the rounding of one float64", "thin ellipses: the two-body", "discs: where bodies"):
+    for words in ("dashed: 2⁻⁵³, the rounding of one float64", "thin ellipses: the osculating", "discs: the bodies"):
         assert words in told
     assert "energy and angular momentum: of the massive bodies" in told  # the planets are massless here
 
