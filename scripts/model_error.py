@@ -79,7 +79,7 @@ def measured() -> dict[str, list[float]]:
     return {
         **{name: largest(differences) for name, differences in apart.items()},
         "Earth and Moon as one body": largest(merged),
-        "what making them one body does": largest(merged - barycentre),
+        "effect of making them one body": largest(merged - barycentre),
     }
 
 

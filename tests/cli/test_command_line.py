@@ -247,7 +247,7 @@ def bad(tmp_path):
         (["run", "kepler", "--dt", "nan"], "dt must be finite and not zero"),
         (["run", "kepler", "--dt", "3 km"], "dt"),
         (["run", "kepler", "--dt", "soon"], "--dt = 'soon'"),
-        (["run", "kepler", "--dt", "3 days"], "'days' is no unit; did you mean day?"),
+        (["run", "kepler", "--dt", "3 days"], "'days' is not a unit; did you mean day?"),
         (["run", "kepler", "--dt", "3 d"], "a plain number, as DIMENSIONLESS has no units"),
         (["run", "kepler", "--duration", "inf"], "duration must be finite"),
         (["run", "kepler", "--duration", "0"], "duration is 0"),

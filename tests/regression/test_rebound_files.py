@@ -137,7 +137,7 @@ def test_all_snapshots_are_a_run(archive, expected):
         assert run.drift().energy.max_fraction < 1e-15
         assert np.array_equal(run.to_xarray().q[-1], expected[-1].q.value)
         assert pickle.loads(pickle.dumps(run)).elements("star").a.shape == (4, 2)
-        with pytest.raises(InputError, match=r"run\.at marches .* REBOUND ias15 is not a method of this package"):
+        with pytest.raises(InputError, match=r"run\.at integrates .* REBOUND ias15 is not a method of this package"):
             run.at(1.7)
 
 
