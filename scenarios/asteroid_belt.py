@@ -1,4 +1,4 @@
-"""The asteroid belt for a century: Sun, planets and more than a thousand real asteroids, judged against REBOUND.
+"""The asteroid belt for a century: Sun, planets and more than a thousand real asteroids, compared with REBOUND.
 
 The brightest main-belt asteroids and Jupiter Trojans of JPL's Small-Body Database as massless particles among Sun and
 planets from DE440, by Gauss collocation and Störmer–Verlet, with RK4 and explicit Euler as controls. Kirkwood's gaps

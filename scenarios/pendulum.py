@@ -1,11 +1,10 @@
 """The pendulum's phase portrait, exactly and by eight maps: spirals, island chains, a chaotic layer, an integrable map.
 
 Explicit Euler drives every motion outwards and RK4 damps it. Störmer–Verlet with step h is Chirikov's standard map with
-K = h^2: its resonances open chains of islands, and at large h a chaotic layer fills the neighbourhood of the
-separatrix. Suris' map is Störmer–Verlet too, for a force that differs from the pendulum's by O(h^2): it has an
-integral at every h, and no chaos.
+K = h^2: its resonances open chains of islands, and at large h a chaotic layer surrounds the separatrix. Suris' map is
+Störmer–Verlet for a force that differs from the pendulum's by O(h^2): it has an integral for every h, and no chaos.
 
-Islands are small, and orbits on a grid miss them: half of Störmer–Verlet's start in what the others leave empty.
+Islands are small, and orbits on a grid miss them: half of the orbits of Störmer–Verlet start where others leave gaps.
 
 Sources: Hairer, Lubich & Wanner (2006), sec. I.1; Chirikov (1979); Suris (1989).
 """
