@@ -18,6 +18,8 @@ from itertools import combinations_with_replacement
 from math import factorial
 from typing import Any
 
+from orbits.tableaux.order import partitions
+
 Word = tuple[int, ...]
 
 
@@ -76,7 +78,7 @@ def _is_lyndon(word: Word) -> bool:
 def _forests(total: int, seen: dict[int, list[tuple[int, list[Any]]]], one: list[Any]) -> list[tuple[int, list[Any]]]:
     """Return the products of densities and of Phis for all multisets of subtrees with `total` vertices."""
     found = []
-    for partition in _partitions(total, total):
+    for partition in partitions(total):
         combined = [(1, one)]
         for size in sorted(set(partition)):
             pool = seen.get(size, [])
@@ -94,9 +96,3 @@ def _product(start: tuple[int, list[Any]], chosen: Sequence[tuple[int, list[Any]
     for density, factor in chosen:
         gamma, phi = gamma * density, [x * y for x, y in zip(phi, factor, strict=True)]
     return gamma, phi
-
-
-def _partitions(total: int, largest: int) -> list[list[int]]:
-    if total == 0:
-        return [[]]
-    return [[part, *rest] for part in range(min(total, largest), 0, -1) for rest in _partitions(total - part, part)]

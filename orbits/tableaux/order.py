@@ -44,7 +44,7 @@ def _forests(total: int, white: Any, black: Any) -> list[tuple[int, Any]]:
         return [(1, 1.0)]
     trees = [(size, *tree) for size in range(1, total + 1) for colour in (white, black) for tree in colour[size]]
     found = []
-    for partition in _partitions(total):
+    for partition in partitions(total):
         pools = []
         for size in sorted(set(partition)):
             of_size = [tree for tree in trees if tree[0] == size]
@@ -67,8 +67,9 @@ def _products(pools: list[list[Any]]) -> list[tuple[int, Any]]:
     return combined
 
 
-def _partitions(total: int, largest: int | None = None) -> list[list[int]]:
+def partitions(total: int, largest: int | None = None) -> list[list[int]]:
+    """Return the partitions of a whole number into parts of at most `largest`, in descending order."""
     largest = total if largest is None else largest
     if total == 0:
         return [[]]
-    return [[part, *rest] for part in range(min(total, largest), 0, -1) for rest in _partitions(total - part, part)]
+    return [[part, *rest] for part in range(min(total, largest), 0, -1) for rest in partitions(total - part, part)]
