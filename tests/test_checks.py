@@ -61,3 +61,18 @@ def test_a_vector_is_a_copy():
     given = np.ones(2)
     checks.finite_vector(given, "q")[0] = 5.0
     assert given[0] == 1.0
+
+
+def test_a_flag_is_true_or_false_and_nothing_that_equals_them():
+    assert [checks.checked_flag(given, "x") for given in (True, np.False_)] == [True, False]
+    assert checks.checked_choice(None, "x") is None
+    for given in (1, 0.0, "yes", None, [True]):
+        with pytest.raises(InputError, match=r"^flag is .*expected True or False$"):
+            checks.checked_flag(given, "flag")
+
+
+@pytest.mark.parametrize("given", [[0.0, 0.0, 0.0], [1.0, np.nan, 0.0], [[1.0, 0.0, 0.0]], 1.0, [1.0, 0.0], None])
+def test_a_direction_has_finite_components_and_one_that_is_not_zero(given):
+    assert checks.direction([0.0, 0.0, 2.0], "spin", width=3).tolist() == [0.0, 0.0, 2.0]
+    with pytest.raises(InputError, match=r"^spin needs a direction, a finite vector of 3 numbers that is not zero"):
+        checks.direction(given, "spin", width=3)
