@@ -6,8 +6,8 @@
     system = orbits.System.solar_system()
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=6 * u.day, duration=1000 * u.yr)
 
-Public names load on first use: `import orbits` itself compiles nothing and imports none of the heavy packages.
-Submodules (`orbits.diagnostics`, `orbits.elements`, ...) load on first use too.
+Public names and submodules (`orbits.diagnostics`, `orbits.elements`, ...) are loaded on first use: `import orbits`
+itself compiles nothing and imports no heavy packages.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from orbits._version import __version__
 if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate, certify
-    from orbits.elements.flow import kepler_flow
+    from orbits.elements.kepler_flow import kepler_flow
     from orbits.ephemeris import asteroids, read_mpcorb, read_sbdb
     from orbits.errors import (
         ArchiveError,
@@ -133,7 +133,7 @@ __all__ = [
 _HOME = {
     "archive": ["Archive"],
     "certificate": ["Certificate", "certify"],
-    "elements.flow": ["kepler_flow"],
+    "elements.kepler_flow": ["kepler_flow"],
     "ephemeris": ["asteroids", "read_mpcorb", "read_sbdb"],
     "errors": [
         "ArchiveError",
@@ -193,6 +193,6 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the public names, the submodules, and what every module has; not what this file imports for itself."""
+    """Return the public names, the submodules and the module attributes, without the imports of this file."""
     submodules = {found.name for found in pkgutil.iter_modules(__path__) if not found.name.startswith("_")}
     return sorted({*__all__, *submodules, *(name for name in globals() if name.startswith("__"))})

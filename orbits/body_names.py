@@ -1,4 +1,4 @@
-"""Names of bodies: what one may be, where it stands among others, and which bodies are meant by a choice of names."""
+"""Names of bodies: which are valid, how one is looked up, and which bodies a selection of names means."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BOTH = "Earth-Moon barycenter"
 
 
 def checked_names(names: Any) -> tuple[str, ...]:
-    """Return names as a tuple of str; raise InputError for one that is no name, and for names that occur twice."""
+    """Return names as a tuple of str. Raises InputError for an invalid name, and for names that occur twice."""
     try:
         given = None if isinstance(names, str) else list(names)
     except TypeError:
@@ -46,9 +46,9 @@ def checked_names(names: Any) -> tuple[str, ...]:
 
 
 def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
-    """Return the place of `name` in `names`, whatever its case where that is not ambiguous.
+    """Return the index of `name` in `names`, ignoring case where that is unambiguous.
 
-    Raises UnknownNameError with the names that come close, or that differ in their case only.
+    Raises UnknownNameError, suggesting similar names, or those that differ only in case.
     """
     place = place_of(name, names)
     if place is not None:
@@ -57,19 +57,19 @@ def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
     alike = [n for n in names if n.lower() == given]
     if alike:
         raise UnknownNameError(
-            f"{what} {shown(name)} could be {' or '.join(map(repr, alike))}; expected the case of one of them."
+            f"{what} {shown(name)} could be {' or '.join(map(repr, alike))}; write it exactly as one of them."
         )
     close = difflib.get_close_matches(given, {n.lower(): None for n in names}, n=3, cutoff=0.6)
     part = re.compile(rf"\b{re.escape(given)}\b") if given else None
     meant = [n for n in names if n.lower() in close or (part and part.search(n.lower()))]
     hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
     if given in EARTH_AND_MOON and BOTH in meant:
-        hint = f" {BOTH!r} stands for both as one; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them apart."
+        hint = f" {BOTH!r} stands for both; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them as two bodies."
     raise UnknownNameError(f"there is no {what} {shown(name)}; expected one of {few(names)}.{hint}")
 
 
 def place_of(name: object, names: Sequence[str]) -> int | None:
-    """Return the place of `name` in `names`, or that of the only one that differs in its case alone; else None."""
+    """Return the index of `name` in `names`, or of the only name that differs just in case; else None."""
     if not isinstance(name, str):
         return None
     if name in names:
@@ -79,17 +79,17 @@ def place_of(name: object, names: Sequence[str]) -> int | None:
 
 
 def few(names: Sequence[str], most: int = 12) -> str:
-    """Return names as a list in words, cut short when there are many."""
+    """Return names joined by commas, cut short if there are many."""
     if len(names) <= most:
         return ", ".join(names)
     return f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
 def chosen(names: Sequence[str], bodies: Sequence[str] | None) -> slice | NDArray[np.intp]:
-    """Return what picks these bodies from an axis of all of them. Raises UnknownNameError, and InputError for twice."""
+    """Return the index of these bodies along an axis of all. Raises UnknownNameError, and InputError for duplicates."""
     if bodies is None:
         return slice(None)
     wanted = checked_names([bodies] if isinstance(bodies, str) else bodies)
     places = [index_of(name, names) for name in wanted]
-    checked_names([names[i] for i in places])  # "Sun" and "sun" are one
+    checked_names([names[i] for i in places])  # "Sun" and "sun" are the same body
     return np.array(places, dtype=np.intp)

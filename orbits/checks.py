@@ -1,4 +1,4 @@
-"""Validators of numbers, counts, flags and vectors: each is written once, here, and names what is wrong."""
+"""Validators of numbers, counts, flags, arrays and vectors: each is written once, here, and names what is wrong."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from orbits.errors import InputError, shown
+
+Floats = NDArray[np.float64]
+
+NOT_NUMBERS = str | bytes | bool | np.bool_ | np.timedelta64 | np.datetime64
+"""NumPy turns these into floats, or tries to; nobody who writes one means a number."""
 
 
 def checked_flag(value: Any, what: str) -> bool:
@@ -24,21 +29,23 @@ def checked_choice(value: Any, what: str) -> bool | None:
 
 
 def is_whole(value: Any) -> bool:
-    """Whether a value is a whole number of Python or NumPy; True and False are none, nor is a span of time."""
+    """Whether a value is an integer of Python or NumPy. True, False and time spans are not."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
 
 
-def whole_number(value: Any, what: str, *, least: int = 1) -> int:
-    """Return a count. Raises InputError, naming it, for anything else than a whole number >= `least`."""
+def whole_number(value: Any, what: str, *, least: int = 1, most: int | None = None) -> int:
+    """Return a count. Raises InputError, naming it, unless it is a whole number from `least` to `most`."""
     if not is_whole(value) or value < least:
         raise InputError(f"{what} must be a whole number >= {least}, got {shown(value)}")
+    if most is not None and value > most:
+        raise InputError(f"{what} = {shown(value)}: at most {most:.0e} are possible; take fewer")
     return int(value)
 
 
 def single_number(value: Any, what: str) -> float:
-    """Return a scalar as float. Raises InputError, naming it, for an array, a text, and what is no real number."""
+    """Return a scalar as float. Raises InputError, naming it, for arrays, texts, flags, units and complex numbers."""
     try:
-        if isinstance(value, str | bytes) or np.iscomplexobj(value):
+        if isinstance(value, NOT_NUMBERS) or np.iscomplexobj(value) or has_unit(value):
             raise TypeError
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -48,16 +55,29 @@ def single_number(value: Any, what: str) -> float:
     return float(array)
 
 
+def has_unit(value: Any) -> bool:
+    """Whether a value is a quantity with a unit, which a bare number would silently lose."""
+    return bool(str(getattr(value, "unit", "")))
+
+
 def finite_number(value: Any, what: str) -> float:
-    """Return a scalar as float. Raises InputError, naming it, for anything else than one finite real number."""
+    """Return a scalar as float. Raises InputError, naming it, unless it is one finite real number."""
     number = single_number(value, what)
     if not math.isfinite(number):
         raise InputError(f"{what} must be finite, got {shown(value)}")
     return number
 
 
+def nonzero_number(value: Any, what: str) -> float:
+    """Return a scalar as float. Raises InputError, naming it, unless it is one finite number other than 0."""
+    number = single_number(value, what)
+    if not (math.isfinite(number) and number != 0.0):
+        raise InputError(f"{what} must be finite and not zero, got {shown(value)}")
+    return number
+
+
 def positive_number(value: Any, what: str) -> float:
-    """Return a scalar as float. Raises InputError, naming it, for anything else than one finite number above 0."""
+    """Return a scalar as float. Raises InputError, naming it, unless it is one finite number above 0."""
     number = single_number(value, what)
     if not (math.isfinite(number) and number > 0.0):
         raise InputError(f"{what} is {shown(value)}; expected a finite number above 0.")
@@ -65,17 +85,49 @@ def positive_number(value: Any, what: str) -> float:
 
 
 def number_not_below_zero(value: Any, what: str) -> float:
-    """Return a scalar as float. Raises InputError, naming it, for anything else than one finite number >= 0."""
+    """Return a scalar as float. Raises InputError, naming it, unless it is one finite number >= 0."""
     number = single_number(value, what)
     if not (math.isfinite(number) and number >= 0.0):
         raise InputError(f"{what} is {shown(value)}; expected a finite number >= 0.")
     return number
 
 
-def direction(value: Any, what: str, *, width: int | None = None) -> NDArray[np.float64]:
+def real_numbers(value: ArrayLike, what: str) -> Floats:
+    """Return an array of any shape as float64. Raises InputError, naming it, unless it holds real numbers, unitless."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biuf" and not hasattr(value, "unit") and not isinstance(value, np.ma.MaskedArray):
+            return np.asarray(array, dtype=np.float64)
+    # The caller's object may raise anything when it is asked for its numbers.
+    except Exception:
+        pass
+    remedy = " Take the floats, such as system.values.q." if hasattr(value, "unit") else ""
+    raise InputError(f"{what} is {shown(value)}; expected an array of real numbers.{remedy}")
+
+
+def finite_numbers(value: ArrayLike, what: str) -> Floats:
+    """Return an array of any shape as float64. Raises InputError, naming it and the place, unless all are finite."""
+    values = real_numbers(value, what)
+    bad = ~np.isfinite(values)
+    if bad.any():
+        place = [int(i) for i in np.argwhere(bad)[0]]
+        raise InputError(f"{what}{place if place else ''} is {values[bad][0]}; expected finite numbers.")
+    return values
+
+
+def finite_vector(value: ArrayLike, what: str) -> Floats:
+    """Return one or more finite numbers as a vector (d,). Raises InputError, naming it, for anything else."""
+    values = finite_numbers(value, what)
+    if values.ndim > 1 or values.size == 0:
+        raise InputError(f"{what} has shape {values.shape}; expected a vector of one or more numbers, shape (d,).")
+    return np.array(values).reshape(-1)
+
+
+def direction(value: Any, what: str, *, width: int | None = None) -> Floats:
     """Return a vector of finite numbers that are not all zero.
 
-    width : how many it has; None for any number. Raises InputError, saying that `what` needs it, for anything else
+    width : the number of its components; any number if None
+    Raises InputError, saying that `what` needs a direction, for anything else.
     """
     try:
         vector = np.asarray(value, dtype=np.float64)

@@ -1,7 +1,7 @@
 """The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `list`.
 
-Exit codes: 0 when all that was demanded holds, 1 when a check falls short or a run fails, 2 for a wrong use, 130 when
-stopped by Ctrl-C or SIGTERM.
+Exit codes: 0 if all requirements hold, 1 if a check or a run fails, 2 for wrong use, 130 if stopped by Ctrl-C or
+SIGTERM.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def resume(
 
 
 class _ListsPeers(TyperCommand):
-    """`compare`, whose help gets the list of peers when it is used: what knows them takes long to load."""
+    """`compare`; its help gets the list of peers when it is shown, as the module that has them is slow to load."""
 
     def get_params(self, ctx: Any) -> Any:
         from orbits.regression.peers import PEERS
@@ -143,10 +143,10 @@ def certify(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Measure on the problems of a scenario whether its methods are variational integrators, as they declare.
+    """Measure on the problems of a scenario whether its methods are the variational integrators they declare to be.
 
-    The tables go to standard output and into certificate.json. Foils such as RK4, which declare nothing, are shown and
-    not judged, unless --integrator asks for one.
+    The tables go to standard output and into certificate.json. Controls such as RK4, which declare nothing, are shown
+    and not judged, unless --integrator asks for one.
 
     Example: orbits certify kepler --integrator "gauss(stages=4)" --dt 0.05
     """
@@ -180,7 +180,7 @@ def plot(
 
 @app.command()
 def info(file: File, as_json: Json = False) -> None:
-    """Say what an archive holds and how far it has come.
+    """Show the contents of an archive and the progress of its run.
 
     Example: orbits info results/kepler/run.h5 --json
     """
@@ -192,7 +192,7 @@ def info(file: File, as_json: Json = False) -> None:
 
 @app.command("list")
 def list_(as_json: Json = False) -> None:
-    """List the bundled scenarios and the integrators with what they declare.
+    """List the bundled scenarios, and the integrators with the properties they declare.
 
     Example: orbits list --json
     """

@@ -1,4 +1,4 @@
-"""What other packages, REBOUND above all, call things, and what does their work here: the hints of messages."""
+"""Names from other packages, above all REBOUND, and their counterparts here, for hints in messages."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ OTHER_NAMES = {
     "midpoint": "implicit-midpoint",
     "euler": "explicit-euler or symplectic-euler",
 }
-"""What methods of the package are called elsewhere."""
+"""Names that other packages use for methods of this one."""
 
 PEERS = {"whfast": "whfast", "wisdom-holman": "whfast", "ias15": "ias15", "saba": "saba-10-6-4"}
-"""Methods that are REBOUND's, by the name of the peer."""
+"""Methods of REBOUND, and the name of the peer to compare with."""
 
 OTHERS_OF_REBOUND = ("mercurius", "trace", "janus", "eos", "bs", "sei")
-"""Methods of REBOUND that are no peers."""
+"""Methods of REBOUND that are not among the peers."""
 
 PUBLIC_NAMES = {
-    "simulation": "orbits.System(...), which orbits.propagate moves",
+    "simulation": "orbits.System(...), which orbits.propagate integrates",
     "simulationarchive": "orbits.Trajectory.open(path), or orbits.run_from_rebound(path) for REBOUND's files",
     "particle": "orbits.System(...) and its add(name, ...)",
     "orbit": "system.elements(primary=...)",
@@ -34,17 +34,18 @@ PUBLIC_NAMES = {
     "open": "orbits.Trajectory.open(path)",
     "load": "orbits.Trajectory.open(path)",
 }
-"""What stands here for names of other packages, in small letters."""
+"""Counterparts of names from other packages, in lower case."""
 
 FORCES = (
-    "what acts besides Newton's gravity belongs to the system: system.with_terms(orbits.ZonalHarmonics(...)); "
-    "a Lagrangian of your own is marched by orbits.march (docs/lagrangians.md)"
+    "forces other than Newtonian gravity belong to the system: system.with_terms(orbits.ZonalHarmonics(...)); "
+    "a Lagrangian of your own is integrated by orbits.march (docs/lagrangians.md)"
 )
-END = "how far to go is duration=..., or until=..., a date or a time since the epoch"
+END = "the end of a run is duration=..., or until=..., a date or a time since the epoch"
 STEPS = "steps are constant: dt=..."
-SAMPLES = "what is kept is samples=..., a count or times"
+SAMPLES = "the samples to keep are samples=..., a count or times"
 KEYWORDS = {
     "yardstick": "it is called reference now",
+    "foils": "it is called controls now",
     "additional_forces": FORCES,
     "forces": FORCES,
     "pre_timestep_modifications": FORCES,
@@ -52,38 +53,38 @@ KEYWORDS = {
     "heartbeat": "callback=... is called after each sample",
     **dict.fromkeys(("tmax", "t_end", "tend", "t_span", "tspan", "end", "steps", "n_steps", "t"), END),
     **dict.fromkeys(("step", "timestep", "stepsize", "h"), STEPS),
-    **dict.fromkeys(("rtol", "atol", "tol", "tolerance", "epsilon", "min_dt"), f"{STEPS}, chosen by no tolerance"),
+    **dict.fromkeys(("rtol", "atol", "tol", "tolerance", "epsilon", "min_dt"), f"{STEPS}; there is no tolerance"),
     **dict.fromkeys(("times", "t_eval", "saveat", "noutputs", "nout", "exact_finish_time"), SAMPLES),
     **dict.fromkeys(("collision", "exit_min_distance"), "stop=orbits.CloserThan(distance) ends a run"),
     "exit_max_distance": "stop=orbits.FartherThan(distance) ends a run",
-    "events": "stop=... holds the conditions that end a run, and run.closest_approaches() the passages",
+    "events": "stop=... takes conditions that end a run, and run.closest_approaches() lists the close approaches",
     **dict.fromkeys(("method", "solver"), 'the method is the second argument: orbits.Gauss(stages=8), or "gauss"'),
     "softening": "it belongs to the system: system.replaced(softening=...)",
     "epoch": "it belongs to the system: system.replaced(epoch=...)",
     "units": "they belong to the system: orbits.System(..., units=...)",
     **dict.fromkeys(("file", "filename", "path", "output", "out"), "archive=... names the file to write"),
     **dict.fromkeys(("n_jobs", "workers", "nthreads"), "threads=... is the number of threads"),
-    "verbose": "progress=... says whether a bar is drawn",
+    "verbose": "progress=... says whether a progress bar is shown",
 }
-"""What `propagate` has for arguments of other packages."""
+"""Arguments of `propagate` that correspond to arguments of other packages, or to former names."""
 
 
 def method_hint(name: str, known: Iterable[str]) -> str:
-    """Return what a person may have meant by the name of a method that is not there, as the end of a sentence.
+    """Return a hint for an unknown method name, as the end of a sentence.
 
-    known : the names that are registered
+    known : the registered names
     """
     if peer := _found(name, PEERS):
         return f", which is REBOUND's: compare with it by against=['{peer}'] or --against {peer}."
     if _plain(name) in OTHERS_OF_REBOUND:
-        return ", which is REBOUND's, and not one that can be compared with."
+        return ", which is REBOUND's, and not available for comparison."
     meant = {each: each for each in known} | OTHER_NAMES
     close = get_close_matches(name.replace("_", "-").lower(), meant, n=1, cutoff=0.4)
     return f"; did you mean {meant[close[0]]}?" if close else "."
 
 
 def public_name_hint(name: str, public: Iterable[str]) -> str:
-    """Return what does the work of a name that `orbits` does not have, as the end of a sentence.
+    """Return a hint for a name that `orbits` does not have, as the end of a sentence.
 
     public : the names that it has
     """
@@ -99,7 +100,7 @@ def public_name_hint(name: str, public: Iterable[str]) -> str:
 
 
 def keyword_hint(name: str, known: Iterable[str]) -> str:
-    """Return what a function has instead of an argument that it does not know, as sentences.
+    """Return a hint for an argument that a function does not have, as sentences.
 
     known : the arguments that it has
     """
@@ -111,17 +112,17 @@ def keyword_hint(name: str, known: Iterable[str]) -> str:
 
 
 class NoOthers(TypedDict):
-    """No further arguments: what is given all the same is answered with what there is instead."""
+    """The type of `**others` in functions that take no further arguments, but answer unknown ones with a hint."""
 
 
 def unknown_argument(function: Callable[..., object], name: str) -> UnknownNameError:
-    """Return the error for an argument that a function does not have, with what there is in its place."""
+    """Return the error for an argument that a function does not have, with a hint."""
     known = (key for key in inspect.signature(function).parameters if key != "others")
     return UnknownNameError(f"{function.__name__}() has no argument {name!r}: {keyword_hint(name, known)}")
 
 
 def _plain(name: str) -> str:
-    """Return a name in small letters, without dashes: "WisdomHolman" and "wisdom-holman" are one."""
+    """Return a name in lower case without dashes: "WisdomHolman" and "wisdom-holman" are the same."""
     return name.replace("_", "").replace("-", "").lower()
 
 

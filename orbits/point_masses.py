@@ -1,4 +1,4 @@
-"""The one record of point masses as floats, in any consistent system of units."""
+"""`PointMasses`: the state of point masses as floats, in any consistent system of units."""
 
 from __future__ import annotations
 

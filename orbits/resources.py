@@ -12,9 +12,9 @@ from orbits.errors import OrbitsError, UnknownNameError
 
 
 def bundled(folder: str) -> Path:
-    """Return the folder "data" or "scenarios" that travels with the package.
+    """Return the folder "data" or "scenarios" that is installed with the package.
 
-    Raises OrbitsError where the installation has lost it.
+    Raises OrbitsError if the installation lacks it.
     """
     package = Path(__file__).resolve().parent
     candidates = [package / "_bundled" / folder]
@@ -30,17 +30,17 @@ def bundled(folder: str) -> Path:
 
 
 def scenarios_dir() -> Path:
-    """Return the folder of the bundled scenarios. Raises OrbitsError where the installation has lost it."""
+    """Return the folder of the bundled scenarios. Raises OrbitsError if the installation lacks it."""
     return bundled("scenarios")
 
 
 def data_path(name: str) -> Path:
     """Return the path of a bundled data file, such as "gm_de440.json".
 
-    Raises UnknownNameError, listing what there is, when there is no such file.
+    Raises UnknownNameError, listing the files that exist, if there is no such file.
     """
     folder = bundled("data")
     present = sorted(path.name for path in folder.iterdir() if path.is_file())
     if name not in present:
-        raise UnknownNameError(f"there is no data file {name!r}; bundled are {', '.join(present)}.")
+        raise UnknownNameError(f"there is no data file {name!r}; the bundled files are {', '.join(present)}.")
     return folder / name

@@ -1,7 +1,7 @@
-"""Unit systems, and the one border where quantities become floats and floats become quantities.
+"""Unit systems: the one place where quantities become floats and floats become quantities.
 
-Below this border everything is float64 in one system of units. GM is what is known, so a unit system carries G only to
-turn GM into masses, energies and momenta.
+Below this layer everything is float64 in one system of units. GM is known more precisely than masses, so a unit system
+uses G only to convert GM to masses, energies and momenta.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 GM_SUN = 0.00029591220828411956
-"""GM of the Sun in au^3/d^2 as DE440 was integrated with (Park et al. 2021, AJ 161, 105)."""
+"""GM of the Sun in au^3/d^2, the value of DE440's integration (Park et al. 2021, AJ 161, 105)."""
 
-# G is known to 2e-5; further off than this is a slip in the units, not another edition of CODATA.
+# G is known to 2e-5; a larger deviation than this is a mistake in the units, not another CODATA value.
 G_TOLERANCE = 1e-3
 
 LONGEST_TEXT = 200
-"""Characters of a quantity or a unit as text."""
+"""Longest text, in characters, that is read as a quantity or unit."""
 
 LARGEST_UNIT = 1e50
-"""Of a unit in m, s or kg: with larger ones, or smaller than its inverse, GM and energies are beyond floats."""
+"""Largest unit, in m, s or kg. Beyond this, or below its inverse, GM and energies leave the range of floats."""
 
 
 @dataclass(frozen=True)
 class UnitSystem:
     """Units of length, time and mass, and G in them.
 
-    name : what messages and files call it
+    name : its name in messages and files
     length, time, mass : astropy units; all three physical, or all three dimensionless
-    G : the constant of gravitation in length^3/(mass time^2); by default (None) CODATA's in these units
+    G : the gravitational constant in length^3/(mass time^2); by default (None) CODATA's value in these units
 
-    Its methods `*_value` turn a quantity in any fitting unit into float64 in this system's unit, and take plain numbers
-    as being in that unit already; a bare unit, such as u.M_sun, is one of it. They raise InputError, naming the value,
-    for another kind of unit.
+    The methods `*_value` convert a quantity in any suitable unit to float64 in this system's unit. Plain numbers are
+    taken to be in that unit already, and a bare unit, such as u.M_sun, means one of it. They raise InputError, naming
+    the value, for other kinds of units and for anything that is not a real number.
 
-    Raises InputError for units of another kind, dimensionless ones without a G, and physical ones with a G of your own.
+    Raises InputError for units of another kind, dimensionless units without G, and physical units with a wrong G.
     """
 
     name: str
@@ -58,7 +58,7 @@ class UnitSystem:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise InputError(f"a unit system is called {shown(self.name)}; expected a name such as 'SI'.")
+            raise InputError(f"the name of a unit system is {shown(self.name)}; expected a text such as 'SI'.")
         kinds = {"length": u.m, "time": u.s, "mass": u.kg}
         for what, kind in kinds.items():
             object.__setattr__(self, what, _unit(getattr(self, what), f"the unit of {what} of {self.name!r}", kind))
@@ -92,14 +92,14 @@ class UnitSystem:
             raise InputError(f"unit system {self.name!r}: G = {shown(G)}; expected a finite number > 0.")
         if nature is not None and abs(G / nature - 1.0) > G_TOLERANCE:
             raise InputError(
-                f"unit system {self.name!r}: G = {G!r}, but G is {nature:.6g} {self.gm / self.mass}. Leave G out to "
-                "have that value, or use dimensionless units for a G of your own."
+                f"unit system {self.name!r}: G = {G!r}, but G is {nature:.6g} {self.gm / self.mass}. Leave out G to "
+                "use that value, or use dimensionless units for another G."
             )
         return G
 
     @property
     def is_physical(self) -> bool:
-        """Whether the units are physical ones; False where every number is dimensionless."""
+        """Whether the units are physical; False if they are dimensionless."""
         return bool(self.length != u.dimensionless_unscaled)
 
     @property
@@ -129,9 +129,9 @@ class UnitSystem:
 
     @property
     def speed_of_light(self) -> float:
-        """The speed of light in the unit of velocity. Raises InputError where units are dimensionless."""
+        """The speed of light in the unit of velocity. Raises InputError if the units are dimensionless."""
         if not self.is_physical:
-            raise InputError(f"{self.name} has no physical units, and so no speed of light; give it as a number.")
+            raise InputError(f"{self.name} has no physical units, hence no speed of light; give it as a number.")
         from astropy import constants
 
         return float(constants.c.to_value(self.speed))
@@ -157,7 +157,7 @@ class UnitSystem:
         return self._value(x, self.gm, what, "GM")
 
     def angle_value(self, x: Any, what: str = "angle") -> Floats:
-        """Return an angle as float64 in radians, which plain numbers are taken to be; `what` names it in errors."""
+        """Return an angle as float64 in radians; plain numbers are radians. `what` names it in errors."""
         return self._value(x, u.rad, what, "angle")
 
     def rate_value(self, x: Any, what: str = "mean motion") -> Floats:
@@ -178,7 +178,7 @@ class UnitSystem:
 
     def _value(self, x: Any, unit: u.UnitBase, what: str, kind: str) -> Floats:
         if isinstance(x, np.ma.MaskedArray):
-            raise InputError(f"{what} is a masked array; expected plain numbers: a masked value is no value.")
+            raise InputError(f"{what} is a masked array; expected plain numbers, as masked values are undefined.")
         try:
             x = _gathered(x)
             if isinstance(x, u.Quantity):
@@ -190,7 +190,7 @@ class UnitSystem:
         except u.UnitConversionError as error:
             got = str(getattr(x, "unit", "")) or "no unit"
             raise InputError(f"{what} is in {got}; expected {self._expected(unit, kind)}.{_remedy(x, unit)}") from error
-        # An object of the caller's may raise what it likes when it is asked for its numbers.
+        # The caller's object may raise anything when it is asked for its numbers.
         except Exception as error:
             raise InputError(
                 f"{what} is {shown(x)}; expected real numbers, {self._expected(unit, kind)} ({error})."
@@ -199,30 +199,30 @@ class UnitSystem:
     def _expected(self, unit: u.UnitBase, kind: str) -> str:
         if unit != u.dimensionless_unscaled:
             return f"{kind} in {unit} or a unit that converts to it, or plain numbers in {unit}"
-        return "no unit" if self.is_physical else f"no unit, as everywhere in {self.name}: the number alone"
+        return "no unit" if self.is_physical else f"a plain number, as {self.name} has no units"
 
 
 def quantity_from_text(value: Any, what: str, expected: str) -> Any:
-    """Return a text such as "6 d" as a quantity, anything else as it is; InputError for another text."""
+    """Return a text such as "6 d" as a quantity, anything else unchanged. Raises InputError for other texts."""
     if not isinstance(value, str):
         return value
-    if len(value) > LONGEST_TEXT:  # astropy would look for the unit that was meant, in quadratic time
+    if len(value) > LONGEST_TEXT:  # astropy would search for similar units, in quadratic time
         raise InputError(f"{what} = {shown(value)}, a text of {len(value):,} characters; expected {expected}.")
     try:
         return u.Quantity(value)
-    # UnitScaleError, RecursionError and whatever else the units of a text lead to.
+    # UnitScaleError, RecursionError and whatever else a text of units may cause.
     except Exception as error:
         raise InputError(f"{what} = {shown(value)}; expected {expected}.{unit_meant(error)}") from None
 
 
 def unit_meant(error: Exception) -> str:
-    """Return what astropy takes an unknown unit for, from its error, as a sentence; nothing where it has no idea."""
+    """Return astropy's suggestion for an unknown unit, from its error, as a sentence; "" if it has none."""
     found = re.search(r"(\S+) is not a valid unit\.\s+Did you mean (.+?)\?", str(error))
-    return "" if found is None else f" {found[1]!r} is no unit; did you mean {found[2]}?"
+    return "" if found is None else f" {found[1]!r} is not a unit; did you mean {found[2]}?"
 
 
 def kind_of(array: NDArray[Any]) -> str:
-    """Return what an array holds, in words, where that is no real numbers."""
+    """Return the content of an array in words, if it is not real numbers."""
     words = {"U": "text", "S": "bytes", "c": "complex numbers", "b": "true or false", "M": "dates", "m": "time spans"}
     return words.get(array.dtype.kind, "objects")
 
@@ -235,16 +235,16 @@ def _unit(unit: Any, what: str, kind: u.UnitBase) -> u.UnitBase:
         if found.is_equivalent(kind):
             size = float(found.to(kind))
             if not 1.0 / LARGEST_UNIT <= size <= LARGEST_UNIT:
-                raise ValueError(f"it is {size:.3g} {kind}, beyond {LARGEST_UNIT:.0e} either way")
+                raise ValueError(f"it is {size:.3g} {kind}; expected {1 / LARGEST_UNIT:.0e} to {LARGEST_UNIT:.0e}")
         return found
-    # Powers of a unit's scale overflow, or vanish, in astropy with errors of several kinds.
+    # When powers of a unit's scale over- or underflow, astropy raises errors of several kinds.
     except Exception as error:
         reason = " ".join(str(error).split()).rstrip(".")
         raise InputError(f"{what} is {shown(unit)}; expected an astropy unit such as u.km ({reason}).") from error
 
 
 def _gathered(x: Any) -> Any:
-    """Return lists of quantities, to any depth of two, as one quantity, a bare unit as one of it, else x as it is."""
+    """Return nested lists of quantities as one quantity, a bare unit as one of it, anything else unchanged."""
     if isinstance(x, u.UnitBase):
         return u.Quantity(1.0, x)
     if isinstance(x, list | tuple):
@@ -257,25 +257,25 @@ def _gathered(x: Any) -> Any:
 def _remedy(x: Any, unit: u.UnitBase) -> str:
     got = getattr(x, "unit", None)
     if got is not None and got.is_equivalent(u.kg) and unit.is_equivalent(u.m**3 / u.s**2):
-        return " This is a mass: give mass=... where it is taken, or GM, such as astropy.constants.GM_sun."
+        return " This is a mass: use mass=... where it is accepted, or GM, such as astropy.constants.GM_sun."
     return ""
 
 
 SOLAR = UnitSystem("SOLAR", length=u.au, time=u.day, mass=u.M_sun, G=GM_SUN)
-"""au, days of TDB and the Sun's mass: G is DE440's GM of the Sun, so a body of that GM has the mass 1."""
+"""au, days of TDB and solar masses; G is DE440's GM of the Sun, so that a body of this GM has mass 1."""
 
 DIMENSIONLESS = UnitSystem(
     "DIMENSIONLESS", u.dimensionless_unscaled, u.dimensionless_unscaled, u.dimensionless_unscaled, G=1.0
 )
-"""Pure numbers with G = 1, so GM and mass are one number."""
+"""Pure numbers with G = 1, so that GM and mass are equal."""
 
 
-# From 4713 BC to the end of AD 9999, which is also what astropy can write as a date.
+# From 4713 BC to the end of AD 9999, which is the range that astropy can write as dates.
 JULIAN_DATES = (0.0, 5373484.5)
-# A plain number below this (2026 BC) is rather a modified Julian date, or a year.
+# A plain number below this (2026 BC) is more likely a modified Julian date, or a year.
 SMALLEST_PLAIN_JULIAN_DATE = 1e6
 YEARS_AS_TEXT = ("jyear_str", "byear_str")
-A_MOMENT = "expected a moment: an astropy Time, a string such as '2022-08-09' or 'J2000', or a Julian date"
+A_MOMENT = "expected a time: an astropy Time, a string such as '2022-08-09' or 'J2000', or a Julian date"
 
 
 def as_epoch(epoch: Any, what: str = "epoch") -> Time:
@@ -287,12 +287,12 @@ def as_epoch(epoch: Any, what: str = "epoch") -> Time:
     """
     time = as_epochs(epoch, what)
     if not time.isscalar:
-        raise EpochError(f"{what} is {shown(epoch)}; {A_MOMENT} ({time.size} moments).")
+        raise EpochError(f"{what} is {shown(epoch)}; {A_MOMENT} (got {time.size} times).")
     return time
 
 
 def as_epochs(epochs: Any, what: str = "epoch") -> Time:
-    """Return one epoch as `as_epoch` does, or those in a Time, a list of strings or an array of datetime64."""
+    """Return one epoch like `as_epoch`, or several from a Time, a list of strings or an array of datetime64."""
     from astropy.time import Time
 
     try:
@@ -304,7 +304,7 @@ def as_epochs(epochs: Any, what: str = "epoch") -> Time:
             time = time[0] if isinstance(epochs, str) else time
         elif isinstance(epochs, np.datetime64 | np.ndarray) and epochs.dtype.kind == "M":
             if np.isnat(epochs).any():
-                raise ValueError("NaT is no date")
+                raise ValueError("NaT is not a date")
             time = Time(epochs, scale="tdb")
         elif isinstance(epochs, int | float | np.integer | np.floating) and not isinstance(epochs, bool):
             if epochs < SMALLEST_PLAIN_JULIAN_DATE:
@@ -313,12 +313,12 @@ def as_epochs(epochs: Any, what: str = "epoch") -> Time:
         else:
             raise TypeError(f"a {type(epochs).__name__}")
         if time.masked:
-            raise ValueError("masked: a masked moment is none")
+            raise ValueError("masked times are undefined")
         if not np.all((time.jd >= JULIAN_DATES[0]) & (time.jd <= JULIAN_DATES[1])):
-            raise ValueError("before 4713 BC or after AD 9999, or no number")
-        # "J2000.000" would be all that is printed of any moment within nine hours.
+            raise ValueError("before 4713 BC or after AD 9999, or not a number")
+        # As a year, any time within nine hours would be printed as "J2000.000".
         return time.copy(format="isot") if time.format in YEARS_AS_TEXT else time
-    # What astropy raises for a date it cannot read has no base class of its own: ValueError, ErfaError, UnitsError, ...
+    # Astropy's errors for a date it cannot read have no common base class: ValueError, ErfaError, UnitsError, ...
     except Exception as error:
         reason = str(error).strip().partition("\n")[0].rstrip(".:")
         raise EpochError(f"{what} is {shown(epochs)}; {A_MOMENT} ({reason}).") from error

@@ -1,8 +1,8 @@
-"""Arenstorf's closed orbits in the rotating frame, closed again by a variational method with equal steps.
+"""Arenstorf's closed orbits in the rotating frame, by variational methods with equal steps.
 
-A spacecraft circles Earth and Moon in three or four loops and returns, exactly, to where it started, 2,400 km from the
-Moon's centre. The frame rotates: its Coriolis force depends on velocities, and the Lagrangian is that of a charged
-particle in a magnetic field. An error at the start comes back up to 300,000 times as large.
+A spacecraft orbits Earth and Moon in three or four loops and returns exactly to its starting point, 2,400 km from the
+Moon's centre. The frame rotates: the Coriolis force depends on velocities, and the Lagrangian is like that of a charged
+particle in a magnetic field. An initial error is amplified up to 300,000 times in one period.
 
 Sources: Arenstorf (1963); Hairer, Nørsett & Wanner (1993), sec. II.0.
 """

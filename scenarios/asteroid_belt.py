@@ -1,9 +1,9 @@
-"""The asteroid belt for a century: Sun, planets and more than a thousand real asteroids, judged against REBOUND.
+"""The asteroid belt for a century: Sun, planets and more than a thousand real asteroids, compared with REBOUND.
 
 The brightest main-belt asteroids and Jupiter Trojans of JPL's Small-Body Database as massless particles among Sun and
-planets from DE440, by Gauss collocation and Störmer–Verlet, with RK4 and explicit Euler as the foils. Kirkwood's gaps
-stand where they should, and the angular momentum of the massive bodies stays flat to the sixteenth digit. All are
-Newtonian point masses: after a century DE440 has Mercury 23,000 km, Jupiter 500 km elsewhere.
+planets from DE440, by Gauss collocation and Störmer–Verlet, with RK4 and explicit Euler as controls. Kirkwood's gaps
+are where they should be, and the angular momentum of the massive bodies is constant to sixteen digits. All are
+Newtonian point masses: after a century, DE440 puts Mercury 23,000 km and Jupiter 500 km elsewhere.
 """
 
 import numpy as np
@@ -31,8 +31,8 @@ def system():
 
 def checks(outcome):
     """Angular momentum of the massive bodies: kept where declared, lost where not; asteroids where they belong."""
-    foils = abs(outcome.run.step) >= DT.value
-    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, foils=foils)
+    controls = abs(outcome.run.step) >= DT.value
+    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, controls=controls)
     a, e, _ = mean_elements(outcome.run)
     inside = np.isfinite(a) & (a > 1.5) & (a < 6.0) & (e < 1.0)
     yield orbits.Check(

@@ -1,12 +1,13 @@
-"""Brouwer's law: round-off that does not lean to one side, over 32 orbits followed for 5,000 periods each.
+"""Brouwer's law: unbiased round-off over 32 orbits, each integrated for 5,000 periods.
 
-Rounding errors of either sign make the energy walk at random: its error grows with the root of time, that of the phase
-with the power 3/2. Gauss with coefficients that are exactly symplectic in binary does that. With the same coefficients
-rounded to nearest, which is wrong in the seventeenth digit, the energy drifts one way, and the phase runs off with the
-square of time. REBOUND's IAS15 runs beside.
+With unbiased rounding the energy performs a random walk: its error grows as the square root of time, and the phase
+error with the power 3/2. This holds for Gauss with coefficients that are exactly symplectic in binary. With the same
+coefficients rounded to nearest, which are wrong in the seventeenth digit, the energy drifts in one direction, and the
+phase error grows as the square of time. REBOUND's IAS15 is shown for comparison.
 
-Kepler's problem, e = 0.2, every start with its own orientation and anomaly, 30 steps a period. Phases are mean
-longitudes, held to Kepler's third law for the very floats of each start, in forty digits.
+The problem is Kepler's, with e = 0.2, 30 steps per period, and a different orientation and anomaly for each orbit.
+Phases are mean longitudes, compared with Kepler's third law for exactly the floats of each initial state, in forty
+digits.
 
 Sources: Brouwer (1937); Hairer, McLachlan & Razakarivony (2008); Rein & Spiegel (2015) for IAS15.
 """
@@ -16,7 +17,7 @@ import numpy as np
 
 import orbits
 from orbits.diagnostics import Growth, growth
-from orbits.diagnostics.foils import NearestGauss
+from orbits.diagnostics.nearest_gauss import NearestGauss
 from orbits.diagnostics.stepping import Bodies, march
 from orbits.point_masses import PointMasses
 from orbits.regression import peers

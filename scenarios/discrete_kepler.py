@@ -1,7 +1,7 @@
-"""Discrete Lagrangians of Kepler's problem against the exact one: their errors fall with h to the order plus one.
+"""Discrete Lagrangians of Kepler's problem against the exact one: their errors fall as h to the order plus one.
 
 L_d(q0, q1; h) approximates the action of the true motion from q0 to q1; the exact action has a closed form, Lambert's
-theorem. A method of order r has |L_d - exact| = O(h^(r+1)) along true solutions, and so it comes out for symplectic
+theorem. A method of order r has |L_d - exact| = O(h^(r+1)) along true solutions, as is measured here for symplectic
 Euler, the trapezoidal and midpoint rules, Lobatto IIIA-IIIB and Gauss.
 
 Source: Marsden & West (2001), theorem 2.3.1.

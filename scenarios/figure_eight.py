@@ -1,9 +1,9 @@
-"""The figure eight and twelve more periodic orbits of three equal masses, closed by variational methods.
+"""The figure eight and twelve more periodic orbits of three equal masses, by variational methods.
 
-Three bodies chase each other along one curve, a third of a period apart (Chenciner and Montgomery). Each method takes
-it round with the same steps; what is missing after one period, and after a hundred, is the method's error, for the
-start is known to ten digits. Then come the orbits that Šuvakov and Dmitrašinović found. Their published digits close
-only to about a thousandth: that very closure, known from forty-digit arithmetic, is what has to come out.
+Three bodies follow each other along one curve, a third of a period apart (Chenciner and Montgomery). Each method
+integrates it with the same steps; as the initial state is known to ten digits, the distance from it after one period,
+and after a hundred, is the error of the method. Then come the orbits found by Šuvakov and Dmitrašinović. Their
+published digits close only to about a thousandth; this closure, known from forty-digit arithmetic, must be reproduced.
 
 Sources: Chenciner & Montgomery (2000); Šuvakov & Dmitrašinović (2013), PRL 110, 114301. The bounds of Gauss with two
 stages are those of the tests of GeometricProblems.jl.

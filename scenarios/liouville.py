@@ -1,8 +1,8 @@
-"""Discrete Liouville: a loop of initial conditions keeps its area under every variational method, and no other.
+"""Discrete Liouville: variational methods conserve the area of a loop of initial conditions; Euler and RK4 do not.
 
-Four hundred pendulums, started on a circle of the phase plane, are marched together. The loop that they form is
-stretched and wound up, but the area inside, the integral of p dq around it, stays to round-off under Störmer–Verlet,
-symplectic Euler and Gauss; explicit Euler blows it up, RK4 lets it shrink.
+Four hundred pendulums start on a circle in the phase plane. The loop that they form is stretched and wound up, but the
+area inside, the integral of p dq around it, is conserved to round-off by Störmer–Verlet, symplectic Euler and Gauss; it
+grows with explicit Euler, and shrinks with RK4.
 
 Source: Hairer, Lubich & Wanner (2006), sec. I.3, VI.2.
 """

@@ -1,9 +1,9 @@
-"""The outer solar system for 200,000 days, as Hairer, Lubich and Wanner draw it, and beyond their picture.
+"""The outer solar system for 200,000 days, as in the picture of Hairer, Lubich and Wanner, with more methods.
 
-Sun, four giants and Pluto with the book's numbers. Explicit Euler with steps of 10 days lets the planets spiral
-outwards; symplectic Euler with 100 days and Störmer–Verlet with 200 days keep them on their orbits, at the cost of
-fewer forces; Gauss with 200 days is at round-off. RK4 with 200 days lets Jupiter fall towards the Sun. Positions are
-measured against Gauss with steps of 25 days, and REBOUND runs beside.
+Sun, four giants and Pluto with the book's numbers. With explicit Euler and steps of 10 days the planets spiral
+outwards; symplectic Euler with 100 days and Störmer–Verlet with 200 days keep them on their orbits with fewer force
+evaluations; Gauss with 200 days is at round-off. With RK4 and 200 days Jupiter falls towards the Sun. Positions are
+measured against Gauss with steps of 25 days; REBOUND is shown for comparison.
 
 Source: Hairer, Lubich & Wanner (2006), sec. I.2.4, table 2.2 and fig. 2.4.
 """

@@ -1,11 +1,10 @@
 """The pendulum's phase portrait, exactly and by eight maps: spirals, island chains, a chaotic layer, an integrable map.
 
 Explicit Euler drives every motion outwards and RK4 damps it. Störmer–Verlet with step h is Chirikov's standard map with
-K = h^2: its resonances open chains of islands, and at large h a chaotic layer fills the neighbourhood of the
-separatrix. Suris' map is Störmer–Verlet too, for a force that differs from the pendulum's by O(h^2): it has an
-integral at every h, and no chaos.
+K = h^2: its resonances open chains of islands, and at large h a chaotic layer surrounds the separatrix. Suris' map is
+Störmer–Verlet for a force that differs from the pendulum's by O(h^2): it has an integral for every h, and no chaos.
 
-Islands are small, and orbits on a grid miss them: half of Störmer–Verlet's start in what the others leave empty.
+Islands are small, and orbits on a grid miss them: half of the orbits of Störmer–Verlet start where others leave gaps.
 
 Sources: Hairer, Lubich & Wanner (2006), sec. I.1; Chirikov (1979); Suris (1989).
 """
@@ -24,7 +23,7 @@ ORBITS, STEPS = 200, 2000
 FIRST, ROUNDS = 100, 20  # of the maps with islands: starts on lines and all over, then in rounds in the largest gaps
 CELLS = 120  # of the picture, each way, that are looked at for gaps
 EMPTY = 0.012  # of the width of the picture: no empty square of two cells, where islands are filled
-SHOWN = 25  # the orbit of the foils that is drawn in black, from rest at 54 degrees
+SHOWN = 25  # the orbit of the controls that is drawn in black, from rest at 54 degrees
 SEPARATRIX = 2.0  # |p| at q = 0 of the exact separatrix
 REGULAR, CHAOTIC = 0.012, 0.05
 """Exponents per step after 2,000 steps: tangents of regular orbits grow linearly, ln(2000)/2000 = 0.004."""
@@ -35,8 +34,8 @@ def panels():
     verlet = orbits.StormerVerlet()
     return [
         ("exact motion", orbits.Gauss(stages=8), 0.25, "exact"),
-        ("explicit Euler, h = 0.02", orbits.ExplicitEuler(), 0.02, "foil"),
-        ("RK4, h = 0.9", orbits.RungeKutta4(), 0.9, "foil"),
+        ("explicit Euler, h = 0.02", orbits.ExplicitEuler(), 0.02, "control"),
+        ("RK4, h = 0.9", orbits.RungeKutta4(), 0.9, "control"),
         ("Störmer–Verlet, h = 0.5", verlet, 0.5, "standard"),
         ("Störmer–Verlet, h = 0.9", verlet, 0.9, "standard"),
         ("Störmer–Verlet, h = 1.2", verlet, 1.2, "standard"),
@@ -54,7 +53,7 @@ def top(h, kind):
 def starts(h, kind, count=ORBITS):
     """Starts (count, 2): along p = 0, up and down the lines q = 0 and q = pi, and evenly all over the picture."""
     half = top(h, kind)
-    along = np.linspace(0.02, 0.95 * np.pi, 80) if kind == "foil" else np.linspace(0.02, np.pi - 1e-3, count // 3)
+    along = np.linspace(0.02, 0.95 * np.pi, 80) if kind == "control" else np.linspace(0.02, np.pi - 1e-3, count // 3)
     rest = count - len(along)
     k = np.arange(rest)
     sign = np.where(k % 2, 1.0, -1.0)
@@ -156,7 +155,7 @@ def experiment(say):
     marched, rows, checks, exponents = [], [], [], {}
     for title, method, h, kind in panels():
         say(f"{title}: {ORBITS} orbits of {STEPS:,} steps")
-        if kind == "foil":
+        if kind == "control":
             q, p = march_all(method, h, starts(h, kind))
             above = energy(q, p)[:60] + 1  # the librations that start at rest, up to 125 degrees
             gain = float(np.median(above[:, -1] / above[:, 0]))
@@ -215,7 +214,7 @@ def draw(marched):
     style = plotting.style
     for axis, (title, h, kind, q, p, rates) in zip(axes.flat, marched, strict=True):
         separatrix(axis)
-        if kind == "foil":
+        if kind == "control":
             cloud(axis, q, p, style.SKY, alpha=0.35)
             cloud(axis, q[SHOWN : SHOWN + 1], p[SHOWN : SHOWN + 1], style.INK, "o", ms=2.0)
         else:

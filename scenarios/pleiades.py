@@ -1,8 +1,8 @@
-"""The Pleiades: seven stars in a plane that meet closely, held to published values at t = 3.
+"""The Pleiades: seven stars in a plane with close encounters, compared with published values at t = 3.
 
-Masses 1 to 7, no order among them: no method that splits off a central body serves, and errors at each meeting are
-carried into the next one. Gauss with 8 stages and 2,400 equal steps ends within 1e-11 of the reference, with 9,600 it
-is the rounding of the states that is left; REBOUND's IAS15 chooses 400 steps.
+The masses are 1 to 7, so methods that split off a central body are of no use, and the errors of each encounter affect
+the next one. Gauss with 8 stages and 2,400 equal steps ends within 1e-11 of the reference; with 9,600 only the rounding
+of the states is left. REBOUND's IAS15 chooses 400 steps.
 
 Source: Hairer, Nørsett & Wanner (1993), sec. II.10; end values from the Test Set for IVP Solvers (Bari).
 """

@@ -1,12 +1,13 @@
 """The Solar System for a thousand years: Sun, planets and Pluto from JPL's DE440, to the round-off floor.
 
-Newtonian point masses from J2000 at steps of six days: Gauss collocation with 8 stages, Störmer–Verlet, and RK4 and
-explicit Euler as the foils that lose angular momentum; beside them REBOUND's WHFast and IAS15. The table of positions
-measures against Gauss with shorter steps, so it cannot see what is wrong with all of Gauss; a check then runs the
-same method from the ten bodies of data/solar_system_10body.json, for which a Taylor integration in quadruple precision
-says where they are after 10, 100 and 1,000 years.
+Newtonian point masses from J2000 with steps of six days: Gauss collocation with 8 stages, Störmer–Verlet, and RK4 and
+explicit Euler as controls that lose angular momentum, together with REBOUND's WHFast and IAS15. Positions are measured
+against Gauss with shorter steps, which cannot reveal errors common to all Gauss methods. A check therefore runs the
+same method from the ten bodies of data/solar_system_10body.json, whose positions after 10, 100 and 1,000 years are
+known from a Taylor integration in quadruple precision.
 
-What the model leaves out is not measured here: from 2000 to 2030 Mercury misses DE440 by 5,400 km, the Earth by 1,800.
+Errors of the model are not measured here: from 2000 to 2030 Mercury deviates from DE440 by 5,400 km, the Earth by
+1,800.
 """
 
 import json
@@ -33,8 +34,8 @@ def checks(outcome):
     """Angular momentum: at round-off where the method declares its momentum maps, visibly not where it does not. Gauss
     against quadruple precision.
     """
-    foils = abs(outcome.run.step) >= DT.value
-    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, foils=foils)
+    controls = abs(outcome.run.step) >= DT.value
+    yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, controls=controls)
     for run in outcome.runs.values():
         if isinstance(run.integrator, orbits.Gauss) and run.times[-1] >= 10 * YEAR:
             yield against_quadruple_precision(run)

@@ -1,14 +1,14 @@
 """Proof that a refactoring changed no bit: hashes of what every method computes, before and after.
 
-    python scripts/bits.py write FILE              run all cases, some two minutes, and keep hashes of their results
-    python scripts/bits.py compare FILE            run them again and print what differs; exit code 1 if anything does
-    python scripts/bits.py compare FILE --only "*verlet*"    the cases whose name matches (of `write` too)
+    python scripts/bits.py write FILE              run all cases, some two minutes, and store hashes of their results
+    python scripts/bits.py compare FILE            run them again and print differences; exit code 1 if there are any
+    python scripts/bits.py compare FILE --only "*verlet*"    only the cases whose name matches (also for `write`)
 
-The cases (`bits_cases.py`) use the public API only, so that both files run unchanged on both sides of a change. Hashes
-are those of the float64 bytes of times, positions, velocities or momenta and closest approaches; counts of force
-evaluations are compared as well. Beside each hash stand a checksum for every sample, the hash without the signs of
-zeros, and the last sample in full, so that a difference can be judged: from which sample on, how large, or only a
-zero's sign. The bits belong to one processor and one version of Numba: write and compare on the same machine.
+The cases (`bits_cases.py`) use the public API only, so that both files run unchanged before and after a change. The
+hashes cover the float64 bytes of times, positions, velocities or momenta and closest approaches; numbers of force
+evaluations are compared as well. A checksum for every sample, a hash without the signs of zeros, and the last sample in
+full tell where a difference begins, how large it is, and whether it is only the sign of a zero. The bits depend on the
+processor and the version of Numba: write and compare on the same machine.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("command", choices=["write", "compare"])
     parser.add_argument("file", type=Path, help="JSON file of the hashes")
-    parser.add_argument("--only", default="*", help='cases whose name matches, such as "crowd/*" or "*gauss*"')
+    parser.add_argument("--only", default="*", help='cases whose name matches, such as "many bodies/*" or "*gauss*"')
     given = parser.parse_args()
     stored = None if given.command == "write" else json.loads(given.file.read_text())
     warnings.simplefilter("ignore")

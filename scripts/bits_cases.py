@@ -1,4 +1,4 @@
-"""The cases of `bits.py`: every method on massive bodies, particles, crowds, Lagrangians, archives, encounters.
+"""The cases of `bits.py`: every method on massive bodies, few and many, particles, Lagrangians, archives, encounters.
 
 Only the public API of the package is used, so that the cases run unchanged before and after a refactoring.
 """
@@ -102,8 +102,8 @@ def star_alone() -> Any:
 
 
 @cache
-def crowd() -> Any:
-    """Return 1,100 massive bodies and nine massless ones, whose forces are shared by threads."""
+def many_bodies() -> Any:
+    """Return 1,100 massive bodies, whose forces threads share, and nine massless ones."""
     rng = np.random.default_rng(7)
     gm = np.append(1e-7 * (1.0 + rng.random(1100)), np.zeros(9))
     gm[0] = 1.0
@@ -247,7 +247,7 @@ def cases() -> Iterator[Case]:
     """Yield all cases, those of a kind one after the other; the kind is the name up to the first slash."""
     yield from massive_cases()
     yield from particle_cases()
-    yield from crowd_cases()
+    yield from many_body_cases()
     yield from march_cases()
     yield from archive_cases()
     yield from encounter_cases()
@@ -281,12 +281,13 @@ def particle_cases() -> Iterator[Case]:
             yield f"particles/{method.label} {kind}", partial(propagated, system, method, also=(between,), **options)
 
 
-def crowd_cases() -> Iterator[Case]:
+def many_body_cases() -> Iterator[Case]:
     """A thousand massive bodies, by one thread and two."""
     for method in distinct(explicit(), default_chains()):
         for threads in (1, 2):
             options: dict[str, Any] = {"dt": 0.01, "duration": 0.055, "samples": [0.0, 0.02, 0.055], "threads": threads}
-            yield f"crowd/{method.label} [threads={threads}]", partial(propagated, crowd(), method, **options)
+            name = f"many bodies/{method.label} [threads={threads}]"
+            yield name, partial(propagated, many_bodies(), method, **options)
 
 
 def march_cases() -> Iterator[Case]:

@@ -2,8 +2,8 @@
 
     python scripts/build_schemes.py > orbits/tableaux/published.py
 
-Where a scheme has free parameters, Newton's correction of least norm is taken, so that what the authors optimized is
-kept. The correction is printed to the error stream: it must be of the size of the last digit published.
+If a scheme has free parameters, Newton's correction of least norm is used, which keeps the authors' optimization. The
+correction is printed to the error stream: it must be of the size of the last published digit.
 """
 
 import sys

@@ -1,11 +1,11 @@
 """Draw the pictures of the docs anew: run scenarios and copy, reduced, those of their pictures that the docs show.
 
-    python scripts/figures.py                           # all of them: about ten minutes, and a quiet machine, please
+    python scripts/figures.py                           # all of them: about ten minutes, on an idle machine
     python scripts/figures.py kepler arenstorf          # of these scenarios
     python scripts/figures.py --from results kepler   # of what `orbits run kepler` has drawn already
 
-A picture belongs to the docs when a file of its name is in docs/figures. It becomes 1,500 pixels wide and 256 colours,
-so that the repository stays small. `work_precision` measures seconds: its picture is worth what the machine was idle.
+A picture belongs to the docs if a file of its name is in docs/figures. It is reduced to 1,500 pixels width and 256
+colours, to keep the repository small. `work_precision` measures times, so its picture needs an idle machine.
 """
 
 from __future__ import annotations

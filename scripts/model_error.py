@@ -1,10 +1,10 @@
-"""What Newtonian point masses miss of the real Solar System: runs from 2000-01-01 beside DE440.
+"""The deviation of Newtonian point masses from the real Solar System: runs from 2000-01-01 compared with DE440.
 
     python scripts/model_error.py                  the table of docs/library.md, some seconds
 
-The integration is at round-off here (metres in a thousand years), so all that is left is the model: DE440 has
-relativity, the figures of Sun, Earth and Moon, tides, and 343 asteroids and the Kuiper belt, and these runs have not.
-Positions are heliocentric, the Moon's also from the Earth, at the same TDB; the largest distance since the start
+The integration error is round-off here (metres in a thousand years), so the deviation is that of the model: DE440 has
+relativity, the figures of Sun, Earth and Moon, tides, 343 asteroids and the Kuiper belt, which these runs lack.
+Positions are heliocentric, and for the Moon also geocentric, at the same TDB; the largest distance since the start
 counts. Source of the forces in DE440: Park et al. (2021), AJ 161, 105.
 """
 
@@ -79,7 +79,7 @@ def measured() -> dict[str, list[float]]:
     return {
         **{name: largest(differences) for name, differences in apart.items()},
         "Earth and Moon as one body": largest(merged),
-        "what making them one body does": largest(merged - barycentre),
+        "effect of making them one body": largest(merged - barycentre),
     }
 
 

@@ -2,9 +2,9 @@
 
     python scripts/work_precision.py           both problems, about a minute
 
-For each method the step is shortened until round-off; evaluations of the forces and time for a given error are
-interpolated between the runs, as logarithms. The error is the largest of a coordinate at the end, relative to the size
-of the orbit.
+For each method the step is shortened down to round-off; force evaluations and time for a given error are interpolated
+between the runs, in logarithms. The error is the largest error of a coordinate at the end, relative to the size of the
+orbit.
 """
 
 from __future__ import annotations

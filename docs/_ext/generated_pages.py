@@ -1,6 +1,6 @@
 """Pages that are written when the site is built, into `_generated/`: the API, the scenarios, and the files at the root.
 
-Nothing here is a list kept by hand: names come from `__all__`, scenarios from their folder.
+There are no lists kept by hand: names come from `__all__`, scenarios from their folder.
 """
 
 from __future__ import annotations

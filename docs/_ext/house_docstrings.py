@@ -1,6 +1,6 @@
 """Docstrings in the house style as reStructuredText: lists of "name : text", indented examples, `names` in backticks.
 
-The style is plain text, so every character that reStructuredText would take for markup is escaped.
+The style is plain text, so every character that reStructuredText would interpret as markup is escaped.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the API reference documents, from the lists that exist: `__all__`, and what the pages themselves import.
+"""The names that the API reference documents: those in `__all__`, and those that pages of the documentation import.
 
 A name of `orbits.__all__` belongs to the page of the module that it comes from; every other public package has a page
 for its own `__all__`. What a page of the documentation imports is documented too, and so is the base of a documented

@@ -5,7 +5,8 @@
     asteroids(names=["Ceres", "Vesta"])
     asteroids(numbers=range(1, 11))
 
-2,284 of the belt and 497 Trojans, all with absolute magnitude H < 12, osculating elements at MJD 59800 TDB. No masses.
+It has 2,284 asteroids of the belt and 497 Trojans, all with absolute magnitude H < 12, with osculating elements at
+MJD 59800 TDB and no masses.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from functools import cache
 
 import numpy as np
 
+from orbits.catalogue.catalogue import Catalogue, Floats, choose
 from orbits.catalogue.names import parts, rows_by_name
-from orbits.catalogue.value import Catalogue, Floats, choose
 from orbits.resources import data_path
 
 FILE = "jpl_sbdb_belt_and_trojans.csv"
 EPOCH_MJD = 59800.0
-"""The epoch of the elements, MJD TDB (2022-08-09), of all but two asteroids, which are given only when named."""
+"""The epoch of the elements, MJD TDB (2022-08-09); two asteroids with another epoch are returned only by name."""
 
 
 def asteroids(
@@ -35,15 +36,15 @@ def asteroids(
 ) -> Catalogue:
     """Return real asteroids with their osculating elements, the brightest first.
 
-    count : no more than the brightest `count` of those that the other arguments leave
-    names : these alone, in this order: "Ceres", "1 Ceres" or a designation such as "2000 SN209"; case does not matter
-    numbers : these alone, in this order, after those called by name
+    count : at most the brightest `count` of those that the other arguments select
+    names : only these, in this order: "Ceres", "1 Ceres" or a designation such as "2000 SN209"; case is ignored
+    numbers : only these, in this order, after those selected by name
     classes : "belt", "trojan", or codes of the Small-Body Database: "MBA", "OMB", "IMB", "MCA", "TJN"
-    brighter_than : absolute magnitudes H below this
+    brighter_than : only absolute magnitudes H below this
 
-    Two asteroids have elements of another epoch and are left out unless they are called by name.
-    Raises UnknownNameError for a name, number or class that is not there, with close matches; InputError for a count
-    that is not a positive integer or is more than there are.
+    Two asteroids have elements of another epoch, and are left out unless they are selected by name.
+    Raises UnknownNameError, with close matches, for an unknown name, number or class; InputError for a count that is
+    not a whole number >= 1, or exceeds what is available.
     """
     table, ways = _table()
     brightest = [row for row in np.argsort(table.H, kind="stable").tolist() if table.epoch[row] == EPOCH_MJD]
@@ -61,12 +62,12 @@ def asteroids(
 
 @cache
 def _table() -> tuple[Catalogue, dict[str, int]]:
-    """Return the whole catalogue in the order of the file, and the rows by every way to call an asteroid.
+    """Return the whole catalogue in the order of the file, and the row of every form of an asteroid's name.
 
-    Those are "ceres", "1 ceres", "1", "a801 aa" and "1 ceres a801 aa".
+    The forms are "ceres", "1 ceres", "1", "a801 aa" and "1 ceres a801 aa".
     """
     with data_path(FILE).open(encoding="ascii", newline="") as stream:
-        next(stream)  # the line that says where the file is from
+        next(stream)  # the line with the source of the file
         header, *rows = csv.reader(stream)
     columns = dict(zip(header, zip(*rows, strict=True), strict=True))
     known = [parts(full) for full in columns["full_name"]]

@@ -1,4 +1,4 @@
-"""The orbit classes of JPL's Small-Body Database: codes, groups, and which one an orbit belongs to.
+"""The orbit classes of JPL's Small-Body Database: codes, groups, and the classification of orbits.
 
 Source: the class definitions of the SBDB Filter documentation, https://ssd-api.jpl.nasa.gov/doc/sbdb_filter.html.
 """
@@ -48,15 +48,15 @@ GROUPS = {
 
 
 def orbit_classes(a: Floats, e: Floats, comet: NDArray[np.bool_]) -> list[str]:
-    """Return the class of each orbit, shape (n,); a in au, e, and which ones are comets.
+    """Return the class of each orbit, shape (n,); a in au, e, and which bodies are comets.
 
-    Comets are told apart by eccentricity and period alone, so never ETc, JFc or CTc.
+    Comets are classified by eccentricity and period alone, so never as ETc, JFc or CTc.
     """
     with np.errstate(invalid="ignore"):
         q, aphelion = a * (1.0 - e), a * (1.0 + e)
         years = np.where(e < 1.0, np.abs(a), np.inf) ** 1.5
         asteroid = ~comet
-        # The first that holds: what is not bound has no a to go by.
+        # The first condition that holds counts. Unbound orbits come first, as they cannot be classified by a.
         cases = {
             "PAR": comet & (e == 1.0),
             "HYP": comet & (e > 1.0),

@@ -1,7 +1,7 @@
 """Numbers in columns of fixed width, many lines at once, each rounded once.
 
-A decimal number of at most 15 digits is an integer over a power of ten, both of them exact as float64: their quotient
-is the float64 nearest to what is printed.
+A decimal number of at most 15 digits is an integer over a power of ten. Both are exact as float64, so their quotient is
+the float64 nearest to the printed number.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ BLANK, DOT, PLUS, MINUS, ZERO, NEWLINE, RETURN = (ord(c) for c in " .+-0\n\r")
 
 
 def decimals(columns: Bytes) -> tuple[Floats, Bools]:
-    """Return the numbers in columns, shape (n, width) to (n,): nan where all is blank; and where there is none.
+    """Return the numbers in columns, (n, width) to (n,), nan for blank columns; and which columns are not numbers.
 
-    A number is an optional sign, digits and at most one point, with blanks around it: what Fortran's Fw.d writes.
+    A number is an optional sign, digits and at most one point, with blanks around it, as Fortran's Fw.d writes it.
     """
     n, width = columns.shape
     value, power = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
@@ -46,10 +46,10 @@ def decimals(columns: Bytes) -> tuple[Floats, Bools]:
 
 
 def lines(block: Bytes, width: int) -> tuple[Bytes, NDArray[np.int64], NDArray[np.int64]]:
-    """Return the lines of a block that ends with a line's end, cut or filled with blanks to `width` bytes.
+    """Return the lines of a block, their lengths, and the number of lines before each: (n, width), (n,), (n,).
 
-    And the length of each without its end, and how many lines are before it; shapes (n, width), (n,), (n,). Lines that
-    are blank are left out.
+    block : ends with a newline
+    Lines are cut or padded with blanks to `width` bytes; lengths exclude the newline. Blank lines are left out.
     """
     ends = np.flatnonzero(block == NEWLINE)
     starts = np.concatenate([[0], ends[:-1] + 1])

@@ -1,4 +1,4 @@
-"""The many ways to call an asteroid or a comet."""
+"""The many forms of the name of an asteroid or comet."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 Parts = tuple[int, str, str]
 
-# "1P/Halley" and "73P-C/Schwassmann-Wachmann 3-C" begin with digits too, but these are no asteroid's number.
+# "1P/Halley" and "73P-C/Schwassmann-Wachmann 3-C" also begin with digits, but these are not numbers of asteroids.
 FULL_NAME = re.compile(r"(?:(\d{1,9})(?=\s|$))?\s*(.*?)\s*(?:\(([^()]*)\))?")
 
 
@@ -19,7 +19,7 @@ def parts(full: str) -> Parts:
 
 
 def is_comet(name: str) -> bool:
-    """Return whether a name is a comet's: "1P/Halley", "C/1995 O1"; or a visitor's, "1I/'Oumuamua"."""
+    """Return whether a name belongs to a comet, "1P/Halley", "C/1995 O1", or an interstellar object, "1I/'Oumuamua"."""
     prefix, slash, _ = name.partition("/")
     return bool(slash) and prefix.partition("-")[0].lstrip("0123456789") in ("C", "P", "D", "X", "I", "A")
 
@@ -30,12 +30,12 @@ def plain(name: str) -> str:
 
 
 def rows_by_name(full_names: Sequence[str], known: Sequence[Parts]) -> dict[str, int]:
-    """Return the rows by every way to call a body, as `plain` writes it.
+    """Return the row of every form of a body's name, as returned by `plain`.
 
-    For Ceres those are "ceres", "1 ceres", "1", "a801 aa" and "1 ceres a801 aa".
+    For Ceres these are "ceres", "1 ceres", "1", "a801 aa" and "1 ceres a801 aa".
     """
     rows: dict[str, int] = {}
-    # Names last: should a designation ever read like another asteroid's name, the name wins.
+    # Names last: if a designation ever equals another asteroid's name, the name wins.
     ways: list[tuple[str, ...]] = list(zip(full_names, (d for _, _, d in known), strict=True))
     ways += [(str(number), f"{number} {name}", name) if number else (name,) for number, name, _ in known]
     for i, called in enumerate(ways):

@@ -1,4 +1,4 @@
-"""Orbits from a table whose columns are named as JPL names them; what is missing is derived where it can be."""
+"""Orbits from a table with JPL's column names; missing elements are derived where possible."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.catalogue.catalogue import Floats, passage
 from orbits.catalogue.sources import short
-from orbits.catalogue.value import Floats, passage
 from orbits.errors import InputError, shown
 
-# What this package calls a column: what the database calls it, whatever the case; the first that is there.
+# The name of a column here, and its names in the database, ignoring case; the first that is present is used.
 ALIASES = {
     "name": ("full_name", "fullname", "name", "pdes", "des", "spkid"),
     "epoch": ("epoch_mjd", "epoch.mjd", "epoch"),
@@ -38,18 +38,18 @@ MOMENTS = ("epoch", "T")
 NUMBERS = tuple(ours for ours in ALIASES if ours not in (*TEXTS, *MOMENTS))
 MOST_COLUMNS = 1000
 
-# Above this eccentricity q and tp keep the shape and the place near the Sun that a and the mean anomaly would round.
+# Above this eccentricity q and tp are used: a and the mean anomaly would lose digits of the path near the Sun.
 BY_PERIHELION = 0.9
 
 MJD_OF_JD_2400000 = -0.5
-# Moments above this are Julian dates: as a modified one it is the year 4596, as a Julian one 1975 BC.
+# Times above this are Julian dates: as an MJD it is the year 4596, as a Julian date 1975 BC.
 SMALLEST_JD = 1e6
 MJD_RANGE = (-2400000.5, 2973484.0)
 JULIAN_DATE = re.compile(r"(\d{1,8})(?:\.(\d*))?")
 
 
 class Columns:
-    """A piece of a table as it was read: the names of its columns, and rows of text, numbers and None."""
+    """A piece of a table as read: the names of its columns, and rows of text, numbers and None."""
 
     def __init__(self, header: Sequence[Any], first: int, source: str) -> None:
         self.header = [str(cell).strip() for cell in header[: MOST_COLUMNS + 1]]
@@ -66,7 +66,7 @@ class Columns:
 
     def _place(self, ours: str) -> int | None:
         for alias in ALIASES[ours]:
-            # Q is the aphelion of old answers, so q is taken as it is written.
+            # In old answers Q is the aphelion distance, so the case of q matters.
             same = [
                 i for i, cell in enumerate(self.header) if cell == alias or (alias != "q" and cell.lower() == alias)
             ]
@@ -75,7 +75,7 @@ class Columns:
         return None
 
     def called(self, ours: str) -> str:
-        """Return what the table calls a column."""
+        """Return the table's own name of a column."""
         return self.header[self.place[ours]]
 
 
@@ -91,7 +91,7 @@ _NEEDED: dict[str, tuple[set[str], ...]] = {
 
 
 class Orbits:
-    """The orbits of a piece of a table, arrays of shape (n,), and what is wrong with each row: "" where nothing is."""
+    """The orbits of a piece of a table, arrays of shape (n,), and the problem of each row, or ""."""
 
     def __init__(self, columns: Columns) -> None:
         n = len(columns.rows)
@@ -115,18 +115,18 @@ class Orbits:
         for what in ("inc", "Omega", "omega", "M"):
             self.values[what] = np.radians(self.values[what])
         self.by_perihelion = np.zeros(n, dtype=bool)
-        with np.errstate(all="ignore"):  # what is not finite is found below
+        with np.errstate(all="ignore"):  # values that are not finite are found below
             self._derive()
             self._check()
 
     def texts(self, ours: str) -> list[str]:
-        """Return a column as text, on one line; empty where there is none."""
+        """Return the cells of a column as text, on one line; empty if there is no such column."""
         if ours not in self._columns.place:
             return [""] * len(self.problems)
         return [_text(value) for value in self._cells[self._columns.place[ours]]]
 
     def others(self) -> dict[str, NDArray[np.str_]]:
-        """Return the columns that are not used here, as text."""
+        """Return the remaining columns as text."""
         used = set(self._columns.place.values())
         return {
             name: np.array([_text(value)[:64] for value in self._cells[i]], dtype=str)
@@ -135,7 +135,7 @@ class Orbits:
         }
 
     def digits(self) -> int:
-        """Return the largest number of significant digits that sizes are given with; 0 where there is none."""
+        """Return the largest number of significant digits of the sizes; 0 if there are none."""
         texts = [_text(value) for what in ("a", "q", "n", "P") for value in self._given(what)]
         return max((len(re.sub(r"[eE].*|[^0-9]", "", text).lstrip("0")) for text in texts), default=0)
 
@@ -181,7 +181,7 @@ class Orbits:
         a, e, q = v["a"], v["e"], v["q"]
         self._refuse("epoch", np.isnan(v["epoch"]), "is missing; expected the epoch of the elements")
         outside = (v["epoch"] < MJD_RANGE[0]) | (v["epoch"] > MJD_RANGE[1])
-        self._refuse("epoch", outside, "is MJD {}; expected one of the years -4712 to 9999")
+        self._refuse("epoch", outside, "is MJD {}; expected a date in the years -4712 to 9999")
         self._refuse("e", ~(e >= 0.0) | np.isinf(e), "is {}; expected a finite eccentricity >= 0")
         for what in ("inc", "Omega", "omega"):
             degrees = "0 to 180" if what == "inc" else "-360 to 360"
@@ -192,7 +192,7 @@ class Orbits:
             "a", np.isnan(a) | ((1.0 - e) * a < 0.0), "is {}; expected > 0 for an ellipse, < 0 for a hyperbola"
         )
         self._refuse("q", ~((q > 0.0) & np.isfinite(q)), "is {}; expected a perihelion distance > 0")
-        # Values of three digits agree no better than this; columns that were mixed up do not agree at all.
+        # Values of three digits may differ by this much; mixed-up columns do not agree at all.
         apart = np.isfinite(a) & (np.abs(q - a * (1.0 - e)) > 0.01 * (np.abs(q) + np.abs(a)))
         self._refuse("q", apart, "is {}, which contradicts a and e; expected a (1 - e)")
         self._refuse("M", np.isnan(v["M"]) & np.isnan(v["T"]), "is missing; expected ma, or tp")
@@ -215,16 +215,16 @@ def _text(value: Any) -> str:
 
 
 def _number(value: Any) -> float:
-    """Return a number, nan for None and blanks; raise ValueError or TypeError for what is none."""
+    """Return a number, nan for None and blanks. Raises ValueError or TypeError for anything else."""
     if value is None or (isinstance(value, str) and not value.strip()):
         return math.nan
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise TypeError(f"{shown(value)} is no number")
+        raise TypeError(f"{shown(value)} is not a number")
     return float(value)
 
 
 def _moment(value: Any) -> float:
-    """Return a moment as MJD, with all digits of a Julian date that is given as text."""
+    """Return a time as MJD, with all digits of a Julian date given as text."""
     number = _number(value)
     if not abs(number) >= SMALLEST_JD:
         return number

@@ -22,9 +22,9 @@ ORDER = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
 """The letters that count within a half-month: all but I."""
 
 CENTURIES = {"I": 1800, "J": 1900, "K": 2000, "L": 2100}
-# Numbers from here on are written with a tilde and four digits to the base of 62.
+# Numbers from here on are written as a tilde and four digits in base 62.
 FIRST_OF_TILDE = 620_000
-# Designations from here on, 25 times the 620 cycles that two characters count, have an underscore.
+# Designations from here on, beyond 25 times the 620 cycles that two characters count, have an underscore.
 FIRST_OF_UNDERSCORE = 15_500
 
 HALF_MONTH = "[A-HJ-Y]"
@@ -40,7 +40,7 @@ _MJD_OF_ORDINAL = 678576
 
 
 def numbers(columns: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the numbers packed in the bytes of columns 1 to 7, shape (n, 7) to (n,); 0 where there is none."""
+    """Return the numbers packed in the bytes of columns 1 to 7, (n, 7) to (n,); 0 for anything else."""
     first, rest = columns[:, 0], _VALUE[columns[:, 1:5]]
     numbered = (columns[:, 5:] == ord(" ")).all(axis=1)
     digits = (rest >= 0) & (rest < 10)
@@ -52,19 +52,19 @@ def numbers(columns: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 
 def number(packed: str) -> int:
-    """Return the number packed in five characters; raise ValueError where there is none."""
+    """Return the number packed in five characters. Raises ValueError for anything else."""
     found = 0
     if len(packed) == 5 and packed.isascii():
         found = int(numbers(np.frombuffer(f"{packed}  ".encode(), dtype=np.uint8).reshape(1, 7))[0])
     if not found:
         raise ValueError(
-            f"{packed!r} is no packed number; expected five characters such as '00001', 'A0000' or '~000z'"
+            f"{packed!r} is not a packed number; expected five characters such as '00001', 'A0000' or '~000z'"
         )
     return found
 
 
 def designation(packed: str) -> str:
-    """Return the provisional designation packed in seven characters; raise ValueError for what is none."""
+    """Return the provisional designation packed in seven characters. Raises ValueError for anything else."""
     if match := PROVISIONAL.fullmatch(packed):
         century, year, half, tens, ones, order = match.groups()
         cycle = 10 * DIGITS.index(tens) + int(ones)
@@ -78,20 +78,20 @@ def designation(packed: str) -> str:
     if match := SURVEY.fullmatch(packed):
         survey, serial = match.groups()
         return f"{serial} {survey[0]}-{survey[1]}"
-    raise ValueError(f"{packed!r} is no packed designation; expected seven characters such as 'K07Tf8A'")
+    raise ValueError(f"{packed!r} is not a packed designation; expected seven characters such as 'K07Tf8A'")
 
 
 def date(packed: str) -> int:
-    """Return a date packed in five characters as MJD; raise ValueError for what is none."""
+    """Return a date packed in five characters as MJD. Raises ValueError for anything else."""
     try:
         century, year, month, day = packed[0], packed[1:3], DIGITS.index(packed[3]), DIGITS.index(packed[4])
         if len(packed) == 5 and year.isascii() and year.isdigit():
             return datetime.date(CENTURIES[century] + int(year), month, day).toordinal() - _MJD_OF_ORDINAL
     except (LookupError, ValueError):
         pass
-    raise ValueError(f"{packed!r} is no packed date; expected five characters such as 'K223B' for 2022 March 11")
+    raise ValueError(f"{packed!r} is not a packed date; expected five characters such as 'K223B' for 2022 March 11")
 
 
 def _year(year: int) -> str:
-    """Return a year as designations write it: before 1925 with an A for the first digit."""
+    """Return a year as it is written in designations: before 1925 with an A for the first digit."""
     return str(year) if year >= 1925 else f"A{year % 1000:03d}"

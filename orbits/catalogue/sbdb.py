@@ -1,8 +1,8 @@
-"""Reader of what JPL's Small-Body Database answers: JSON of its Query and Lookup services, and CSV of its query tool.
+"""Reader of answers of JPL's Small-Body Database: JSON from its Query and Lookup APIs, and CSV from its query tool.
 
 Sources: https://ssd-api.jpl.nasa.gov/doc/sbdb_query.html and https://ssd-api.jpl.nasa.gov/doc/sbdb.html
 
-The elements are heliocentric, of the ecliptic and equinox of J2000, osculating at an epoch of TDB, in au and degrees.
+The elements are heliocentric, in the ecliptic and equinox of J2000, osculating at an epoch in TDB, in au and degrees.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, BinaryIO
 
-from orbits.catalogue.choice import Choice
+from orbits.catalogue.catalogue import Catalogue
 from orbits.catalogue.orbit_columns import Columns
-from orbits.catalogue.report import Report
+from orbits.catalogue.selection import Selection
 from orbits.catalogue.sources import opened, short, whole
 from orbits.catalogue.table import catalogue_of_tables
-from orbits.catalogue.value import Catalogue
+from orbits.catalogue.unreadable import Unreadable
 from orbits.errors import InputError
 
-WHAT = "what JPL's Small-Body Database answers, JSON or CSV"
+WHAT = "an answer of JPL's Small-Body Database, JSON or CSV"
 MOST_JSON_BYTES = 2**29
 MOST_ROWS_AT_ONCE = 50_000
 LONGEST_ROW = 2**17
@@ -37,41 +37,42 @@ def read_sbdb(
     brighter_than: float | None = None,
     errors: str = "raise",
 ) -> Catalogue:
-    """Return the asteroids and comets of an answer of JPL's Small-Body Database, in its order.
+    """Return the asteroids and comets in an answer of JPL's Small-Body Database, in its order.
 
         orbits.read_sbdb("sbdb_query_results.csv")
         orbits.read_sbdb(requests.get("https://ssd-api.jpl.nasa.gov/sbdb.api?sstr=Eros&full-prec=1").json())
 
-    source : a path, plain or gzipped; the text itself; or the JSON already made into dicts and lists
-    count, names, numbers, classes, brighter_than, errors : as of `read_mpcorb`
+    source : a path, plain or gzipped; the text itself; or JSON already parsed into dicts and lists
+    count, names, numbers, classes, brighter_than, errors : as for `read_mpcorb`
 
-    Recognised columns, whatever the case: full_name, name, pdes or des; epoch (JD) or epoch_mjd; e, with a, q, n or
-    per; i, om, w; ma, or tp (JD) or tp_mjd; H, GM (km^3/s^2), diameter (km), class. `.details` has the others as text.
-    Where q and tp are given, orbits with e > 0.9 are made of them, ellipses, parabolas and hyperbolas alike, and all
-    others of a and ma. Of JSON and CSV alike ask for full precision: fewer than six digits bring an OrbitsWarning.
+    Recognised columns, ignoring case: full_name, name, pdes or des; epoch (JD) or epoch_mjd; e, with a, q, n or per; i,
+    om, w; ma, or tp (JD) or tp_mjd; H, GM (km^3/s^2), diameter (km), class. `.details` has the others as text. If q and
+    tp are given, orbits with e > 0.9 are made from them, whatever the conic, and all others from a and ma. Ask for full
+    precision, of JSON and of CSV: fewer than six digits cause an OrbitsWarning.
 
-    Raises InputError, with the row and its name, for what is no such answer or no orbit, and UnknownNameError for names
-    and numbers that are not there.
+    Raises InputError, with the row and its name, for anything that is not such an answer or not an orbit, and
+    UnknownNameError for names and numbers that are not found.
     """
-    choice = Choice(count, names, numbers, classes, brighter_than)
+    selection = Selection(count, names, numbers, classes, brighter_than)
     if isinstance(source, Mapping):
-        report = Report(errors, "the answer given")
-        return catalogue_of_tables(_of_json(source, report.name), choice, report, WHAT)
+        unreadable = Unreadable(errors, "the answer given")
+        return catalogue_of_tables(_of_json(source, unreadable.name), selection, unreadable, WHAT)
     with opened(source, WHAT) as (stream, name):
-        report = Report(errors, name)
-        return catalogue_of_tables(_pieces(stream, name), choice, report, WHAT)
+        unreadable = Unreadable(errors, name)
+        return catalogue_of_tables(_pieces(stream, name), selection, unreadable, WHAT)
 
 
 def _pieces(stream: BinaryIO, name: str) -> Iterator[Columns]:
-    """Yield the columns of an answer: all at once of JSON, some thousand rows at a time of CSV."""
+    """Yield the columns of an answer: all rows at once for JSON, some thousand at a time for CSV."""
     start = stream.read(4096)
     stream.seek(0)
     if start.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
+        text = whole(stream, name, MOST_JSON_BYTES)
         try:
-            # Numbers stay text, so that no digit of a Julian date is lost.
-            answer = json.loads(whole(stream, name, MOST_JSON_BYTES), parse_float=str, parse_int=str)
-        except (ValueError, RecursionError) as error:  # ValueError: of the JSON, or of its encoding
-            raise InputError(f"{name} is no JSON ({short(str(error))}); expected {WHAT}") from error
+            # Numbers are kept as text, so that no digit of a Julian date is lost.
+            answer = json.loads(text, parse_float=str, parse_int=str)
+        except (ValueError, RecursionError) as error:  # ValueError: bad JSON, or a bad encoding
+            raise InputError(f"{name} is not valid JSON ({short(str(error))}); expected {WHAT}") from error
         yield from _of_json(answer, name)
     else:
         yield from _of_csv(stream, name)
@@ -91,13 +92,13 @@ def _of_csv(stream: BinaryIO, name: str) -> Iterator[Columns]:
                 columns = Columns(header, columns.first + MOST_ROWS_AT_ONCE, name)
             columns.rows.append(row)
     except csv.Error as error:
-        raise InputError(f"{name}, line {rows.line_num}: no CSV ({error}); expected {WHAT}") from error
+        raise InputError(f"{name}, line {rows.line_num}: not valid CSV ({error}); expected {WHAT}") from error
     yield columns
     text.detach()
 
 
 def _lines(text: io.TextIOWrapper, name: str) -> Iterator[str]:
-    """Yield lines; raise InputError for one without end."""
+    """Yield lines. Raises InputError for one that is too long."""
     while line := text.readline(LONGEST_ROW):
         if len(line) >= LONGEST_ROW:
             raise InputError(f"{name} has a line of more than {LONGEST_ROW} characters; expected {WHAT}")
@@ -121,8 +122,8 @@ def _of_json(answer: Any, name: str) -> Iterator[Columns]:
     what = f"says {short(str(said))!r}" if said else f"has the keys {short(', '.join(map(str, answer)) or 'none')}"
     several = f". It lists {', '.join(matches[:5])}: ask for one of them" if matches else ""
     raise InputError(
-        f"{name} {what}{several}; expected 'fields' and 'data' as of the Query API, or 'object' and 'orbit' as of the "
-        "Lookup API"
+        f"{name} {what}{several}; expected 'fields' and 'data' as from the Query API, or 'object' and 'orbit' as from "
+        "the Lookup API"
     )
 
 

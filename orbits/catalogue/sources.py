@@ -1,4 +1,4 @@
-"""Where a catalogue comes from: a file, gzipped or not, or text; within limits, so that nothing exhausts memory."""
+"""Sources of catalogues: a file, gzipped or not, or text; with limits, so that nothing exhausts memory."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from orbits.errors import InputError
 GZIP = b"\x1f\x8b"
 
 
-# A line of MPCORB.DAT on its own, without an end, perhaps cut short: by the packed epoch in columns 21 to 25.
+# A single line of MPCORB.DAT without a newline, perhaps cut short, is recognised by the packed epoch in columns 21-25.
 LINE = re.compile(r".{19} [I-L]\d\d[0-9A-C][0-9A-V]( |$)")
 
 
 @contextmanager
 def opened(source: Any, what: str) -> Iterator[tuple[BinaryIO, str]]:
-    """Yield a stream of bytes, unzipped, and what messages call it; raise InputError where there is none.
+    """Yield a stream of bytes, unzipped, and its name for messages. Raises InputError if it cannot be read.
 
     source : a path (str or os.PathLike), the text itself (str or bytes; see `is_text`), or a sequence of its lines
-    what : what is expected of it, for messages
+    what : the expected content, for messages
     """
     if isinstance(source, list | tuple) and source and all(isinstance(line, str) for line in source):
         source = "\n".join(line.rstrip("\r\n") for line in source) + "\n"
@@ -35,7 +35,7 @@ def opened(source: Any, what: str) -> Iterator[tuple[BinaryIO, str]]:
         source = textwrap.dedent(source).encode("utf-8", errors="replace")
     if isinstance(source, bytes | bytearray):
         stream: BinaryIO = io.BytesIO(bytes(source))
-        name = "the text given"
+        name = "the given text"
     elif isinstance(source, str | os.PathLike):
         stream = _file(source, what)
         name = short(os.fsdecode(source))
@@ -53,12 +53,12 @@ def opened(source: Any, what: str) -> Iterator[tuple[BinaryIO, str]]:
 
 
 def _file(path: Any, what: str) -> BinaryIO:
-    """Return an opened file; raise InputError for one that is not there or that might never end."""
+    """Return an opened file. Raises InputError if it does not exist, or is not a regular file."""
     if not os.fspath(path):
         raise InputError(f"the path is empty; expected {what}")
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
-            raise InputError(f"{short(os.fsdecode(path))} is no regular file; expected {what}")
+            raise InputError(f"{short(os.fsdecode(path))} is not a regular file; expected {what}")
         return open(path, "rb")
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         if isinstance(error, InputError):
@@ -73,17 +73,17 @@ def is_text(source: str) -> bool:
 
 
 def whole(stream: BinaryIO, name: str, most: int) -> bytes:
-    """Return all of a stream; raise InputError where that is more than `most` bytes."""
+    """Return all of a stream. Raises InputError if it has more than `most` bytes."""
     data = stream.read(most + 1)
     if len(data) > most:
         raise InputError(
-            f"{name} holds more than {most / 2**20:.0f} MB unpacked, which is more than is read at once. Ask the "
+            f"{name} has more than {most / 2**20:.0f} MB unpacked, which is more than is read at once. Ask the "
             "service for fewer bodies or columns, or for CSV, which is read piece by piece"
         )
     return data
 
 
 def short(text: str, most: int = 100) -> str:
-    """Return a text on one line, printable, cut when it is long."""
+    """Return a text on one line, printable, and cut if it is long."""
     text = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
     return text if len(text) <= most else text[: most - 3] + "..."

@@ -1,4 +1,4 @@
-"""A catalogue from tables of orbits, piece by piece."""
+"""A catalogue from tables of orbits that are read piece by piece."""
 
 from __future__ import annotations
 
@@ -8,53 +8,59 @@ from typing import Any
 
 import numpy as np
 
-from orbits.catalogue.choice import Choice, Ways
+from orbits.body_names import LONGEST_NAME
+from orbits.catalogue.catalogue import Catalogue, choose, joined
 from orbits.catalogue.classes import orbit_classes
 from orbits.catalogue.names import is_comet, parts, plain
 from orbits.catalogue.orbit_columns import Columns, Orbits
-from orbits.catalogue.report import Report
-from orbits.catalogue.value import Catalogue, choose, joined
+from orbits.catalogue.selection import Selection, Ways
+from orbits.catalogue.unreadable import Unreadable
 from orbits.errors import InputError, OrbitsWarning
 
 AU_KM = 149597870.7
 SECONDS_A_DAY = 86400.0
 FEW_DIGITS = 6
-LONGEST_NAME = 128
 
 
-def catalogue_of_tables(pieces: Iterable[Columns], choice: Choice, report: Report, what: str) -> Catalogue:
-    """Return what is chosen of tables of orbits; raise InputError where there is none in them."""
+def catalogue_of_tables(
+    pieces: Iterable[Columns], selection: Selection, unreadable: Unreadable, what: str
+) -> Catalogue:
+    """Return the selected rows of tables of orbits. Raises InputError if there are no orbits in them."""
     pieces_read: list[dict[str, Any]] = []
     called: list[Ways] = []
     read = digits = 0
     for columns in pieces:
         orbits = Orbits(columns)
-        piece, ways, good = _piece(columns, orbits, choice, report)
+        piece, ways, good = _piece(columns, orbits, selection, unreadable)
         digits = max(digits, orbits.digits())
         read += good
         pieces_read.append(piece)
         called += ways
-        if choice.is_complete:
+        if selection.is_complete:
             break
-    if not read and not report.count:
-        raise InputError(f"{report.name} has no row with an orbit; expected {what}")
-    report.close(read)
-    choice.check_found(f"the {read} bodies of {report.name}")
+    if not read and not unreadable.count:
+        raise InputError(f"{unreadable.name} has no row with an orbit; expected {what}")
+    unreadable.close(read)
+    selection.check_found(f"the {read} bodies of {unreadable.name}")
     if 0 < digits < FEW_DIGITS:
         warnings.warn(
-            f"{report.name} gives the sizes of orbits with {digits} digits at most, so that places are no better than "
-            f"{10.0 ** (1 - digits):g} of the distance. Ask for full precision: full-prec=1 of the APIs, a mark in the "
-            "query tool",
+            f"{unreadable.name} gives the sizes of orbits with {digits} digits at most: positions are uncertain by "
+            f"{10.0 ** (1 - digits):g} of the distance. Ask for full precision: full-prec=1 in the APIs, a tick box in "
+            "the query tool",
             OrbitsWarning,
             stacklevel=4,
         )
-    table = joined(pieces_read, report.name, report.count)
-    order = choice.ordered(table.numbers, called)
-    return choose(table, {}, rows=order, count=choice.count, names=None, numbers=None, classes=None, brighter_than=None)
+    table = joined(pieces_read, unreadable.name, unreadable.count)
+    order = selection.ordered(table.numbers, called)
+    return choose(
+        table, {}, rows=order, count=selection.count, names=None, numbers=None, classes=None, brighter_than=None
+    )
 
 
-def _piece(columns: Columns, orbits: Orbits, choice: Choice, report: Report) -> tuple[dict[str, Any], list[Ways], int]:
-    """Return the columns of the chosen bodies of a piece, the ways to call them, and how many rows could be read."""
+def _piece(
+    columns: Columns, orbits: Orbits, selection: Selection, unreadable: Unreadable
+) -> tuple[dict[str, Any], list[Ways], int]:
+    """Return the columns of a piece's selected bodies, the forms of their names, and how many rows could be read."""
     full = (
         orbits.texts("name")
         if "name" in columns.place
@@ -66,7 +72,7 @@ def _piece(columns: Columns, orbits: Orbits, choice: Choice, report: Report) -> 
             orbits.problems[i] = f"the name has {len(name)} characters; expected 1 to {LONGEST_NAME}"
     for i, problem in enumerate(orbits.problems):
         if problem:
-            report.bad(f"row {columns.first + i}" + (f" ({full[i]})" if full[i] else ""), problem)
+            unreadable.bad(f"row {columns.first + i}" + (f" ({full[i]})" if full[i] else ""), problem)
     good = np.array([i for i, problem in enumerate(orbits.problems) if not problem], dtype=np.int64)
     values: dict[str, Any] = {what: value[good] for what, value in orbits.values.items()}
     names = [known[i][1] for i in good.tolist()]
@@ -80,7 +86,7 @@ def _piece(columns: Columns, orbits: Orbits, choice: Choice, report: Report) -> 
         tuple(dict.fromkeys(plain(way) for way in (name, full[i], known[i][2], *_numbered(number, name)) if way))
         for i, name, number in zip(good.tolist(), names, numbers, strict=True)
     ]
-    keep = choice.rows(values, ways)
+    keep = selection.rows(values, ways)
     rows = good[keep]
     piece = {
         what: values[what][keep] for what in ("a", "e", "inc", "Omega", "omega", "M", "epoch", "H", "q", "T", "numbers")

@@ -1,6 +1,6 @@
-"""Certificates: what an integrator declares, measured on an actual problem."""
+"""Certificates: the properties that an integrator declares, measured on an actual problem."""
 
+from orbits.certificate.certificate import Certificate, Finding
 from orbits.certificate.certifying import certify
-from orbits.certificate.values import Certificate, Finding
 
 __all__ = ["Certificate", "Finding", "certify"]

@@ -1,4 +1,4 @@
-"""`certify`: a method measured on the problem that it is going to be used for."""
+"""`certify`: a method's properties, measured on the problem it will be used for."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.certificate.certificate import Certificate, Finding
 from orbits.certificate.measuring import EPS, Measured, Problem
-from orbits.certificate.values import Certificate, Finding
+from orbits.checks import has_unit, nonzero_number, single_number
 from orbits.diagnostics.convergence import Slope
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
@@ -23,11 +24,11 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 ORDER_SLACK = 0.2
-"""How far, relatively, a fitted slope may lie below the order; above it is no fault."""
+"""Fraction of the order by which a fitted slope may fall short; a steeper slope is no fault."""
 
 HIGH_ORDER = 8
-"""Above this order, errors pass from the regime of long steps to round-off before the slope is the order: half of it is
-asked for, and between a third and a half nothing can be said.
+"""Above this order, errors reach round-off before their slope reaches the order. Half the order is then required;
+between a third and a half, the measurement decides nothing.
 """
 
 
@@ -40,27 +41,32 @@ def certify(
     v: ArrayLike | None = None,
     t: float = 0.0,
 ) -> Certificate:
-    """Measure what `integrator` declares, and what a variational integrator must have, on an actual problem.
+    """Measure on an actual problem what `integrator` declares, and what every variational integrator must have.
 
-    problem : a `System`, or a `Lagrangian` with its start q, v of shape (d,) (its own example by default)
+    problem : a `System`, or a `Lagrangian` with initial q, v of shape (d,) (its own example by default)
     integrator : a method, or its name as on the command line: "gauss(stages=4)"
     dt : the step; a Quantity, or a number in the problem's unit of time
-    t : time of the start, for a Lagrangian that depends on it
+    t : initial time, for a Lagrangian that depends on time
 
-    Measured are: the step against a plain solution of its equations; the residual of its discrete Euler–Lagrange
-    equations, and its momenta against those of its L_d, without which an equivalent L_d would pass for its own; the
-    charge of each symmetry; symplecticity, from the exact derivative of the step, of the massive bodies and of
-    particles' fibres; the area of a loop of initial conditions; reversibility; the order of the map and of L_d, above
-    the plateau of round-off; whether the energy is bounded.
+    Measured are
+    - the step, against an independent solution of its equations
+    - the residual of its discrete Euler–Lagrange equations
+    - its momenta, against those of its L_d (an equivalent L_d has the same equations, but other momenta)
+    - the momentum map of each symmetry
+    - symplecticity, from the exact derivative of the step: of the massive bodies, and of massless particles
+    - the area of a loop of initial conditions
+    - reversibility
+    - the order of the map and of L_d, above the round-off plateau
+    - whether the energy error is bounded
 
-    Raises InputError if the method cannot serve the problem, IntegrationError if no step can be taken.
+    Raises InputError if the method cannot be used for the problem, IntegrationError if no step can be taken.
 
         print(orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), dt=0.1))
     """
     integrator = named(integrator)
     if isinstance(problem, Lagrangian):
         start, p = starting_state(problem, q, v, None, t)
-        step = float(_plain(dt))
+        step = _without_units(dt)
         bound = Problem(problem, integrator, step, start, p, float(t))
         return _certificate(bound, problem.name, "", [])
     from orbits.system import System
@@ -68,7 +74,7 @@ def certify(
     if not isinstance(problem, System):
         raise InputError(f"certify needs a System or a Lagrangian, got {type(problem).__name__}")
     if q is not None or v is not None:
-        raise InputError("a System has its own start: leave q and v out")
+        raise InputError("a System has initial positions and velocities of its own: leave out q and v")
     return _of_system(problem, integrator, dt)
 
 
@@ -90,8 +96,7 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
 
 
 def _certificate(problem: Problem, name: str, unit: str, particles: list[Any]) -> Certificate:
-    if not (math.isfinite(problem.dt) and problem.dt != 0.0):
-        raise InputError(f"dt must be finite and not zero, got {shown(problem.dt)}")
+    nonzero_number(problem.dt, "dt")
     findings = tuple(_findings(problem, particles))
     return Certificate(name, problem.integrator.label, problem.dt, unit, findings)
 
@@ -122,7 +127,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
             energy = problem.energy()
         except IntegrationError as error:
             energy = Measured(math.nan, 0.5, "of its oscillation", f"the long march fails: {error}")
-        # Bounded while steps resolve the motion: close encounters and chaos at long steps end it for any method.
+        # Bounded only while steps resolve the motion: close encounters, or chaos at long steps, end it for any method.
         yield _finding("drift of the energy", energy, None, needed=False)
 
 
@@ -132,18 +137,18 @@ def _finding(name: str, measured: Measured, declared: bool | None, *, needed: bo
 
 def _order(name: str, fitted: Slope, order: int) -> Finding:
     if math.isnan(fitted.order):
-        note = "too few errors between round-off and the regime of long steps"
+        note = "too few errors between round-off and steps that are too long"
         return Finding(name, math.nan, float(order), "", False, None, False, note)
     asked = (1.0 - ORDER_SLACK) * order if order <= HIGH_ORDER else 0.5 * order
     if order > HIGH_ORDER and (order / 3 < fitted.order < asked or fitted.order > 1.5 * order):
-        note = f"a slope of {fitted.order:.1f}, between round-off and the regime of long steps"
+        note = f"a slope of {fitted.order:.1f}: no asymptotic regime between long steps and round-off"
         return Finding(name, math.nan, float(order), "", False, None, False, note)
-    note = f"from {len(fitted.h)} steps" + ("" if order <= HIGH_ORDER else ", half the order is asked for")
+    note = f"from {len(fitted.h)} steps" + ("" if order <= HIGH_ORDER else ", half the order is required")
     return Finding(name, fitted.order, float(order), "", fitted.order > asked, True, True, note)
 
 
 def _fibres(problem: Problem, particles: list[Any]) -> Measured:
-    """For given massive bodies, the map of a particle's own (q, p): a body of GM = 1e-30 pulls on nothing."""
+    """The map of a particle's own (q, p), the massive bodies being given: a body of GM = 1e-30 attracts nothing."""
     from orbits.lagrangians.newtonian import n_body
 
     worst, tiny = 0.0, 1e-30
@@ -160,8 +165,7 @@ def _fibres(problem: Problem, particles: list[Any]) -> Measured:
     return Measured(worst, 32.0 * EPS * 6.0**0.5, "", f"{len(particles)} of the particles")
 
 
-def _plain(dt: Any) -> float:
-    try:
-        return float(dt)
-    except (TypeError, ValueError):
-        raise InputError(f"a Lagrangian has no units: dt must be a number, got {shown(dt)}") from None
+def _without_units(dt: Any) -> float:
+    if has_unit(dt):
+        raise InputError(f"a Lagrangian has no units: dt must be a number, got {shown(dt)}")
+    return single_number(dt, "dt")

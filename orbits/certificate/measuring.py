@@ -1,7 +1,7 @@
-"""The measurements of a certificate, each on the actual problem: a Lagrangian, a method, a step and a start.
+"""The measurements of a certificate, each on the actual problem: a Lagrangian, a method, a step and an initial state.
 
-Round-off is judged against what it can do: a bound is a small multiple of 2^-53 times the sizes that are rounded. What
-is declared or needed is decided elsewhere; here is only what was found.
+Round-off is held to what rounding can do: a bound is a small multiple of 2^-53 times the sizes that are rounded. This
+module only measures; what is declared or needed is decided in `certifying.py`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ STEPS = 200
 """Length of the march on which momentum maps, areas and reversibility are measured."""
 
 DEL_POINTS = 12
-"""At how many points of the march the equations of L_d are checked."""
+"""Number of points of the march at which the equations of L_d are checked."""
 
 ENERGY_STEPS = 4000
 """Length of the march on which the energy is followed."""
@@ -40,7 +40,7 @@ ENERGY_STEPS = 4000
 
 @dataclass(frozen=True)
 class Measured:
-    """A figure, what round-off or the declaration allows, and in what unit."""
+    """A figure, the bound that round-off or the declaration sets, and its unit."""
 
     value: float
     bound: float
@@ -55,7 +55,7 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is certified: a method with a step on a Lagrangian, from (q, p) at time t."""
+    """The problem to certify: a method with a step on a Lagrangian, from (q, p) at time t."""
 
     lagrangian: Lagrangian
     integrator: Integrator
@@ -71,7 +71,7 @@ class Problem:
 
     @cached_property
     def path(self) -> DiscretePath:
-        """The first `STEPS` steps, or fewer where the method cannot go so far. Raises IntegrationError if not ten."""
+        """The first `STEPS` steps, or fewer if the method fails on the way. Raises IntegrationError below ten."""
         for steps in (STEPS, STEPS // 4):
             with contextlib.suppress(IntegrationError):
                 return self.flow.march(self.q, self.p, steps)
@@ -79,7 +79,7 @@ class Problem:
 
     @cached_property
     def weights(self) -> Array:
-        """Square roots of the masses: w q and p / w are of one size for all bodies."""
+        """Square roots of the masses: w q and p / w are of the same size for all bodies."""
         mass = self.lagrangian.hessians(self.q, self.lagrangian.velocity(self.q, self.p, self.t), self.t)[2]
         weights: Array = np.sqrt(np.abs(np.diag(mass)))
         return np.where(weights > 0.0, weights, 1.0)
@@ -95,8 +95,9 @@ class Problem:
         return float(np.max(np.abs(self.path.p) / self.weights))
 
     def step_solves_its_equations(self) -> Measured:
-        """Compiled steps along the march against plain solutions of the tableau's equations, in units of 2^-53 of the
-        state; the worst of up to 25 steps.
+        """Compiled steps against independent solutions of the tableau's equations, in 2^-53 of the state.
+
+        The worst of up to 25 steps along the march.
         """
         worst, grown = 0.0, 1.0
         count = len(self.path) - 1
@@ -109,8 +110,8 @@ class Problem:
             )
             worst = max(worst, off / EPS)
             grown = max(grown, float(np.max(np.abs(plain.derivative * self._scaling))))
-        # The plain solution rounds a few dozen times; what cancels loses more, by the condition of the step.
-        return Measured(worst, 64.0 * grown, "x 2^-53", "compiled steps against plain solutions")
+        # The independent solution rounds a few dozen times, amplified by the condition number of the step.
+        return Measured(worst, 64.0 * grown, "x 2^-53", "compiled steps against independent solutions")
 
     @property
     def _scaling(self) -> Array:
@@ -119,7 +120,7 @@ class Problem:
         return scaled
 
     def has_discrete_lagrangian(self) -> bool:
-        """Whether the method's tableau is a symplectic pair, so that an L_d belongs to it."""
+        """Whether the method's tableau is a symplectic pair, and so has an L_d."""
         tableau = self.integrator.tableau
         defect = tableau.b[:, None] * tableau.a_bar + (tableau.b[:, None] * tableau.a).T
         return bool(np.max(np.abs(defect - np.outer(tableau.b, tableau.b))) < 1e-14)
@@ -129,14 +130,14 @@ class Problem:
         q = self.path.q[: DEL_POINTS + 2]
         residual = discrete.euler_lagrange_residual(self.discrete_lagrangian, q, self.dt, self.t)
         worst = self._in_ulps(residual)
-        # The equations of L_d are solved in float64 too, stage by stage, which adds several times as much.
-        note = "positions are stored to 2^-53, differences of neighbours see it"
+        # The equations of L_d are solved in float64 as well, stage by stage, which adds several times as much.
+        note = "positions are stored to 2^-53, which their differences amplify"
         return Measured(worst[0], 8.0 * worst[1], "ulp", note)
 
     def legendre_transforms(self) -> Measured:
-        """What the step's own momenta miss of those of L_d, -D1 and D2 at either end of a step, in ulps of D2 L_d.
+        """How far the step's own momenta are from -D1 L_d and D2 L_d at its ends, in ulps of D2 L_d.
 
-        With this the step is the map of this L_d, and not only of one that differs by f(q1) - f(q0).
+        If they agree, the step is the map of this L_d, and not of one that differs from it by f(q1) - f(q0).
         """
         q, p = self.path.q[: DEL_POINTS + 1], self.path.p[: DEL_POINTS + 1]
         residual = discrete.momentum_residual(self.discrete_lagrangian, q, p, self.dt, self.t)
@@ -145,11 +146,11 @@ class Problem:
 
     @cached_property
     def discrete_lagrangian(self) -> discrete.DiscreteLagrangian:
-        """The method's own."""
+        """The method's own discrete Lagrangian."""
         return discrete.vprk(self.lagrangian, self.integrator.tableau)
 
     def _in_ulps(self, residual: Array) -> tuple[float, float]:
-        """The residual of the step that stands out most, and what rounding can do there, in ulps of its D2 L_d."""
+        """The residual that exceeds rounding the most, and what rounding can do there, both in ulps of D2 L_d."""
         worst, noise = 0.0, 1.0
         for r, (ulp, here) in zip(residual, self._ulps, strict=False):
             missed = float(np.max(np.abs(r))) / ulp
@@ -159,12 +160,12 @@ class Problem:
 
     @cached_property
     def _ulps(self) -> list[tuple[float, float]]:
-        """Of the first steps: the unit in the last place of D2 L_d, and how many of them rounding can make."""
+        """For each of the first steps: the ulp of D2 L_d, and how many of them rounding can produce."""
         found = []
         q = self.path.q[: DEL_POINTS + 1]
         for k in range(len(q) - 1):
             jet = self.discrete_lagrangian.jet(q[k], q[k + 1], self.dt, self.t + k * self.dt)
-            # Stored positions have lost 2^-53 |q|; D2 L_d sees their difference through its second derivatives.
+            # Stored positions are rounded by 2^-53 |q|, which enters D2 L_d through its second derivatives.
             felt = np.abs(jet.d12) @ np.abs(q[k + 1]) + np.abs(jet.d22) @ np.abs(q[k + 1])
             ulp = float(np.spacing(np.max(np.abs(jet.d2))))
             found.append((ulp, 4.0 * EPS * float(np.max(felt)) / ulp + 4.0))
@@ -177,11 +178,11 @@ class Problem:
             states = zip(self.path.q, self.path.p, self.path.t, strict=True)
             scale = max(symmetry.charge_size(q, p, float(t)) for q, p, t in states)
             drift = float(np.max(np.abs(charge - charge[0]))) / scale if scale > 0.0 else 0.0
-            # A random walk of roundings, each of half a unit of each of the terms.
+            # Rounding is a random walk with steps of half an ulp of each term.
             yield symmetry.name, Measured(drift, 4.0 * EPS * math.sqrt(len(self.path)), "relative")
 
     def symplecticity(self) -> Measured:
-        """|M^T J M - J| for the exact derivative M of a step, the largest of three steps."""
+        """The largest |M^T J M - J| of three steps, M being the exact derivative of a step."""
         worst = 0.0
         for k in (0, len(self.path) // 3, 2 * len(self.path) // 3):
             step = plain_step(
@@ -195,9 +196,9 @@ class Problem:
         return self.weights * math.sqrt(self.momentum_size / self.size)
 
     def areas(self) -> Measured:
-        """The relative change of the area of a loop of initial conditions that the method has marched.
+        """The relative change of the area of a loop of initial conditions under the method.
 
-        Motions shear a loop until its points no longer resolve it; the march is then made shorter.
+        The motion shears the loop; if its points no longer resolve it, the march is repeated over a shorter time.
         """
         for steps in (STEPS // 4, STEPS // 16):
             with contextlib.suppress(IntegrationError):
@@ -215,7 +216,7 @@ class Problem:
         before = loops.area(*start)
         moved = loops.marched(lambda x, y: self.flow.step(x, y, steps), *start)
         after = loops.area(*moved)
-        # What the series of the moved loop leaves out: its highest quarter of frequencies.
+        # The truncation error of the moved loop's Fourier series is estimated by its highest quarter of frequencies.
         spread_q, spread_p = (np.max(np.abs(x - x.mean(axis=0)), axis=0) for x in moved)
         tail = float(np.sum(_tail(moved[0]) * spread_p + _tail(moved[1]) * spread_q))
         felt = np.sum(np.max(np.abs(moved[0]), axis=0) * spread_p + np.max(np.abs(moved[1]), axis=0) * spread_q)
@@ -225,7 +226,7 @@ class Problem:
         )
 
     def reversibility(self, steps: int = 7) -> Measured:
-        """Steps forth and the same number back: what is missing of the identity, in units of 2^-53 of the state."""
+        """The difference from the start after `steps` steps and as many back, in units of 2^-53 of the state."""
         q, p = self.path.q[steps], self.path.p[steps]
         back = Flow(self.lagrangian, self.integrator, -self.dt, t=self.t + steps * self.dt)
         q, p = back.step(q, p, steps)
@@ -239,13 +240,13 @@ class Problem:
                 self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
             )
             grown = max(grown, float(np.max(np.abs(at.derivative * self._scaling))))
-        # The low parts are dropped at the turning point; that rounding grows with the motion, at most like this.
+        # The low parts are dropped at the turn; the motion amplifies that rounding by at most this much.
         return Measured(off / EPS, 8.0 * steps * grown, "x 2^-53")
 
     def energy(self) -> Measured:
-        """The drift of the energy over the run against its oscillation: bounded means a ratio well below 1.
+        """The drift of the energy error over its oscillation; well below 1 if the error is bounded.
 
-        Raises IntegrationError if the method cannot go so far.
+        Raises IntegrationError if the method fails on the way.
         """
         path = self.flow.march(self.q, self.p, ENERGY_STEPS, every=ENERGY_STEPS // 400)
         E = path.energy()
@@ -258,15 +259,15 @@ class Problem:
         return Measured(drift / max(oscillation, noise), 0.5, "of its oscillation", f"{ENERGY_STEPS} steps")
 
     def order(self) -> Slope:
-        """The slope of the error of q after a time, for steps of all lengths, against short steps of Gauss-16.
+        """The slope of the error of q after a given time, against short steps of Gauss collocation of order 16.
 
-        The time is that of 40 steps; longer where errors of a high order vanish in round-off before.
+        The time is 40 steps, or longer for high orders whose errors would otherwise vanish in round-off.
         """
         found = self._order_over(40)
         for steps in (320, 2560) if self.integrator.order > 8 else ():
             if math.isnan(found.order):
                 longer = self._order_over(steps)
-                # Over long times chaos lifts round-off into the window: only a slope of about the order is one.
+                # Over long times chaos amplifies round-off into the fit: only a slope near the order is accepted.
                 found = longer if longer.order > 0.5 * self.integrator.order else found
         return found
 
@@ -281,7 +282,7 @@ class Problem:
             try:
                 x, _ = Flow(self.lagrangian, self.integrator, span / count, t=self.t).step(self.q, self.p, count)
             except IntegrationError:
-                continue  # a step that is far too long is refused
+                continue  # the step is far too long
             h.append(span / count)
             errors.append(float(np.max(np.abs(x - q) * self.weights)) / self.size)
         return slope(h, errors, floor=_plateau(3e-13, errors), ceiling=2e-3)
@@ -291,7 +292,7 @@ class Problem:
         L_d = self.discrete_lagrangian
         h, errors = [], []
         scale = self.momentum_size * self.size
-        starts = [0, len(self.path) // 5, len(self.path) // 2]  # at one alone the leading term may vanish
+        starts = [0, len(self.path) // 5, len(self.path) // 2]  # at a single one, the leading term may vanish
         for factor in 2.0 ** np.arange(5.0, -6.0, -0.5 if self.integrator.order > 6 else -1.0):
             step, worst = factor * self.dt, 0.0
             try:
@@ -300,18 +301,18 @@ class Problem:
                     action, end = true_action(self.lagrangian, q, self.path.p[k], step, t)
                     worst = max(worst, abs(L_d.value(q, end, step, t) - action) / scale)
             except (IntegrationError, InputError):
-                continue  # a step that is far too long is refused
+                continue  # the step is far too long
             h.append(step)
             errors.append(worst)
             if max(errors[-2:]) < 3e-15:
                 break  # shorter steps show nothing but round-off
-        most = 3 if self.integrator.order >= 6 else 5  # high orders leave their regime within a factor of two
+        most = 3 if self.integrator.order >= 6 else 5  # high orders pass their regime within a factor of two
         fitted = slope(h, errors, floor=_plateau(3e-14, errors), ceiling=1e-3, most=most)
         return Slope(fitted.order - 1.0, fitted.h, fitted.errors)
 
 
 def true_action(lagrangian: Lagrangian, q: Array, p: Array, h: float, t: float, pieces: int = 4) -> tuple[float, Array]:
-    """Return the action of the true motion from (q, p) over the time h, and where it leads; by Gauss-16 in pieces."""
+    """Return the action of the true motion from (q, p) over the time h, and its end point; by Gauss of order 16."""
     tableau = Gauss(stages=8).tableau
     small, action = h / pieces, []
     for k in range(pieces):
@@ -324,7 +325,7 @@ def true_action(lagrangian: Lagrangian, q: Array, p: Array, h: float, t: float, 
 
 
 def _counts(order: int) -> list[int]:
-    """Numbers of steps to try: high orders pass from 1e-3 to round-off within a factor of a few."""
+    """Return the numbers of steps to try: high orders pass from 1e-3 to round-off within a factor of a few."""
     if order >= 8:
         return list(range(2, 81, 2))
     longest = {1: 26, 2: 26, 3: 18, 4: 18}.get(order, 8)
@@ -332,13 +333,13 @@ def _counts(order: int) -> list[int]:
 
 
 def _plateau(least: float, errors: list[float]) -> float:
-    """Where round-off begins: well above the smallest error of all, for a motion may amplify it."""
+    """Return where round-off begins: well above the smallest error of all, as the motion may amplify it."""
     lowest = min((e for e in errors if math.isfinite(e)), default=0.0)
     return max(least, 30.0 * lowest) if lowest < 1e-11 else least
 
 
 def _oscillation(values: Array) -> float:
-    """How far values swing about the straight line through them."""
+    """Return the peak-to-peak range of values about the straight line fitted to them."""
     x = np.arange(len(values), dtype=np.float64)
     return float(np.ptp(values - np.polyval(np.polyfit(x, values, 1), x)))
 

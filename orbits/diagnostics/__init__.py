@@ -1,8 +1,8 @@
-"""Functions of arrays that say what states conserve, and what a step is. Floats in, floats out: no units.
+"""Functions of arrays that measure conserved quantities and the properties of a step. Floats in, floats out: no units.
 
-Of what is conserved, only bodies with gm > 0 count: a massless particle moves in their field and carries no charge of
-the whole. `reversibility`, `symplecticity` and `order` take bodies, a method and a step, and look at the compiled step
-itself; a system's arrays are `system.values.gm`, `.q` and `.v`.
+Only bodies with gm > 0 contribute to conserved quantities; massless particles only move in their field.
+`reversibility`, `symplecticity` and `order` take bodies, a method and a step, and measure the compiled step itself. The
+arrays of a system are `system.values.gm`, `.q` and `.v`.
 """
 
 from orbits.diagnostics.convergence import Convergence, convergence, order

@@ -1,4 +1,4 @@
-"""Measured orders of convergence, with the round-off plateau and the steps before the asymptotic regime cut off."""
+"""Measured orders of convergence, without the round-off plateau and the steps too long for the asymptotic regime."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.diagnostics.states import numbers
-from orbits.diagnostics.stepping import Bodies, check_step, count, march
+from orbits.checks import nonzero_number, real_numbers, whole_number
+from orbits.diagnostics.stepping import MOST_STEPS, Bodies, march
 from orbits.errors import InputError, IntegrationError
 
 if TYPE_CHECKING:
@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Slope:
-    """The slope of log(error) against log(h), and the points that it was fitted to.
+    """The slope of log(error) against log(h), and the points it was fitted to.
 
-    order : NaN where fewer than three points lie between the plateau and the regime of long steps
+    order : NaN if fewer than three points lie between the round-off plateau and the steps that are too long
     """
 
     order: float
@@ -32,8 +32,8 @@ class Slope:
 
 
 def slope(h: Sequence[float], errors: Sequence[float], *, floor: float, ceiling: float, most: int = 5) -> Slope:
-    """Fit the errors that lie between `floor` and `ceiling`, at most `most` of them, those of the shortest steps."""
-    x, y = numbers(h, "h"), numbers(errors, "errors")
+    """Fit the errors between `floor` and `ceiling`; if there are more than `most`, those of the shortest steps."""
+    x, y = real_numbers(h, "h"), real_numbers(errors, "errors")
     order = np.argsort(x)
     x, y = x[order], y[order]
     keep = np.flatnonzero(np.isfinite(y) & (y > floor) & (y < ceiling))[:most]
@@ -44,22 +44,22 @@ def slope(h: Sequence[float], errors: Sequence[float], *, floor: float, ceiling:
 
 
 LEAST_FALL = 30.0
-"""How far errors must fall within a window for its slope to be one of convergence."""
+"""The factor by which errors must fall within a window before its slope counts as one of convergence."""
 
 LEAST_POINTS = 4
-"""Of a window: three numbers lie near a line too easily."""
+"""The fewest points of a window: three lie near a line too easily."""
 
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
-    """A measured order, and which of the steps it was measured with.
+    """A measured order, and the steps it was measured with.
 
-    order, uncertainty : slope of log(error) against log(h), and what it may be off; NaN where no part of the curve is
+    order, uncertainty : slope of log(error) against log(h), and its uncertainty; NaN if no part of the curve is
         straight
-    h, errors : (n,), all that was given, by growing h
+    h, errors : (n,), all that was given, by increasing h
     used : (n,) bool, the steps that were fitted
-    plateau : median error of the shorter steps whose errors are more than twice what the fit says: that of round-off;
-        NaN where there are none
+    plateau : the level of round-off: the median error of the shorter steps whose errors exceed twice the fit; NaN if
+        there are none
     """
 
     order: float
@@ -71,15 +71,15 @@ class Convergence:
 
 
 def convergence(h: ArrayLike, errors: ArrayLike) -> Convergence:
-    """Measure an order from errors at several steps; plateau and head are found and left out.
+    """Measure an order from the errors of several steps, leaving out round-off and steps that are too long.
 
-    h, errors : (n,); points whose error is zero or not finite are left out. Ratios of neighbouring steps of the root of
-        two and less leave most room.
-    Of all windows of at least four neighbouring steps within which errors fall by 30 and more, the straightest one
-    counts: that whose two halves differ least in slope, relative to the root of the number of its points.
+    h, errors : (n,); points whose error is zero or not finite are ignored. Neighbouring steps should differ by a factor
+        of at most the square root of two.
+    Among all windows of at least four neighbouring steps over which errors fall by a factor of 30, the straightest one
+    is fitted: the one with the least uncertainty of the slope over the square root of its number of points.
     Raises InputError for arrays that do not fit.
     """
-    x, y = numbers(h, "h"), numbers(errors, "errors")
+    x, y = real_numbers(h, "h"), real_numbers(errors, "errors")
     if x.ndim != 1 or x.shape != y.shape or not np.isfinite(x).all() or not (x > 0.0).all():
         raise InputError(f"h and errors must be of one shape (n,), h > 0; got {x.shape} and {y.shape}, h = {x}")
     by_h = np.argsort(x)
@@ -106,7 +106,7 @@ def convergence(h: ArrayLike, errors: ArrayLike) -> Convergence:
 
 
 def _line(x: Array, y: Array) -> tuple[float, float]:
-    """The slope of y against x, and its doubt: the standard error, and half the difference between the two halves."""
+    """Return the slope of y against x and its uncertainty: standard error, and half the difference of its halves."""
     slope, offset = np.polyfit(x, y, 1)
     rest = y - slope * x - offset
     width = np.sqrt(np.sum((x - x.mean()) ** 2))
@@ -127,21 +127,22 @@ def order(
     softening: float = 0.0,
     halvings: int = 8,
 ) -> Convergence:
-    """Measure a method's order on these bodies: errors of positions after `steps` steps of dt, and of shorter ones.
+    """Measure a method's order on these bodies, from position errors after the same time with ever shorter steps.
 
     gm (n,), q and v (n, 3) : float64 in one system of units
-    dt : the longest step; the shortest is 2^-halvings of it, the ratio of neighbours about 2^(1/4)
-    Errors are the largest distance of any body from where Gauss with 8 stages and steps of a quarter of dt takes it,
-    over the size of the system; steps that the method cannot take are left out.
-    Raises InputError for what cannot be marched, IntegrationError if the reference cannot be computed.
+    dt : the longest step; the shortest is dt 2^-halvings, and neighbouring steps differ by about 2^(1/4)
+    steps : how many steps of dt make up the time
+    The reference is Gauss with 8 stages and steps of dt/4. An error is the largest distance of any body from its
+    reference position, over the size of the system. Steps that the method cannot take are left out.
+    Raises InputError for bodies or steps that cannot be marched, IntegrationError if the reference fails.
     """
     from orbits.integrators.gauss import Gauss
 
     bodies = Bodies.of(gm, q, v, softening)
-    check_step(dt)
-    first = count(steps, "steps")
-    span, octaves = first * dt, count(halvings, "halvings")
-    count(first * 2 ** min(octaves, 64), "steps * 2^halvings")
+    dt = nonzero_number(dt, "dt")
+    first = whole_number(steps, "steps", most=MOST_STEPS)
+    span, octaves = first * dt, whole_number(halvings, "halvings", most=MOST_STEPS)
+    whole_number(first * 2 ** min(octaves, 64), "steps * 2^halvings", most=MOST_STEPS)
     fine = 4 * first
     truth = march(bodies, Gauss(stages=8), span / fine, [fine])[0][-1]
     size = float(np.max(np.linalg.norm(truth, axis=1)))

@@ -1,4 +1,4 @@
-"""Double-double arithmetic on NumPy arrays: about 32 digits, so that a diagnostic's own round-off stays unseen.
+"""Double-double arithmetic on NumPy arrays: about 32 digits, so that a diagnostic's own round-off does not show.
 
 A number is an unevaluated sum `hi + lo` of two float64 arrays with |lo| <= ulp(hi)/2. All functions are elementwise and
 broadcast. Nothing is compiled: NumPy never contracts a product and a sum into one rounding, which these need.
@@ -63,7 +63,7 @@ def add(x: Pair, y: Pair) -> Pair:
 
 
 def subtract(x: Pair, y: Pair) -> Pair:
-    """Difference x - y, as `add`."""
+    """Difference x - y, as accurate as `add`."""
     return add(x, Pair(-y.hi, -y.lo))
 
 

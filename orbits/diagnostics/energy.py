@@ -7,26 +7,27 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.checks import number_not_below_zero
+from orbits.diagnostics.arrays import ORDINARY, balanced, blocks, massive_rows, scaled, unscaled
 from orbits.diagnostics.doubledouble import Floats, Pair, dot, scale, subtract, total, two_product
-from orbits.diagnostics.states import ORDINARY, balanced, blocks, massive_rows, scaled, unscaled
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 
 
 def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) -> Floats:
     """G times the energy, sum gm v^2 / 2 - sum_{i<j} gm_i gm_j / sqrt(r_ij^2 + softening^2).
 
-    gm : (n,) length^3/time^2; massless bodies (gm = 0) do not count
+    gm : (n,) length^3/time^2; massless bodies (gm = 0) are left out
     q, v : (..., n, 3) length and length/time
     softening : length, >= 0
     Returns (...), length^5/time^4: divide by G for an energy.
 
-    Every sum and product is a double-double one, so the value is the float64 nearest to the energy of exactly these
-    numbers: what drifts in it drifts in the states.
-    Raises InputError for what is not finite or does not fit, for bodies at one place without a softening, and where
-    the energy is beyond the range of floats.
+    All arithmetic is double-double, so the value is the float64 nearest to the energy of exactly these numbers: a
+    drift of the value is a drift of the states.
+    Raises InputError for values that are not finite, shapes that do not fit, two bodies at the same place without
+    softening, and an energy beyond the range of floats.
     """
     gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
-    length = _softening(softening)
+    length = number_not_below_zero(softening, "softening")
     shape, samples = q_massive.shape[:-2], math.prod(q_massive.shape[:-2])
     weights, (w, _), kinetic_power = balanced(gm_massive, v_massive, v_massive)
     x, k = scaled(np.append(q_massive, length))
@@ -39,16 +40,16 @@ def energy(gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) ->
         attraction = _attraction(masses, q_flat[block], length)
         if np.isnan(attraction.hi).any():
             raise InputError(
-                "two massive bodies are at one place, or distances or masses differ by more than 145 powers of ten: "
-                "the energy is beyond floats. Expected bodies apart, or a softening."
+                "two massive bodies are at the same place, or distances or masses differ by more than 145 powers of "
+                "ten: the energy is beyond the range of floats. Expected bodies apart, or a softening."
             )
-        # Each in units of its own: their exponents are added last, so that nothing overflows before.
+        # Kinetic and potential energy each have a unit of their own; exponents come last, so that nothing overflows.
         out[block] = _difference(kinetic, kinetic_power, attraction, 2 * m - k)
     return out.reshape(shape)
 
 
 def _scaled_by_pairs(gm: Floats) -> tuple[Floats, int]:
-    """Return gm / 2^m and m, exact, and so that the largest product of two of them is about 1."""
+    """Return gm / 2^m, which is exact, and m, such that the largest product of two of them is about 1."""
     largest = np.frexp(np.sort(gm)[-2:])[1]
     if not len(gm) or np.all(np.abs(largest) < ORDINARY):
         return gm, 0
@@ -64,19 +65,11 @@ def _difference(a: Pair, power_a: int, b: Pair, power_b: int) -> Floats:
     return unscaled(subtract(a, b).rounded(), power, "the energy")
 
 
-def _softening(softening: float) -> float:
-    try:
-        if math.isfinite(softening) and softening >= 0:
-            return float(softening)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise InputError(f"softening is {shown(softening)}; expected a finite length >= 0.")
-
 
 def _attraction(gm: Floats, q: Floats, softening: float) -> Pair:
-    """Sum over i < j of gm_i gm_j / sqrt(r_ij^2 + softening^2) of q (samples, m, 3): shape (samples,).
+    """Sum of gm_i gm_j / sqrt(r_ij^2 + softening^2) over i < j: q (samples, m, 3) to (samples,).
 
-    NaN where a distance is 0 or its square too small for its digits.
+    NaN where a distance is 0, or so small that its square loses digits.
     """
     from orbits.kernels.lanes import WIDTH
     from orbits.kernels.potential import doubled_attraction

@@ -1,7 +1,7 @@
-"""The growth of round-off with time, over an ensemble of starts: Brouwer's law, or a drift.
+"""The growth of round-off with time, over an ensemble of initial conditions: Brouwer's law, or a drift.
 
-Unbiased rounding makes the energy walk at random: its error grows as t^1/2 and that of the phase as t^3/2. A bias, such
-as that of coefficients that are not exactly symplectic, makes them grow as t and t^2.
+With unbiased rounding the energy performs a random walk: its error grows as t^1/2 and the phase error as t^3/2. A bias,
+for example from coefficients that are not exactly symplectic, makes them grow as t and t^2.
 
 Source: Brouwer (1937), AJ 46, 149; Hairer, McLachlan & Razakarivony (2008), BIT 48, 231.
 """
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.checks import real_numbers
 from orbits.diagnostics.doubledouble import Floats
-from orbits.diagnostics.states import numbers
 from orbits.errors import InputError
 
 LEAST_STARTS, LEAST_TIMES = 8, 4
@@ -22,10 +22,10 @@ LEAST_STARTS, LEAST_TIMES = 8, 4
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """How errors grow over an ensemble.
+    """How errors grow with time, over an ensemble.
 
     exponent, uncertainty : slope of log(rms) against log(t), and its standard error over the ensemble
-    bias : mean error at the last time, in standard errors of that mean; a random walk leaves it of order one
+    bias : mean error at the last time, in standard errors of this mean; of order one for a random walk
     t : (k,) times; rms : (k,) root mean square over the starts
     """
 
@@ -36,26 +36,27 @@ class Growth:
     rms: Floats
 
     def consistent_with(self, exponent: float, sigmas: float = 3.0) -> bool:
-        """Whether the measured exponent is this one within so many standard errors."""
+        """Whether the measured exponent agrees with this one within `sigmas` standard errors."""
         return bool(abs(self.exponent - exponent) <= sigmas * self.uncertainty)
 
 
 def growth(t: ArrayLike, errors: ArrayLike) -> Growth:
-    """Fit the growth of errors with time: the slope of the RMS over the starts, log against log.
+    """Fit the growth of errors with time: the log-log slope of their RMS over the ensemble.
 
-    t : (k,) times > 0, best in equal ratios: each counts alike. errors : (starts, k), signed
-    The errors of one start at different times depend on each other, so the uncertainty is that of leaving out one start
-    after the other (the jackknife), not that of the fit.
-    Raises InputError for fewer than 8 starts or 4 times, shapes that do not fit, and values that are not finite or
-    vanish for all starts at some time.
+    t : (k,) times > 0, all of equal weight, so best in a geometric sequence
+    errors : (starts, k), signed
+    The errors of one start at different times are correlated, so the uncertainty comes from leaving out one start at a
+    time (the jackknife), not from the fit.
+    Raises InputError for fewer than 8 starts or 4 times, shapes that do not fit, values that are not finite, and a time
+    at which no start has an error.
     """
-    x, e = numbers(t, "t"), numbers(errors, "errors")
+    x, e = real_numbers(t, "t"), real_numbers(errors, "errors")
     if x.ndim != 1 or e.ndim != 2 or e.shape[1] != len(x):
         raise InputError(f"errors must be (starts, times) for times (k,); got {e.shape} and {x.shape}.")
     if len(e) < LEAST_STARTS or len(x) < LEAST_TIMES:
         raise InputError(f"got {len(e)} starts and {len(x)} times; expected at least {LEAST_STARTS} and {LEAST_TIMES}.")
     if not (np.isfinite(x).all() and (x > 0.0).all() and np.isfinite(e).all()):
-        raise InputError("times must be positive and errors finite; leave out the start itself.")
+        raise InputError("times must be positive and errors finite; leave out t = 0.")
     squares = np.sum(e * e, axis=0)
     if not (squares > 0.0).all():
         raise InputError(f"no start has any error at t = {x[squares == 0.0][0]:g}; begin later.")

@@ -1,4 +1,4 @@
-"""Discrete Liouville: the area of a loop of initial conditions, the sum over coordinates of the integral of p dq."""
+"""Discrete Liouville: the area of a loop of initial conditions, the integral of p . dq around it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Map = Callable[[Array, Array], tuple[Array, Array]]
 def loop(q: Array, p: Array, dq: Array, dp: Array, points: int = 64) -> tuple[Array, Array]:
     """Return a loop around (q, p): (q + cos(x) dq, p + sin(x) dp) at `points` equally spaced x, each (points, d).
 
-    Its area is -pi dq . dp: it runs against the clock in (q, p).
+    Its area is -pi dq . dp, for it runs counterclockwise in (q, p).
     """
     x = 2.0 * np.pi * np.arange(points) / points
     return q + np.cos(x)[:, None] * dq, p + np.sin(x)[:, None] * dp
@@ -25,8 +25,8 @@ def loop(q: Array, p: Array, dq: Array, dp: Array, points: int = 64) -> tuple[Ar
 def area(q: Array, p: Array) -> float:
     """Return the integral of p . dq around a closed loop given by its points, (n, d) each.
 
-    The points must be the images of equally spaced parameters of a smooth loop; the error is then that of a Fourier
-    series of n terms. Raises InputError for fewer than 4 points.
+    The points must belong to equally spaced parameters of a smooth loop; the error is then that of a Fourier series of
+    n terms. Raises InputError for fewer than 4 points.
     """
     if q.shape != p.shape or q.ndim != 2 or len(q) < 4:
         raise InputError(f"a loop needs q and p of one shape (n, d), n >= 4; got {q.shape} and {p.shape}")
@@ -40,6 +40,6 @@ def area(q: Array, p: Array) -> float:
 
 
 def marched(step: Map, q: Array, p: Array) -> tuple[Array, Array]:
-    """Return the loop after `step`, a map of (q, p), has moved every point of it."""
+    """Return the loop after `step`, a map of (q, p), has been applied to every point."""
     moved = [step(x, y) for x, y in zip(q, p, strict=True)]
     return np.array([x for x, _ in moved]), np.array([y for _, y in moved])

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.diagnostics.arrays import balanced, blocks, massive_rows, scaled, unscaled
 from orbits.diagnostics.doubledouble import Floats, Pair, divide, scale, subtract, total, two_product
-from orbits.diagnostics.states import balanced, blocks, massive_rows, scaled, unscaled
 from orbits.errors import InputError
 
 
@@ -23,9 +23,9 @@ class NoetherCharges(NamedTuple):
 def linear_momentum(gm: ArrayLike, v: ArrayLike) -> Floats:
     """G times the linear momentum, sum gm v.
 
-    gm : (n,) length^3/time^2; massless bodies do not count. v : (..., n, 3) length/time
-    Returns (..., 3), length^4/time^3. Raises InputError for what is not finite or does not fit, and
-    for a momentum beyond the range of floats.
+    gm : (n,) length^3/time^2; massless bodies are left out. v : (..., n, 3) length/time
+    Returns (..., 3), length^4/time^3. Raises InputError for values that are not finite, shapes that do not fit, and a
+    momentum beyond the range of floats.
     """
     gm_massive, (v_massive,) = massive_rows(gm, v=v)
     weights, (w,), power = balanced(gm_massive, v_massive)
@@ -35,9 +35,9 @@ def linear_momentum(gm: ArrayLike, v: ArrayLike) -> Floats:
 def angular_momentum(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> Floats:
     """G times the angular momentum about the origin, sum gm q x v.
 
-    gm : (n,) length^3/time^2; massless bodies do not count. q, v : (..., n, 3) length and length/time
-    Returns (..., 3), length^5/time^3. Raises InputError for what is not finite or does not fit, and
-    for a momentum beyond the range of floats.
+    gm : (n,) length^3/time^2; massless bodies are left out. q, v : (..., n, 3) length and length/time
+    Returns (..., 3), length^5/time^3. Raises InputError for values that are not finite, shapes that do not fit, and a
+    momentum beyond the range of floats.
     """
     gm_massive, (q_massive, v_massive) = massive_rows(gm, q=q, v=v)
     shape, samples = q_massive.shape[:-2], math.prod(q_massive.shape[:-2])
@@ -56,9 +56,9 @@ def angular_momentum(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> Floats:
 def centre_of_mass(gm: ArrayLike, q: ArrayLike) -> Floats:
     """Centre of mass, sum gm q / sum gm.
 
-    gm : (n,) length^3/time^2; massless bodies do not count. q : (..., n, 3) length (or velocities, for the velocity)
-    Returns (..., 3), as q. Raises InputError for what is not finite or does not fit, or where no body has a
-    mass.
+    gm : (n,) length^3/time^2; massless bodies are left out. q : (..., n, 3) length, or velocities for its velocity
+    Returns (..., 3), in the unit of q. Raises InputError for values that are not finite, shapes that do not fit, and
+    bodies without any mass.
     """
     gm_massive, (q_massive,) = massive_rows(gm, q=q)
     if not len(gm_massive):
@@ -72,8 +72,9 @@ def centre_of_mass(gm: ArrayLike, q: ArrayLike) -> Floats:
 def noether_charges(gm: ArrayLike, q: ArrayLike, v: ArrayLike) -> NoetherCharges:
     """The momentum maps p_k . xi(q_k) of translation and rotation, from the momenta of the step itself.
 
-    gm : (n,); q, v : (..., n, 3). v must be the step's own velocity, p_k = D2 L_d(q_{k-1}, q_k) over the mass, as every
-    sampled trajectory holds it: recomputing p_k from stored positions loses |q| / |dq| in relative precision.
+    gm : (n,); q, v : (..., n, 3)
+    v must be the step's own velocity, p_k = D2 L_d(q_{k-1}, q_k) over the mass, as sampled trajectories hold it. A p_k
+    recomputed from stored positions has lost a factor of |q| / |dq| in relative precision.
     Source: Marsden & West (2001), 1.3.3.
     """
     return NoetherCharges(linear_momentum(gm, v), angular_momentum(gm, q, v))

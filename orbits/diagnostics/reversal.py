@@ -1,4 +1,4 @@
-"""Reversibility: steps forth, velocities flipped, the same steps again, and what is missing of the start."""
+"""Reversibility: march forwards, flip the velocities, march as many steps again, and compare with the start."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.diagnostics.stepping import Bodies, count, turned
+from orbits.checks import whole_number
+from orbits.diagnostics.stepping import MOST_STEPS, Bodies, turned
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
@@ -16,11 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Reversal:
-    """How far the bodies end from where they began, the largest distance of any of them.
+    """How far bodies end from where they began: the largest distance of any of them.
 
     q, v : in the units of positions and velocities
     q_ulps, v_ulps : in units in the last place of the largest |q| and |v| of all bodies
-    steps : so many forth, and as many back
+    steps : number of steps forwards, and again backwards
     """
 
     q: float
@@ -31,7 +32,7 @@ class Reversal:
 
     @property
     def ulps(self) -> float:
-        """The larger of the two in units in the last place."""
+        """The larger of q_ulps and v_ulps."""
         return max(self.q_ulps, self.v_ulps)
 
 
@@ -50,17 +51,17 @@ def reversibility(
     gm (n,), q and v (n, 3) : float64 in one system of units; massless particles take part
     dt : step, not 0
 
-    The states of this package carry low parts, which are kept at the turn: what is missing is the round-off of the
-    steps, as much as the motion amplifies it. The velocity is flipped instead of the step, so a method that is
-    symmetric but not reversible would show.
-    Raises InputError for what cannot be marched, IntegrationError for a step that fails.
+    The low parts of the states are kept at the turn, so the difference that remains is the round-off of the steps,
+    amplified by the motion. The velocities are flipped, not the step, so that a method that is symmetric but not
+    reversible is found out.
+    Raises InputError for bodies or steps that cannot be marched, IntegrationError for a step that fails.
     Source: Hairer, Lubich & Wanner (2006), sec. V.1.
 
         x = system.values
         orbits.diagnostics.reversibility(x.gm, x.q, x.v, orbits.Gauss(stages=8), dt=6.0, steps=1000)
     """
     bodies = Bodies.of(gm, q, v, softening)
-    n = count(steps, "steps")
+    n = whole_number(steps, "steps", most=MOST_STEPS)
     marcher = bodies.marcher(integrator, dt)
     marcher.advance(n)
     turned(marcher)

@@ -1,11 +1,10 @@
-"""The compiled step of a method on bodies, with all its digits: reversibility, symplecticity and order are taken of it.
+"""The compiled step of a method on bodies, with all its digits, for reversibility, symplecticity and order.
 
-States are numbers of doubled precision, hi + lo.
+States are in doubled precision, hi + lo.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -13,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import nonzero_number, number_not_below_zero, real_numbers
 from orbits.diagnostics.doubledouble import Floats, Pair, two_sum
-from orbits.diagnostics.states import numbers
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 
 MOST_STEPS = 10**9
-"""That a diagnostic marches."""
+"""The most steps that a diagnostic marches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +36,8 @@ class Bodies:
 
     @classmethod
     def of(cls, gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) -> Bodies:
-        """Check what a caller gave. Raises InputError for shapes that do not fit and values that are not finite."""
-        masses, x, w = np.atleast_1d(numbers(gm, "gm")), numbers(q, "q"), numbers(v, "v")
+        """Return checked bodies. Raises InputError for shapes that do not fit and values that are not finite."""
+        masses, x, w = np.atleast_1d(real_numbers(gm, "gm")), real_numbers(q, "q"), real_numbers(v, "v")
         for name, array, shape in (("gm", masses, (len(masses),)), ("q", x, (len(masses), 3)), ("v", w, x.shape)):
             if array.shape != shape:
                 raise InputError(f"{name} has shape {array.shape}; expected {shape} for {len(masses)} bodies.")
@@ -46,9 +45,7 @@ class Bodies:
                 raise InputError(f"{name} holds values that are not finite; expected finite ones.")
         if not (masses >= 0.0).all() or not (masses > 0.0).any():
             raise InputError(f"gm is {masses}; expected values >= 0, at least one of them > 0.")
-        if not (_is_finite(softening) and softening >= 0.0):
-            raise InputError(f"softening is {shown(softening)}; expected a finite length >= 0.")
-        return cls(masses, x, w, float(softening))
+        return cls(masses, x, w, number_not_below_zero(softening, "softening"))
 
     @property
     def massive(self) -> NDArray[np.bool_]:
@@ -62,36 +59,14 @@ class Bodies:
         from orbits.marching.marcher import Marcher
 
         integrator = named(integrator)
-        check_step(dt)
+        step = nonzero_number(dt, "dt")
         integrator.check(newtonian, registry())
         values = parameters(self.gm[self.massive], self.softening)
-        return Marcher(newtonian, integrator, values, self.massive, self.q, self.v, dt)
-
-
-def check_step(dt: float) -> None:
-    """Raise InputError for a step that is not finite or vanishes."""
-    if not (_is_finite(dt) and dt != 0.0):
-        raise InputError(f"dt must be finite and not zero, got {shown(dt)}")
-
-
-def _is_finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except (TypeError, ValueError, OverflowError):
-        return False
-
-
-def count(value: int, what: str) -> int:
-    """Return a positive whole number. Raises InputError for anything else."""
-    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(f"{what} must be a positive whole number, got {shown(value)}")
-    if value > MOST_STEPS:
-        raise InputError(f"{what} = {shown(value)}: at most {MOST_STEPS:.0e} are possible; take fewer")
-    return int(value)
+        return Marcher(newtonian, integrator, values, self.massive, self.q, self.v, step)
 
 
 def turned(marcher: Marcher) -> None:
-    """Flip all velocities of a marcher where it stands, with all digits; what it carries from steps before is lost."""
+    """Flip all velocities of a marcher, low parts included, and clear what it carries from earlier steps."""
     checkpoint: dict[str, Floats] = {name: np.asarray(x) for name, x in marcher.checkpoint().items()}
     for name in ("v", "v_lo", "particle_v", "particle_v_lo"):
         checkpoint[name] = -checkpoint[name]
@@ -101,9 +76,9 @@ def turned(marcher: Marcher) -> None:
 
 
 class StepMap:
-    """One step of a method as a map of some bodies' (q, v), from a fixed state of all; with low parts, in and out.
+    """One step of a method as a map of displacements from a fixed state; low parts are taken in and returned.
 
-    particles : whether the massless particles' states are moved, all at once, or those of the massive bodies
+    particles : whether the massless particles are displaced, all at once, or the massive bodies
     """
 
     def __init__(self, bodies: Bodies, integrator: Integrator, dt: float, *, particles: bool) -> None:
@@ -115,7 +90,7 @@ class StepMap:
         self._bodies, self._particles = n, particles
 
     def __call__(self, dq: Floats, dv: Floats) -> Pair:
-        """The state (2, n, 3) after a step from the start moved by dq and dv, (n, 3) each."""
+        """Return the state (2, n, 3) after a step from the start displaced by dq and dv, (n, 3) each."""
         state = dict(self._start)
         for name, moved in zip(self._names, (dq, dv), strict=True):
             hi, lo = state[name].copy(), state[f"{name}_lo"].copy()
@@ -131,12 +106,12 @@ class StepMap:
         return Pair(hi, lo)
 
     def _view(self, array: Floats) -> Floats:
-        """A view (3, n) of a state's vector."""
+        """Return a view (3, n) of a vector of the state."""
         return array[:, : self._bodies] if self._particles else array[: 3 * self._bodies].reshape(3, self._bodies)
 
 
 def reach(bodies: Bodies) -> Floats:
-    """Distance of each body from the nearest massive one, softened, (n,); positions are analytic within it."""
+    """Return the softened distance of each body from the nearest massive one, (n,): a step is analytic within it."""
     sources = np.flatnonzero(bodies.massive)
     away = np.linalg.norm(bodies.q[:, None] - bodies.q[sources], axis=2)
     away[sources, np.arange(len(sources))] = np.inf
@@ -146,7 +121,7 @@ def reach(bodies: Bodies) -> Floats:
 
 
 def march(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int]) -> tuple[Floats, Floats]:
-    """States after each of the growing numbers of `steps`, each (len(steps), n, 3)."""
+    """Return positions and velocities after each of the increasing numbers of `steps`, (len(steps), n, 3) each."""
     marcher = bodies.marcher(integrator, dt)
     states = []
     for step in steps:

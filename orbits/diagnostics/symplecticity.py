@@ -1,9 +1,9 @@
-"""Symplecticity of the compiled step: |M^T J M - J| for the massive bodies, and for each massless particle's fibre.
+"""Symplecticity of the compiled step: |M^T J M - J| for the massive bodies, and for each massless particle on its own.
 
-M is the derivative of one step by central differences of eighth order. States go in and come out in doubled precision,
-so that the differences of nearly equal states keep their digits, and each body is moved in proportion to its distance
-from the nearest other one. (Certificates take the exact derivative of the method's tableau instead; this one looks at
-what is really computed, and at methods without a tableau.)
+M is the derivative of one step, by central differences of eighth order. States are in doubled precision, so that
+differences of nearly equal states keep their digits, and each body is displaced in proportion to its distance from the
+nearest other one. (Certificates use the exact derivative of the method's tableau instead; this module measures what is
+actually computed, and serves methods without a tableau.)
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 _WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 _DISPLACEMENT = 2.0**-8
-"""Of a body, over its distance from the nearest one: the eighth power is 5e-20, and what is left out of a derivative of
-1/r^2 some thousand times that."""
+"""Displacement of a body over its distance from the nearest one. Its eighth power is 5e-20; the truncation error of a
+derivative of 1/r^2 is some thousand times that."""
 
 
 @dataclass(frozen=True, eq=False)
 class Symplecticity:
-    """Defects of one step, in coordinates sqrt(gm) (q, v dt), in which all bodies count alike.
+    """Defects of one step, in coordinates sqrt(gm) (q, v dt), which give all bodies equal weight.
 
     massive : the largest |M^T J M - J| of the massive bodies, over |M|^2 where that exceeds 1
-    particles : (m,), the same for the map of each massless particle's own (q, v), the massive bodies being given
-    noise : how far the derivatives themselves are uncertain: those with half the displacements differ by this
+    particles : (m,), the same for the map of each massless particle's (q, v) with the massive bodies given
+    noise : uncertainty of the derivatives: how far they change when the displacements are halved
     """
 
     massive: float
@@ -46,8 +46,8 @@ def symplecticity(
     """Measure whether one step of dt is symplectic on these bodies.
 
     gm (n,), q and v (n, 3) : float64 in one system of units
-    The joint map of massive bodies and particles is not symplectic and is not asked for: particles pull on nothing.
-    Raises InputError for what cannot be marched, IntegrationError for a step that fails.
+    The joint map of massive bodies and particles is not measured: it is not symplectic, as particles attract nothing.
+    Raises InputError for bodies or steps that cannot be marched, IntegrationError for a step that fails.
     Source: Hairer, Lubich & Wanner (2006), sec. VI.2.
     """
     from orbits.diagnostics.tangent import symplecticity_defect
@@ -77,7 +77,7 @@ def symplecticity(
 
 
 def _derivatives(step: StepMap, radii: Floats, dt: float, *, joint: bool) -> list[Floats]:
-    """The derivative of `step` in (q, v dt), body after body: one (6n, 6n) for all, or one (6, 6) for each body."""
+    """Return the derivative of `step` in (q, v dt): one (6n, 6n) matrix if `joint`, else one (6, 6) for each body."""
     n = len(radii)
     size = 3 * n if joint else 3
     columns = []

@@ -1,8 +1,8 @@
 """The exact derivative of a step: a partitioned Runge–Kutta step and the same step of its variational equations.
 
-A step of such a method and differentiation by the starting point may be exchanged, so the derivative is found by linear
-algebra, without differences, from the Hessian blocks of the Lagrangian at the stages. The stages themselves are solved
-for here once more, by Newton's method in NumPy, which also gives an independent value of the step.
+For these methods, stepping commutes with differentiation by the starting point. The derivative therefore follows by
+linear algebra from the Hessian blocks of the Lagrangian at the stages, without differences. The stages are solved for
+independently here, by Newton's method in NumPy, which also gives an independent value of the step.
 
 Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1.
 """
@@ -23,11 +23,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PlainStep:
-    """One step, solved plainly.
+    """One step of a tableau, solved by Newton's method in NumPy.
 
     q, p : (d,) after the step
     Q, V : (s, d) positions and velocities of the stages
-    derivative : (2d, 2d), of (q, p) after the step by (q, p) before it
+    derivative : (2d, 2d), of (q, p) after the step with respect to (q, p) before it
     """
 
     q: Array
@@ -86,7 +86,8 @@ def plain_step(
 def symplecticity_defect(derivative: Array, weights: Array) -> float:
     """Return the largest |M^T J M - J| in coordinates (w q, p / w), divided by |M|^2 where that exceeds 1.
 
-    derivative : (2d, 2d); weights : (d,), such as the square roots of the masses, that bring all to one size
+    derivative : (2d, 2d)
+    weights : (d,), such as the square roots of the masses, which bring all coordinates to one size
     """
     scale = np.concatenate([weights, 1.0 / weights])
     M = scale[:, None] * derivative / scale[None, :]
@@ -96,7 +97,7 @@ def symplecticity_defect(derivative: Array, weights: Array) -> float:
 
 
 def _matrix(a: Array, a_bar: Array, h: float, qq: Array, qv: Array, vv: Array) -> Array:
-    """Derivative of the stages' momenta less P_i = p + h sum a_bar_ij F_j by their velocities, (s d, s d)."""
+    """Derivative of P_i - p - h sum a_bar_ij F_j, P_i the momenta of the stages, by their velocities: (s d, s d)."""
     s, d = qq.shape[:2]
     matrix = h * np.einsum("ij,iba->iajb", a, qv)
     matrix -= h * np.einsum("ij,jab->iajb", a_bar, qv)

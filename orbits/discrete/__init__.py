@@ -1,8 +1,10 @@
-"""Discrete mechanics on Q x Q: discrete Lagrangians, their Euler–Lagrange equations, and what these conserve."""
+"""Discrete mechanics on Q x Q: discrete Lagrangians, their Euler–Lagrange equations, and conserved quantities."""
 
 from orbits.discrete.base import DiscreteLagrangian
 from orbits.discrete.boundary import boundary_value
+from orbits.discrete.evolution import advance, march_pairs, start, step
 from orbits.discrete.exact import exact, exact_by_collocation
+from orbits.discrete.exact_linear import exact_free_particle, exact_harmonic_oscillator, exact_linear
 from orbits.discrete.lambert import exact_kepler
 from orbits.discrete.legendre import (
     canonical_form,
@@ -19,8 +21,6 @@ from orbits.discrete.legendre import (
     require_regular,
     two_form,
 )
-from orbits.discrete.linear import exact_free_particle, exact_harmonic_oscillator, exact_linear
-from orbits.discrete.marching import advance, march_pairs, start, step
 from orbits.discrete.noether import Drift, drift, invariance, momentum_map
 from orbits.discrete.path import action, euler_lagrange_residual, momentum_residual
 from orbits.discrete.quadrature import midpoint, symplectic_euler_a, symplectic_euler_b, trapezoidal

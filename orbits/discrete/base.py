@@ -1,6 +1,6 @@
-"""What a discrete Lagrangian is: L_d(q0, q1; h) on Q x Q with its first and second derivatives.
+"""Discrete Lagrangians: L_d(q0, q1; h) on Q x Q with its first and second derivatives.
 
-It stands for the action of the motion that goes from q0 to q1 in the time h. Its derivatives are the discrete momenta,
+L_d approximates the action of the motion from q0 to q1 in the time h. Its derivatives are the discrete momenta,
 
     p0 = -D1 L_d(q0, q1; h),      p1 = D2 L_d(q0, q1; h),
 
@@ -20,18 +20,19 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import InputError, SingularityError, shown
+from orbits.checks import finite_number, finite_vector, nonzero_number
+from orbits.errors import InputError, SingularityError
 from orbits.lagrangians.base import show
 
 Array = NDArray[np.float64]
 
 
 class Mechanics(Protocol):
-    """What is used of a Lagrangian: `orbits.lagrangians.base.Lagrangian` and whatever has the same methods."""
+    """The methods of a Lagrangian that are used here: `orbits.lagrangians.base.Lagrangian`, or any object like it."""
 
     @property
     def name(self) -> str:
-        """For messages."""
+        """The name, for messages."""
         ...
 
     @property
@@ -83,12 +84,12 @@ class Jet(NamedTuple):
 class DiscreteLagrangian(ABC):
     """L_d(q0, q1; h) on Q x Q, Q = R^d, of a Lagrangian that may depend on time.
 
-    name : of the rule that makes it
-    lagrangian : what it stands for; None for a closed form that was made from numbers alone
+    name : of the rule that defines it
+    lagrangian : the Lagrangian it approximates; None for a closed form made from numbers alone
 
     q0, q1 : (d,), or (n, 3) for bodies in space; h : step, of either sign; t : time at q0
-    Raises InputError for points of another shape, non-finite numbers and h = 0, SingularityError where L_d is not
-    finite, ConvergenceError where an implicit one cannot be solved.
+    Raises InputError for points of another shape, numbers that are not finite and h = 0, SingularityError where L_d is
+    not finite, ConvergenceError where the equations of an implicit L_d cannot be solved.
     """
 
     name: str
@@ -96,11 +97,11 @@ class DiscreteLagrangian(ABC):
 
     @abstractmethod
     def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
-        """Return (L_d, D1, D2) at checked arguments."""
+        """Return (L_d, D1, D2); the arguments are already checked."""
 
     @abstractmethod
     def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
-        """Return (D1D1, D1D2, D2D2) at checked arguments."""
+        """Return (D1D1, D1D2, D2D2); the arguments are already checked."""
 
     def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
         return Jet(*self._first(q0, q1, h, t), *self._second(q0, q1, h, t))
@@ -149,23 +150,23 @@ class DiscreteLagrangian(ABC):
         return finite_vector(x, what)
 
     def guess(self, q: Array, p: Array, h: float, t: float) -> Array:
-        """Return a first guess of the q1 that the momentum p leads to: along the straight line."""
+        """Return a first guess of the q1 that p leads to, on the straight line."""
         if self.lagrangian is None:
-            raise NotImplementedError(f"{self.name}: a closed form without a Lagrangian must say where p leads")
+            raise NotImplementedError(f"{self.name}: a closed form without a Lagrangian needs a `guess` of its own")
         moved: Array = q + h * self.lagrangian.velocity(q, p, t)
         return moved
 
     def _checked(self, q0: ArrayLike, q1: ArrayLike, h: float, t: float) -> tuple[Array, Array, float, float]:
         x0, x1 = self.vector(q0, "q0"), self.vector(q1, "q1")
         if x0.shape != x1.shape:
-            raise InputError(f"q0 and q1 are points of one space; got {x0.size} and {x1.size} coordinates")
+            raise InputError(f"q0 and q1 must be points of the same space; got {x0.size} and {x1.size} coordinates")
         return x0, x1, time_step(h), finite_number(t, "t")
 
     def _finite(self, q0: Array, q1: Array, h: float, t: float, *results: float | Array) -> None:
         if not all(np.all(np.isfinite(x)) for x in results):
             raise SingularityError(
                 f"{self.name} L_d is not finite between q0 = {show(q0)} and q1 = {show(q1)} with h = {h:.6g}: the "
-                "Lagrangian is singular on the way. Choose other points or a shorter h.",
+                "Lagrangian is singular between them. Choose other points or a shorter h.",
                 time=t,
             )
 
@@ -174,27 +175,5 @@ class DiscreteLagrangian(ABC):
 
 
 def time_step(h: float) -> float:
-    """Return h; InputError unless it is one finite number other than zero."""
-    step = finite_number(h, "h")
-    if step == 0.0:
-        raise InputError("h must not be 0: a discrete Lagrangian joins two points in a time h, of either sign")
-    return step
-
-
-def finite_number(x: object, what: str) -> float:
-    """Return x as a float; InputError unless it is one finite real number."""
-    values = np.asarray(x)
-    if values.ndim or values.dtype.kind not in "fiu" or not np.isfinite(values):
-        raise InputError(f"{what} must be one finite number; got {shown(x)}")
-    return float(values)
-
-
-def finite_vector(x: ArrayLike, what: str) -> Array:
-    """Return x as a vector of finite floats, (d,)."""
-    values = np.asarray(x)
-    if values.dtype.kind not in "fiu" or values.ndim > 1 or values.size == 0:
-        raise InputError(f"{what} must be a vector of real numbers; got {shown(x)}")
-    values = np.array(values, dtype=np.float64).reshape(-1)
-    if not np.all(np.isfinite(values)):
-        raise InputError(f"{what} must be finite; got {show(values)}")
-    return values
+    """Return h, a step of either sign. Raises InputError unless it is one finite number other than zero."""
+    return nonzero_number(h, "h")

@@ -14,14 +14,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Jet, finite_number, time_step
+from orbits.checks import finite_number, whole_number
+from orbits.discrete.base import Array, DiscreteLagrangian, Jet, time_step
 from orbits.discrete.newton import solve
 from orbits.discrete.path import points_of
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 from orbits.lagrangians.base import show
 
 DENSE_UP_TO = 400
-"""Unknowns up to which the matrix is solved as a whole, with pivoting, which an action that is no minimum may need."""
+"""Largest number of unknowns solved as one dense matrix, with pivoting, which an action without a minimum may need."""
 
 
 def boundary_value(
@@ -35,18 +36,19 @@ def boundary_value(
 ) -> Array:
     """Return the path from q_start to q_end in `steps` steps of h that makes the discrete action stationary.
 
-    q_start, q_end : (d,) or (n, 3); the result is (steps + 1, d) or (steps + 1, n, 3), the given ends included
-    guess : a path of that shape, of which the inner points are used; the straight line if it is None
-    Solved to the round-off floor. There may be several such paths, or none: the guess decides. Raises ConvergenceError
-    if Newton's method fails from it.
+    q_start, q_end : (d,) or (n, 3); the result is (steps + 1, d) or (steps + 1, n, 3), both ends included
+    guess : a path of that shape, of which the inner points are used; the straight line by default
+    Solved to the round-off floor. There may be several such paths or none; the guess decides which one is found. Raises
+    InputError for arguments that do not fit, ConvergenceError if Newton's method fails.
     """
     step, start = time_step(h), finite_number(t0, "t0")
-    if isinstance(steps, bool | np.timedelta64) or not isinstance(steps, int | np.integer) or steps < 1:
-        raise InputError(f"steps must be a whole number >= 1; got {shown(steps)}")
+    steps = whole_number(steps, "steps")
     shape = np.shape(q_start)
     first, last = discrete.vector(q_start, "q_start"), discrete.vector(q_end, "q_end")
     if first.shape != last.shape:
-        raise InputError(f"q_start and q_end are points of one space; got {first.size} and {last.size} coordinates")
+        raise InputError(
+            f"q_start and q_end must be points of the same space; got {first.size} and {last.size} coordinates"
+        )
     if guess is None:
         points = first + np.linspace(0.0, 1.0, steps + 1)[:, None] * (last - first)
     else:
@@ -83,12 +85,12 @@ def stationary(discrete: DiscreteLagrangian, points: Array, h: float, t0: float)
 
 
 def jets_of(discrete: DiscreteLagrangian, points: Array, h: float, t0: float) -> list[Jet]:
-    """Return L_d with its derivatives on every step of a path."""
+    """Return L_d with its derivatives for every step of a path."""
     return [discrete.jet(a, b, h, t0 + k * h) for k, (a, b) in enumerate(itertools.pairwise(points))]
 
 
 def block_solve(jets: list[Jet], right: Array) -> Array:
-    """Return H^-1 right, H the second derivative of the action by the inner points; right : ((N - 1) d, columns)."""
+    """Return H^-1 right, H being the Hessian of the action in the inner points; right : ((N - 1) d, columns)."""
     d, inner = jets[0].d1.size, len(jets) - 1
     diagonal = [a.d22 + b.d11 for a, b in itertools.pairwise(jets)]
     upper = [jet.d12 for jet in jets[1:-1]]

@@ -2,9 +2,9 @@
 
     L_d^E(q0, q1; h) = int_0^h L(q(t), q'(t), t) dt,      -D1 L_d^E = p(0),   D2 L_d^E = p(h).
 
-In closed form where there is one: the free particle, the harmonic oscillator and the Kepler problem. For any other
-Lagrangian the boundary-value problem is solved by Gauss collocation on a mesh, itself a discrete variational problem,
-whose steps are halved until more stages change nothing; its stationary action is then L_d^E to round-off.
+The free particle, the harmonic oscillator and the Kepler problem have closed forms. For any other Lagrangian the
+boundary-value problem is solved by Gauss collocation on a mesh, which is a discrete variational problem as well. The
+mesh is refined until more stages change nothing; the stationary action is then L_d^E to round-off.
 
 Source: Marsden & West (2001), sec. 1.6, 2.3; Hairer, Lubich & Wanner (2006), sec. VI.6.
 """
@@ -17,8 +17,8 @@ import numpy as np
 
 from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
 from orbits.discrete.boundary import block_solve, jets_of, stationary
+from orbits.discrete.exact_linear import exact_linear
 from orbits.discrete.lambert import Way, exact_kepler
-from orbits.discrete.linear import exact_linear
 from orbits.discrete.vprk import Vprk, vprk
 from orbits.errors import ConvergenceError, InputError, shown
 from orbits.lagrangians.base import show
@@ -27,7 +27,7 @@ from orbits.tableaux.gauss import gauss
 STAGES, FEWER = 8, 6
 MESHES = (1, 2, 4, 8, 16, 32, 64)
 AGREED = 1e-12
-"""Orders 12 and 16 that agree to this, the twelfth power of 0.1, leave the latter at its sixteenth."""
+"""If orders 12 and 16 agree to this, 0.1^12, the error of order 16 is about 0.1^16."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,7 +52,7 @@ class ExactByCollocation(DiscreteLagrangian):
         first, last = jets[0], jets[-1]
         if len(jets) == 1:
             return first
-        # The inner points follow the ends: their share is taken off, the Schur complement.
+        # The inner points depend on the ends: eliminate them (Schur complement).
         d = q0.size
         by_ends = np.zeros(((len(jets) - 1) * d, 2 * d))
         by_ends[:d, :d] = first.d12.T
@@ -67,7 +67,7 @@ class ExactByCollocation(DiscreteLagrangian):
         """Return the steps of the converged mesh."""
         points, solved, failed = np.array([q0, q1]), False, None
         for mesh in MESHES:
-            if len(points) != mesh + 1:  # no coarser mesh was solved
+            if len(points) != mesh + 1:  # no coarser mesh has been solved
                 points = q0 + np.linspace(0.0, 1.0, mesh + 1)[:, None] * (q1 - q0)
             try:
                 points = stationary(self.rule, points, h / mesh, t)
@@ -88,12 +88,12 @@ class ExactByCollocation(DiscreteLagrangian):
         raise ConvergenceError(
             f"{self.name}: the motion of '{self.lagrangian.name}' from q0 = {show(q0)} to q1 = {show(q1)} in "
             f"h = {h:.6g} was not found: the boundary-value problem does not converge from the "
-            "straight line. Use a smaller h, or points that a motion without close encounters joins.",
+            "straight line. Use a smaller h, or points joined by a motion without close encounters.",
             time=t,
         ) from failed
 
     def _halved(self, points: Array, jets: list[Jet], h: float, t: float) -> Array:
-        """Return the path with a point amid each step, by cubic interpolation of positions and velocities."""
+        """Return the path with a midpoint added to each step, by cubic Hermite interpolation."""
         finer = [points[0]]
         for k, jet in enumerate(jets):
             v0 = self.lagrangian.velocity(points[k], -jet.d1, t + k * h)
@@ -103,7 +103,7 @@ class ExactByCollocation(DiscreteLagrangian):
 
 
 def exact_by_collocation(lagrangian: Mechanics) -> ExactByCollocation:
-    """Return the exact discrete Lagrangian without a closed form; see `exact`."""
+    """Return the exact discrete Lagrangian by collocation, for Lagrangians without a closed form; see `exact`."""
     return ExactByCollocation(
         "exact-by-collocation", lagrangian, vprk(lagrangian, gauss(STAGES)), vprk(lagrangian, gauss(FEWER))
     )
@@ -112,10 +112,11 @@ def exact_by_collocation(lagrangian: Mechanics) -> ExactByCollocation:
 def exact(lagrangian: Mechanics, *, way: Way = "short") -> DiscreteLagrangian:
     """Return the exact discrete Lagrangian of a Lagrangian.
 
-    way : which of the two arcs of a Kepler orbit; "short" below 180 degrees, "long" above
-    'free-particle', 'harmonic-oscillator' and 'kepler' have closed forms, whose constants are read off the Lagrangian.
-    Any other is served by the motion itself, found from the straight line between the points: for h so long that
-    several motions join them, another one, or none, may be found; ConvergenceError says so in the latter case.
+    way : which of the two arcs of a Kepler orbit: "short" for below 180 degrees, "long" for above
+    'free-particle', 'harmonic-oscillator' and 'kepler' have closed forms, with constants taken from the Lagrangian.
+    For any other Lagrangian the motion is found by iteration from the straight line between the points. Where h is so
+    long that several motions join them, it may find another one than expected, or none, a ConvergenceError. Raises
+    InputError for a `way` of a Lagrangian without two arcs.
     """
     name = lagrangian.name.replace("_", "-").replace(" ", "-")
     if name in ("free-particle", "harmonic-oscillator"):

@@ -1,7 +1,7 @@
 """The exact discrete Lagrangian of the Kepler problem, by Lambert's theorem in universal form.
 
 With r0, r1 the distances, c the chord, 2 s = r0 + r1 + c, and lambda = +- sqrt(1 - c/s), > 0 if the transfer angle is
-below 180 degrees, everything about the arc of less than one revolution is a function of psi, half the difference of the
+below 180 degrees, every property of an arc of less than one revolution is a function of psi, half the difference of the
 eccentric anomalies, or rather of u = psi^2: > 0 on an ellipse, 0 on a parabola, < 0 on a hyperbola:
 
     eta^2 = 1 - 2 lambda cos psi + lambda^2 = (1 - lambda)^2 + 4 lambda sin^2(psi/2)
@@ -10,9 +10,9 @@ eccentric anomalies, or rather of u = psi^2: > 0 on an ellipse, 0 on a parabola,
     v0 = k (q1 - q0 + s eta^2 q0/r0),   v1 = k (q1 - q0 - s eta^2 q1/r1),   k = sqrt(mu/2)/(lambda s^{3/2} eta)
 
 This is alpha - beta = 2 psi in Lagrange's form of the theorem, and L_d = sqrt(mu a) [(alpha + sin alpha) - (beta + sin
-beta)] + mu h/(2a); here nothing cancels or divides 0 by 0 at the parabola. T grows from 0 to infinity with u, so there
-is one arc below one revolution for each way round. At 180 degrees lambda = 0: the plane of the orbit is not determined,
-and L_d is not differentiable.
+beta)] + mu h/(2a), in a form without cancellation and without 0/0 at the parabola. T increases from 0 to infinity with
+u, so there is one arc of less than one revolution for each way round. At 180 degrees lambda = 0: the plane of the orbit
+is not determined, and L_d is not differentiable.
 
 Source: Battin (1999), sec. 6.6-7.1; Izzo (2015) for x = (cos psi - lambda)/eta, y = eta + lambda x.
 """
@@ -26,7 +26,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, finite_number
+from orbits.checks import positive_number
+from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics
 from orbits.errors import ConvergenceError, InputError
 from orbits.lagrangians.base import show
 
@@ -35,11 +36,11 @@ Way = Literal["short", "long"]
 SERIES_BELOW = 4.0
 SERIES_TERMS = 22
 ALIGNED = 1e-10
-"""Transfer angles nearer than this to 180 degrees, or 360, leave no digit of the plane of the orbit."""
+"""At transfer angles nearer than this to 180 or 360 degrees the plane of the orbit has no digit left."""
 
 
 def stumpff(z: float) -> tuple[float, float, float, float, float, float]:
-    """Return Stumpff's c0 ... c5 of z, of any sign: c_k(z) = 1/k! - z/(k+2)! + z^2/(k+4)! - ..."""
+    """Return Stumpff's functions c0 ... c5 of z, of either sign: c_k(z) = 1/k! - z/(k+2)! + z^2/(k+4)! - ..."""
     if abs(z) < SERIES_BELOW:
         c4 = c5 = 1.0
         for k in range(SERIES_TERMS, 0, -1):
@@ -76,7 +77,7 @@ class _Arc(NamedTuple):
 
 
 def _arc(u: float, way: float, gap: float, eta2: float | None = None) -> _Arc:
-    """Return the functions of u; way = lambda, gap = 1 - |lambda|, which is small for short arcs."""
+    """Return the functions of u; way is lambda, gap is 1 - |lambda|, small for short arcs."""
     cos, ratio1, c2, c3, _, _ = stumpff(u)
     _, _, _, wide3, wide4, wide5 = stumpff(4.0 * u)
     if eta2 is None:  # 4 lambda sin^2(psi/2), or for the long way 4 |lambda| cos^2(psi/2)
@@ -103,7 +104,7 @@ def _arc(u: float, way: float, gap: float, eta2: float | None = None) -> _Arc:
 
 
 def _hyperbola(eta: float, way: float, gap: float) -> _Arc:
-    """Return the same functions of eta < gap on the short way: a fast hyperbola, where eta^2 cancels as one of u."""
+    """Return the same functions of eta < gap on the short way: a fast hyperbola, where eta^2(u) would cancel."""
     half = math.asinh(math.sqrt((gap - eta) * (gap + eta) / (4.0 * way)))
     return _arc(-4.0 * half * half, way, gap, eta * eta)
 
@@ -136,9 +137,9 @@ def _solved(time: float, way: float, gap: float) -> _Arc:
 def _root(
     function: Callable[[float], tuple[float, float]], time: float, low: float, high: float, x: float, size: float
 ) -> float:
-    """Return x with T(x) = time, T growing: Newton's method on ln T, held in a bracket, run to the round-off floor.
+    """Return x with T(x) = time for an increasing T: Newton's method on ln T in a bracket, to the round-off floor.
 
-    size : that of a change of x that matters, where x itself may be 0
+    size : the scale of changes of x that matter, as x itself may be 0
     """
     last = math.inf
     for _ in range(200):
@@ -148,7 +149,7 @@ def _root(
         else:
             low = x
         change = -value * math.log(value / time) / slope if value > 0.0 and slope > 0.0 else math.inf
-        # At the floor changes are rounding noise: they have stopped shrinking, and may point out of the bracket.
+        # At the floor, changes are rounding noise: they no longer shrink, and may point out of the bracket.
         if abs(change) <= 1e-16 * abs(x) or (
             abs(change) >= 0.5 * last and abs(change) <= 1e-11 * max(abs(x), 1e-4 * size)
         ):
@@ -164,7 +165,7 @@ def _root(
 
 
 class _Transfer(NamedTuple):
-    """The arc between two points, with the geometry that its derivatives need."""
+    """The arc between two points, with the geometry for its derivatives."""
 
     sign: float
     r0: float
@@ -219,13 +220,13 @@ class ExactKepler(DiscreteLagrangian):
         return -m * dv0[:, :d], -m * dv0[:, d:], m * dv1[:, d:]
 
     def guess(self, q: Array, p: Array, h: float, t: float) -> Array:
-        """Return a first guess of q1, by a few steps of the leapfrog; InputError from one revolution on."""
+        """Return a first guess of q1, by leapfrog steps. Raises InputError for one revolution or more."""
         v, r = p / self.mass, float(np.sqrt(q @ q))
         binding = 2.0 * self.gm / r - float(v @ v)
         if binding > 0.0 and abs(h) >= 2.0 * math.pi * self.gm / binding**1.5:
             raise InputError(
                 f"{self.name}: h = {h:.6g} is one revolution or more (the period is "
-                f"{2.0 * math.pi * self.gm / binding**1.5:.6g}): the exact L_d is that of the arc below one "
+                f"{2.0 * math.pi * self.gm / binding**1.5:.6g}): the exact L_d is defined by an arc of less than one "
                 "revolution, and (q, p) determine no such arc. Use a smaller h."
             )
         x, steps = q.copy(), 64
@@ -241,14 +242,14 @@ class ExactKepler(DiscreteLagrangian):
     def _transfer(self, q0: Array, q1: Array, h: float) -> _Transfer:
         ends = f"from q0 = {show(q0)} to q1 = {show(q1)} in h = {h:.6g}"
         if q0.size not in (2, 3):
-            raise InputError(f"{self.name}: the Kepler problem lives in 2 or 3 dimensions; got points with {q0.size}")
+            raise InputError(f"{self.name}: the Kepler problem has 2 or 3 coordinates; got points with {q0.size}")
         r0, r1, c = (math.sqrt(float(x @ x)) for x in (q0, q1, q1 - q0))
         if r0 == 0.0 or r1 == 0.0:
             raise InputError(f"{self.name}: {ends}: a point lies in the centre of force. Choose points away from it.")
         if c == 0.0:
             raise InputError(
-                f"{self.name}: {ends}: the points coincide, a transfer by 0 or 360 degrees, which leaves the plane of "
-                "the orbit open. Use points that differ."
+                f"{self.name}: {ends}: the points coincide, a transfer by 0 or 360 degrees, which does not determine "
+                "the plane of the orbit. Use points that differ."
             )
         s = 0.5 * (r0 + r1 + c)
         half = q0 / r0 + q1 / r1  # 2 cos(angle/2) long, without cancellation near 180 degrees
@@ -257,8 +258,8 @@ class ExactKepler(DiscreteLagrangian):
         sine = 0.5 * math.sqrt(float(apart @ apart))
         if cosine < ALIGNED or (self.way == "long" and sine < ALIGNED):
             raise InputError(
-                f"{self.name}: {ends}: a transfer by {180 if cosine < ALIGNED else 360} degrees leaves the plane of "
-                "the orbit open, and the exact L_d has no derivative there. Split the arc: use a smaller h."
+                f"{self.name}: {ends}: a transfer by {180 if cosine < ALIGNED else 360} degrees does not determine the "
+                "plane of the orbit, and the exact L_d has no derivative there. Split the arc: use a smaller h."
             )
         size = math.sqrt(r0 * r1) * cosine / s
         gap = c / s / (1.0 + size)
@@ -268,7 +269,7 @@ class ExactKepler(DiscreteLagrangian):
             at = _solved(time, way, gap)
         except OverflowError:
             raise ConvergenceError(
-                f"{self.name}: {ends}: Lambert's equation has no solution that floats can hold (it is nearly a "
+                f"{self.name}: {ends}: Lambert's equation has no solution in the range of floats (the arc is nearly a "
                 "straight line through the centre of force, or h is far too long or too short). Choose other points or "
                 "another h.",
             ) from None
@@ -281,16 +282,14 @@ def exact_kepler(
     """Return the exact discrete Lagrangian of L = mass (|v|^2/2 + gm/|q|), by Lambert's theorem.
 
     gm : > 0, length^3 / time^2; points have shape (2,) or (3,)
-    way : "short" for transfer angles below 180 degrees, "long" for those above; less than one revolution
-    lagrangian : the same Lagrangian as a value, wherever velocities are to be given
+    way : "short" for transfer angles below 180 degrees, "long" for those above; always less than one revolution
+    lagrangian : the same Lagrangian as a value, needed wherever velocities are given
 
-    Ellipses, the parabola and hyperbolae, either sign of h. D1 = -mass v0 and D2 = mass v1 lose digits near transfers
-    by 180 degrees, where the plane of the orbit is not determined, and near 0 and 360, where points coincide; those
-    angles are refused with an InputError, except 0 on the short way, a rise or fall along a straight line.
+    Valid for ellipses, parabolas and hyperbolas, and either sign of h. D1 = -mass v0 and D2 = mass v1 lose digits near
+    transfers by 180 degrees, where the plane of the orbit is not determined, and near 0 and 360 degrees, where the
+    points coincide. Those angles raise InputError, except 0 on the short way, a rise or fall along a straight line.
     """
     if way not in ("short", "long"):
-        raise InputError(f"way is 'short' (below 180 degrees) or 'long' (above); got {way!r}")
-    strength, m = finite_number(gm, "gm"), finite_number(mass, "mass")
-    if strength <= 0.0 or m <= 0.0:
-        raise InputError(f"the Kepler problem needs gm > 0 and mass > 0; got gm = {strength!r}, mass = {m!r}")
+        raise InputError(f"way must be 'short' (below 180 degrees) or 'long' (above); got {way!r}")
+    strength, m = positive_number(gm, "gm"), positive_number(mass, "mass")
     return ExactKepler("exact-kepler" if way == "short" else "exact-kepler-long", lagrangian, strength, m, way)

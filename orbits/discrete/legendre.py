@@ -3,8 +3,8 @@
     F-: (q0, q1) -> (q0, -D1 L_d(q0, q1)),      F+: (q0, q1) -> (q1, D2 L_d(q0, q1))
     omega = sum_ij (D1D2 L_d)_ij dq0_i ^ dq1_j, the pull-back of sum_i dp_i ^ dq_i by F- and by F+
 
-F: (q0, q1) -> (q1, q2) preserves omega; F~ = F- o F o (F-)^-1 = F+ o F o (F+)^-1 = F+ o (F-)^-1 is symplectic. L_d is
-regular where D1D2 L_d is invertible; then F, F~ and the inverses exist.
+F: (q0, q1) -> (q1, q2) preserves omega, and F~ = F- o F o (F-)^-1 = F+ o F o (F+)^-1 = F+ o (F-)^-1 is symplectic. L_d
+is regular where D1D2 L_d is invertible; there F, F~ and the inverses exist.
 
 Source: Marsden & West (2001), sec. 1.3.2, 1.5.
 """
@@ -17,8 +17,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, time_step
-from orbits.discrete.marching import advance, invert, step
+from orbits.checks import finite_number
+from orbits.discrete.base import Array, DiscreteLagrangian, time_step
+from orbits.discrete.evolution import advance, invert, step
 from orbits.discrete.newton import solve
 from orbits.errors import InputError, shown
 from orbits.lagrangians.base import show
@@ -67,7 +68,7 @@ def inverse_legendre_plus(
 def momentum_mismatch(
     discrete: DiscreteLagrangian, q0: ArrayLike, q1: ArrayLike, q2: ArrayLike, h: float, t: float = 0.0
 ) -> Array:
-    """Return p+ - p- at q1, D2 L_d(q0, q1) + D1 L_d(q1, q2), (d,): 0 where momenta match; t : time at q0."""
+    """Return p+ - p- at q1, D2 L_d(q0, q1) + D1 L_d(q1, q2), (d,): 0 where the momenta match; t : time at q0."""
     mismatch: Array = discrete.d2(q0, q1, h, t) + discrete.d1(q1, q2, h, t + h)
     return mismatch
 
@@ -77,7 +78,7 @@ def phase_map(
 ) -> tuple[Array, Array]:
     """Return F~(q, p) = F^sign o F o (F^sign)^-1, by way of Q x Q, (q1, p1); t : time at q.
 
-    Both signs are the same map, that of `step`; each takes a step of F more than it needs, to show it.
+    Both signs give the map of `step`. Each takes one step of F more than necessary, to demonstrate this.
     """
     if sign == "minus":
         q0, q1 = inverse_legendre_minus(discrete, q, p, h, t)
@@ -85,7 +86,7 @@ def phase_map(
     if sign == "plus":
         q0, q1 = inverse_legendre_plus(discrete, q, p, h, t - h)
         return legendre_plus(discrete, *advance(discrete, q0, q1, h, t - h), h, t)
-    raise InputError(f"sign is 'minus' or 'plus'; got {shown(sign)}")
+    raise InputError(f"sign must be 'minus' or 'plus'; got {shown(sign)}")
 
 
 def require_regular(discrete: DiscreteLagrangian, q0: ArrayLike, q1: ArrayLike, h: float, t: float = 0.0) -> None:
@@ -117,7 +118,7 @@ def legendre_derivative(
         return np.block([[one, zero], [-d11, -d12]])
     if sign == "plus":
         return np.block([[zero, one], [d12.T, d22]])
-    raise InputError(f"sign is 'minus' or 'plus'; got {shown(sign)}")
+    raise InputError(f"sign must be 'minus' or 'plus'; got {shown(sign)}")
 
 
 def pull_back(

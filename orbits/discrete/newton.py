@@ -13,7 +13,7 @@ from orbits.lagrangians.base import show
 ROUNDS = 60
 HALVINGS = 12
 NEAR = 1e-7
-"""A change this small, relative to the unknowns, that no longer shrinks is rounding noise."""
+"""A change below this, relative to the unknowns, is rounding noise once it has stopped shrinking."""
 
 
 def solve(
@@ -25,12 +25,12 @@ def solve(
     step: int = -1,
     time: float = float("nan"),
 ) -> Array:
-    """Return x with r(x) = 0, as near as floats can tell.
+    """Return x with r(x) = 0, to the round-off floor.
 
     equations : x -> (r, right -> the solution y of J y = right), J the derivative of r at x
-    scale : size of the unknowns, below which changes are rounding noise
-    failure : what to say if the iteration does not settle; the state and the reason are added
-    Steps that make the residual larger, or leave the domain, are halved. Raises ConvergenceError.
+    scale : size of the unknowns; changes below `NEAR` times this may be rounding noise
+    failure : beginning of the message if the iteration does not settle; the state and the reason are added
+    Changes that increase the residual, or leave the domain, are halved. Raises ConvergenceError.
     """
     x = x.copy()
     residual, solved = _evaluated(equations, x, failure, step, time)
@@ -64,7 +64,7 @@ def solve(
             shorter *= 0.5
         else:
             raise ConvergenceError(
-                _message(failure, "no step along it makes the residual smaller", x, residual), step=step, time=time
+                _message(failure, "no part of its change reduces the residual", x, residual), step=step, time=time
             )
         if not np.isfinite(norm):
             return best
@@ -85,7 +85,7 @@ def _evaluated(
         return equations(x)
     except IntegrationError as error:
         raise ConvergenceError(
-            f"{failure}: the first guess {show(x)} is of no use ({error}). Use a smaller h or a better guess.",
+            f"{failure}: the first guess {show(x)} cannot be used ({error}). Use a smaller h or a better guess.",
             step=step,
             time=time,
         ) from error

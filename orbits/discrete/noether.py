@@ -1,7 +1,7 @@
-"""The discrete Noether theorem along a trajectory: which part of a drift is round-off, which the solver's, which true.
+"""The discrete Noether theorem along a trajectory: a drift split into broken symmetry, solver error and round-off.
 
-Let a one-parameter group have the generator xi(q, t) and the gauge term K(q, t), which is 0 where the group leaves L
-alone. If L_d changes by s [K(q1, t1) - K(q0, t0)], to first order in s, when both points are moved, then
+Let a one-parameter group have the generator xi(q, t) and the gauge term K(q, t), which is 0 where L is invariant. If
+L_d changes by s [K(q1, t1) - K(q0, t0)], to first order in s, when both points are moved, then
 
     D1 L_d . xi(q0, t0) + D2 L_d . xi(q1, t1) = K(q1, t1) - K(q0, t0),
 
@@ -11,17 +11,17 @@ and momenta p_k, with xi_k and K_k at (q_k, t_k),
     J_{k+1} - J_k =   D1 L_d(q_k, q_{k+1}) . xi_k + D2 L_d(q_k, q_{k+1}) . xi_{k+1} - (K_{k+1} - K_k)   broken symmetry
                     + [p_{k+1} - D2 L_d(q_k, q_{k+1})] . xi_{k+1} - [p_k + D1 L_d(q_k, q_{k+1})] . xi_k       residual
 
-Which K a discrete Lagrangian inherits from L depends on its rule, for an affine xi = A q + u + w t. With Q_i, V_i at
-the times t + c_i h of a symplectic pair of tableaux a, a_bar with weights b, c_i = sum_j a_ij, the change is
-h sum_i b_i dK/dt(Q_i, V_i), which is K(q1, t1) - K(q0, t0)
+Which K a discrete Lagrangian inherits from L depends on its rule. For an affine xi = A q + u + w t, and with Q_i, V_i
+at the times t + c_i h of a symplectic pair of tableaux a, a_bar with weights b, c_i = sum_j a_ij, the change is
+h sum_i b_i dK/dt(Q_i, V_i), which equals K(q1, t1) - K(q0, t0)
 
     for K linear in q and t                              by every method of the family
     for K with t^2                                       where sum_i b_i c_i = 1/2: order 2
     for K with products of coordinates                   where b_i a_ij + b_j a_ji = b_i b_j: Gauss, but not Lobatto
     for all K                                            by the exact discrete Lagrangian, for every xi
 
-The momenta are the step's own: recomputed from stored positions they lose digits, for a position has lost eps |q| and
-L_d sees the difference of neighbours.
+The momenta are the step's own. Momenta recomputed from stored positions lose digits: a stored position is rounded by
+eps |q|, and L_d depends on the differences of neighbours.
 
 Source: Marsden & West (2001), sec. 1.3.3, for K = 0.
 """
@@ -44,18 +44,18 @@ EPS = 2.0**-53
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """The drift of a momentum map along a trajectory of N points, split; all arrays (N,), since the first point.
+    """The drift of a momentum map along a trajectory of N points, split by cause; all arrays (N,).
 
     momentum : J_k = p_k . xi(q_k, t_k) - K(q_k, t_k)
     total : J_k - J_0
     broken : the sum over the steps of D1 L_d . xi_k + D2 L_d . xi_{k+1} - (K_{k+1} - K_k): L_d lacks the symmetry
     solver : the sum of the residuals above the noise floor of their step: the equations were not solved
-    round_off : total - broken - solver: residuals that cannot be told from the rounding of what is stored
-    floor : the sum of the noise floors, the most that round-off can have done
+    round_off : total - broken - solver: residuals that cannot be distinguished from rounding of the stored values
+    floor : the sum of the noise floors, the most that round-off can account for
 
-    The noise floor of a step is what the rounding of the stored q and p, and of the sums themselves, does to its
-    residual: 2^-53 times |D1D2 L_d| |q| + |p|, from both ends, contracted with |xi|, four times over. `broken` needs no
-    such floor for positions, the identity behind it holds at any points; its own rounding is 2^-53 |p| |xi| a step.
+    The noise floor of a step bounds what the rounding of the stored q and p, and of the sums themselves, adds to its
+    residual: four times 2^-53 (|D1D2 L_d| |q| + |p|), contracted with |xi|, summed over both ends. `broken` needs no
+    such floor for positions, as its identity holds at any points; its own rounding is 2^-53 |p| |xi| a step.
     """
 
     symmetry: str
@@ -82,10 +82,10 @@ def invariance(
     s: float,
     t: float = 0.0,
 ) -> float:
-    """Return L_d(g q0, g q1) - L_d(q0, q1), an action, g = the group at s; 0 if L_d is invariant.
+    """Return L_d(g q0, g q1) - L_d(q0, q1), an action, g being the group at s; 0 if L_d is invariant.
 
-    With a gauge term, less what it adds, K_s(q1, t + h) - K_s(q0, t), K_s being K integrated along the flow up to s:
-    0 if L_d is invariant up to a total difference.
+    A gauge term's own contribution is subtracted, K_s(q1, t + h) - K_s(q0, t), K_s being K integrated along the flow up
+    to s; the result is 0 if L_d is invariant up to a total difference.
     """
     x0, x1 = discrete.vector(q0, "q0"), discrete.vector(q1, "q1")
     change = discrete.value(symmetry.moved(s, x0, t), symmetry.moved(s, x1, t + h), h, t) - discrete.value(x0, x1, h, t)
@@ -104,7 +104,7 @@ def momentum_map(symmetry: Symmetry, q: ArrayLike, p: ArrayLike, t: ArrayLike | 
         raise InputError("q and p must be finite")
     if t is None and symmetry.timed:
         raise InputError(
-            f"'{symmetry.name}' depends on time, and no time was given. Pass t=, the time of the point or the times of "
+            f"'{symmetry.name}' depends on time, but no time was given. Pass t=, the time of the point or the times of "
             "the points."
         )
     times = np.zeros(()) if t is None else np.asarray(t, dtype=np.float64)
@@ -125,11 +125,13 @@ def drift(
     h: float | ArrayLike,
     t0: float = 0.0,
 ) -> Drift:
-    """Return how a momentum map changes along a trajectory, and by what.
+    """Return how a momentum map changes along a trajectory, and why.
 
-    q_path, p_path : (N, d) or (N, n, 3), N >= 2, from anywhere, with uniform spacing h (or the N times)
-    p_path = None: p_k = D2 L_d(q_{k-1}, q_k) is computed from the positions; the residual is then that of the discrete
-    Euler–Lagrange equations along xi, and rounding of |q|/|dq| ulps comes with it.
+    q_path, p_path : (N, d) or (N, n, 3), N >= 2, from any source
+    h : the uniform spacing of the path, or its N times
+    Without p_path, p_k = D2 L_d(q_{k-1}, q_k) is computed from the positions. The residual is then the residual of the
+    discrete Euler–Lagrange equations along xi, with a rounding error of |q|/|dq| ulps.
+    Raises InputError for paths or times that do not fit.
     """
     q, _ = points_of(discrete, q_path, least=2)
     step, start = spacing(h, len(q), t0)
@@ -144,13 +146,15 @@ def drift(
             raise InputError(f"q_path and p_path must have one shape; got {q.shape} and {p.shape}")
     xi = np.array([symmetry.xi(x, float(at)) for x, at in zip(q, t, strict=True)])
     if xi.shape != q.shape:
-        raise InputError(f"{symmetry.name}: the generator gives {xi.shape[1:]} for a point of shape {q.shape[1:]}")
+        raise InputError(
+            f"{symmetry.name}: the generator returns shape {xi.shape[1:]} for a point of shape {q.shape[1:]}"
+        )
     before, after = xi[:-1], xi[1:]
     K = np.array([symmetry.K(x, float(at)) for x, at in zip(q, t, strict=True)])
     broken = np.einsum("ki,ki->k", d1, before) + np.einsum("ki,ki->k", d2, after) - np.diff(K)
     residual = np.einsum("ki,ki->k", p[1:] - d2, after) - np.einsum("ki,ki->k", p[:-1] + d1, before)
     size = np.array([np.abs(jet.d12) for jet in jets])
-    # D1 and D2 feel the rounding of q0 and q1 through the second derivatives, of which |D1D2| is the scale.
+    # The rounding of q0 and q1 enters D1 and D2 through the second derivatives, whose scale is |D1D2|.
     felt = np.einsum("kij,ki->kj", size, np.abs(q[:-1])) + np.einsum("kij,kj->ki", size, np.abs(q[1:]))
     floor = np.einsum("ki,ki->k", felt + np.abs(p[:-1]), np.abs(before))
     floor += np.einsum("ki,ki->k", felt + np.abs(p[1:]), np.abs(after))

@@ -1,9 +1,9 @@
-"""The discrete action of a path, and by how much the path misses the discrete Euler–Lagrange equations.
+"""The discrete action of a path, and the residual of its discrete Euler–Lagrange equations.
 
     S(q_0, ..., q_N) = sum_k L_d(q_k, q_{k+1}; h),      dS/dq_k = D2 L_d(q_{k-1}, q_k; h) + D1 L_d(q_k, q_{k+1}; h)
 
-Positions alone do not tell one L_d from another: L_d + f(q1) - f(q0) has the same equations, for any f, and the momenta
-p + grad f(q). That a method is the map of L_d needs its momenta too:
+Positions alone do not identify L_d: L_d + f(q1) - f(q0) has the same equations, for any f, and the momenta
+p + grad f(q). To show that a method is the map of L_d, its momenta are needed as well:
 
     p_k = -D1 L_d(q_k, q_{k+1}; h),      p_{k+1} = D2 L_d(q_k, q_{k+1}; h).
 
@@ -17,17 +17,19 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, time_step
+from orbits.checks import finite_number, nonzero_number
+from orbits.discrete.base import Array, DiscreteLagrangian
 from orbits.errors import InputError
 
 UNIFORM = 8.0 * 2.0**-52
-"""Times are uniform if they miss k h by no more than a few roundings of the largest, more for long paths."""
+"""Times are uniform if they differ from k h by at most a few roundings of the largest one, more for long paths."""
 
 
 def action(discrete: DiscreteLagrangian, path: ArrayLike, h: float | ArrayLike, t0: float = 0.0) -> float:
     """Return the discrete action of a path.
 
-    path : (N, d) or (N, n, 3), N >= 2; h : its spacing, or the N times themselves
+    path : (N, d) or (N, n, 3), N >= 2; h : its spacing, or the N times themselves, which must be uniform
+    Raises InputError for other shapes or times.
     """
     points, _ = points_of(discrete, path, least=2)
     step, start = spacing(h, len(points), t0)
@@ -40,12 +42,12 @@ def euler_lagrange_residual(
 ) -> Array:
     """Return D2 L_d(q_{k-1}, q_k) + D1 L_d(q_k, q_{k+1}) at the inner points, the gradient of the action.
 
-    path : (N, d) or (N, n, 3), N >= 3, from anywhere; the result has N - 2 points of the same shape
+    path : (N, d) or (N, n, 3), N >= 3, from any source; the result has N - 2 points of the same shape
     h : its spacing, or the N times themselves, which must be uniform
     in_ulps : divide by the unit in the last place of the largest component of D2 L_d at that point
 
-    A path that solves the equations leaves round-off. Stored positions have lost eps |q| each, which the difference of
-    neighbours shows: expect about |q|/|dq| ulps, not one. Raises InputError for other shapes or times.
+    A path that solves the equations leaves only round-off. Stored positions are rounded by eps |q|, which their
+    differences amplify: expect about |q|/|dq| ulps, not one. Raises InputError for other shapes or times.
     """
     points, shape = points_of(discrete, path, least=3)
     step, start = spacing(h, len(points), t0)
@@ -84,7 +86,7 @@ def momentum_residual(
 
 
 def points_of(discrete: DiscreteLagrangian, path: ArrayLike, *, least: int) -> tuple[Array, tuple[int, ...]]:
-    """Return a path as (N, d) and the shape of one of its points; InputError, with the reason, if it is none."""
+    """Return a path as (N, d), and the shape of one of its points. Raises InputError for anything else."""
     points = np.asarray(path)
     if points.ndim not in (2, 3) or (points.ndim == 3 and points.shape[2] != 3) or len(points) < least:
         raise InputError(
@@ -98,17 +100,17 @@ def spacing(h: float | ArrayLike, count: int, t0: float) -> tuple[float, float]:
     """Return (h, first time) from a spacing or from the times themselves, which must be uniform to rounding."""
     times = np.asarray(h)
     if times.ndim == 0:
-        return time_step(finite_number(h, "h")), finite_number(t0, "t0")
+        return nonzero_number(h, "h"), finite_number(t0, "t0")
     if times.dtype.kind not in "fiu" or times.shape != (count,):
         raise InputError(f"h is the spacing of the path, or its {count} times; got an array of shape {times.shape}")
     if t0 != 0.0:
-        raise InputError(f"the times themselves say when the path starts: leave t0 = {t0!r} out")
+        raise InputError(f"the times already say when the path starts: leave out t0 = {t0!r}")
     times = times.astype(np.float64)
     if not np.all(np.isfinite(times)):
         raise InputError(f"the times of a path must be finite; got {times[~np.isfinite(times)][0]} among them")
-    step = time_step((times[-1] - times[0]) / (count - 1))
+    step = nonzero_number((times[-1] - times[0]) / (count - 1), "h")
     miss = np.abs(times - (times[0] + step * np.arange(count)))
-    # A clock that adds dt again and again is off by up to half a rounding for each step.
+    # Times made by adding dt repeatedly are off by up to half a rounding for each step.
     if np.max(miss) > UNIFORM * max(1.0, count / 16) * np.max(np.abs(times)):
         gaps = np.diff(times)
         usual = float(np.median(gaps))
@@ -116,6 +118,6 @@ def spacing(h: float | ArrayLike, count: int, t0: float) -> tuple[float, float]:
         raise InputError(
             f"the discrete Euler–Lagrange equations need one step h for a whole path; the usual spacing is {usual!r}, "
             f"but between the times {float(times[k])!r} and {float(times[k + 1])!r} (points {k} and {k + 1}) it is "
-            f"{float(gaps[k])!r}. Sample the path uniformly, or give a stretch of it that is."
+            f"{float(gaps[k])!r}. Sample the path uniformly, or use a uniform part of it."
         )
     return step, float(times[0])

@@ -8,14 +8,14 @@ O(h^2): with the moment of inertia I = m l^2,
     L_d(q0, q1; h) = I [(q1 - q0)^2/(2h) - h omega^2 (W(q0) + W(q1))/2],
     W'(q) = arg(1 + kappa e^{iq})/kappa = sin q + O(h^2),      W(q) = Re Li2(-kappa e^{iq})/kappa,
 
-Li2 the dilogarithm. It stands for the pendulum to order 2, is symmetric, and its map has an integral for every h,
+Li2 being the dilogarithm. It approximates the pendulum to order 2, is symmetric, and its map has an integral for all h,
 
     cos((q1 - q0)/2) + kappa cos((q1 + q0)/2),
 
-so that no orbit is chaotic, where the standard map (the trapezoidal rule for sin q itself) has islands and chaos.
+so no orbit is chaotic; the standard map (the trapezoidal rule for sin q itself) has islands and chaos.
 
-W is analytic for h omega < 2. At h omega = 2, W' = q/2 jumps at q = pi, and for longer steps arg jumps there by a whole
-turn: there -D1 L_d and D2 L_d do not exist, although D1D2 L_d = -I/h is regular. Such steps are refused.
+W is analytic for h omega < 2. At h omega = 2, W' = q/2 jumps at q = pi, and for longer steps arg jumps there by a full
+turn: -D1 L_d and D2 L_d do not exist there, although D1D2 L_d = -I/h is regular. Such steps are refused.
 
 Source: Suris (1989), Integrable mappings of the standard type, Functional Analysis and Its Applications 23, 74-76.
 """
@@ -61,20 +61,21 @@ class Suris(DiscreteLagrangian):
         return own[0][:, None], np.array([[-self.inertia / h]]), own[1][:, None]
 
     def guess(self, q: Array, p: Array, h: float, t: float) -> Array:
-        """Return the q1 that p leads to, in closed form."""
+        """Return the exact q1 that p leads to, in closed form."""
         moved: Array = q + h * (p / self.inertia - 0.5 * h * self.omega**2 * _force(q, self._kappa(h)))
         return moved
 
     def march(self, q: ArrayLike, p: ArrayLike, h: float, steps: int) -> tuple[Array, Array]:
         """Return positions and momenta of n orbits, (steps + 1, n) each, by the map in closed form.
 
-        q, p : (n,) where they start. The same map as `step`'s, which solves for each next point.
+        q, p : (n,), the initial state. `step` computes the same map by solving for each next point.
+        Raises InputError for shapes that do not fit, values that are not finite, and |h| sqrt(g/l) >= 2.
         """
         h = time_step(h)
         kappa, kick = self._kappa(h), 0.5 * h * self.inertia * self.omega**2
         x, y = np.array(q, dtype=np.float64), np.array(p, dtype=np.float64)
         if x.ndim != 1 or x.shape != y.shape or not np.all(np.isfinite([x, y])):
-            raise InputError(f"q and p must be finite and of one shape (n,); got shapes {x.shape} and {y.shape}")
+            raise InputError(f"q and p must be finite, with one shape (n,); got shapes {x.shape} and {y.shape}")
         path = np.empty((2, steps + 1, x.size))
         path[:, 0] = x, y
         for k in range(steps):
@@ -94,7 +95,7 @@ class Suris(DiscreteLagrangian):
         if not abs(h) * self.omega < 2.0:
             raise InputError(
                 f"{self.name}: h = {h:.6g} is too long. Suris' map has a potential for |h| sqrt(g/l) < 2, here |h| < "
-                f"{2.0 / self.omega:.6g}; at that step its force jumps at q = pi. Use a shorter h."
+                f"{2.0 / self.omega:.6g}; from there on its force jumps at q = pi. Use a shorter h."
             )
         return (h * self.omega) ** 2 / 4
 
@@ -102,12 +103,14 @@ class Suris(DiscreteLagrangian):
 def suris(pendulum: Mechanics) -> Suris:
     """Return Suris' discrete Lagrangian of `orbits.lagrangians.pendulum`, for any values of its parameters.
 
-    Order 2, symmetric, with an integral at every |h| sqrt(g/l) < 2. Raises InputError for another Lagrangian, and for
-    longer steps when it is used.
+    It is of order 2 and symmetric, with an integral for |h| sqrt(g/l) < 2. Raises InputError for another Lagrangian,
+    and when it is used with longer steps.
     """
     values = pendulum.parameters
     if pendulum.name != "pendulum" or not {"m", "l", "g"} <= set(values):
-        raise InputError(f"Suris' map is one of the pendulum; got '{pendulum.name}'. Pass orbits.lagrangians.pendulum.")
+        raise InputError(
+            f"Suris' map exists for the pendulum only; got '{pendulum.name}'. Pass orbits.lagrangians.pendulum."
+        )
     if not (values["m"] > 0.0 and values["l"] > 0.0 and values["g"] > 0.0):
         raise InputError(f"Suris' map needs a pendulum with m, l, g > 0; got {dict(values)}")
     return Suris("suris", pendulum, values["m"] * values["l"] ** 2, math.sqrt(values["g"] / values["l"]))

@@ -3,12 +3,12 @@
     L_d(q0, q1; h) = h sum_i b_i L(Q_i, V_i, t + c_i h),      Q_i = q0 + h sum_j a_ij V_j,
 
 made stationary over V_1, ..., V_s under the constraint q1 = q0 + h sum_j b_j V_j. With P_i = dL/dv and F_i = dL/dq at
-(Q_i, V_i), and p the multiplier of the constraint at q0, stationarity is
+(Q_i, V_i), and p the multiplier of the constraint at q0, stationarity means
 
     P_i = p + h sum_j abar_ij F_j,      b_i abar_ij + b_j a_ji = b_i b_j,
 
-the method's own equations, and D1 L_d = -p, D2 L_d = p + h sum_j b_j F_j. They are solved for (V, p) by Newton's
-method; the second derivatives follow from the implicit function theorem.
+which are the equations of the method, and D1 L_d = -p, D2 L_d = p + h sum_j b_j F_j. They are solved for (V, p) by
+Newton's method; the second derivatives follow from the implicit function theorem.
 
 Source: Marsden & West (2001), sec. 2.6.5 and theorem 2.6.1; Hairer, Lubich & Wanner (2006), theorem VI.6.4.
 """
@@ -28,21 +28,21 @@ from orbits.lagrangians.base import show
 
 
 class Coefficients(Protocol):
-    """What is used of a partitioned tableau: a, a_bar of shape (s, s), b, c of shape (s,)."""
+    """The arrays of a partitioned tableau that are used here: a, a_bar of shape (s, s) and b, c of shape (s,)."""
 
     @property
     def a(self) -> Array:
-        """For the positions."""
+        """Coefficients of the positions."""
         ...
 
     @property
     def a_bar(self) -> Array:
-        """For the momenta."""
+        """Coefficients of the momenta."""
         ...
 
     @property
     def b(self) -> Array:
-        """Weights of both."""
+        """Weights of positions and momenta."""
         ...
 
     @property
@@ -104,7 +104,7 @@ class Vprk(DiscreteLagrangian):
         mean = (q1 - q0) / h
         f, p = self.lagrangian.gradients(0.5 * (q0 + q1), mean, t + 0.5 * h)
 
-        # Momenta of light bodies are far smaller than their velocities: all is counted in velocities, p = mass * u.
+        # Momenta of light bodies are far smaller than their velocities, so momenta are scaled: p = mass * u.
         mass = np.max(np.abs(self.lagrangian.hessians(0.5 * (q0 + q1), mean, t + 0.5 * h)[2]), axis=1)
         mass = np.where(mass > 0.0, mass, 1.0)
         unit = np.concatenate([np.tile(mass, s), np.ones(d)])
@@ -150,22 +150,23 @@ class Vprk(DiscreteLagrangian):
 def vprk(lagrangian: Mechanics, tableau: Coefficients, *, name: str | None = None) -> Vprk:
     """Return the discrete Lagrangian of a variational partitioned Runge–Kutta method.
 
-    tableau : has a, a_bar of shape (s, s) and b, c of shape (s,) with b_i abar_ij + b_j a_ji = b_i b_j
-    Raises InputError for coefficients of other shapes or that break that condition: they have no discrete Lagrangian.
+    tableau : a, a_bar of shape (s, s) and b, c of shape (s,), with b_i abar_ij + b_j a_ji = b_i b_j
+    Raises InputError for other shapes, and for coefficients without that property, which have no discrete Lagrangian.
     """
     a, a_bar, b, c = (np.asarray(x, dtype=np.float64) for x in (tableau.a, tableau.a_bar, tableau.b, tableau.c))
     s = b.size
     if a.shape != (s, s) or a_bar.shape != (s, s) or c.shape != (s,) or b.shape != (s,) or s == 0:
         raise InputError(
-            f"a tableau has a, a_bar (s, s) and b, c (s,); got {a.shape}, {a_bar.shape}, {b.shape}, {c.shape}"
+            "a tableau needs a, a_bar of shape (s, s) and b, c of shape (s,); got "
+            f"{a.shape}, {a_bar.shape}, {b.shape}, {c.shape}"
         )
     defect = b[:, None] * a_bar + (b[:, None] * a).T - np.outer(b, b)
     if not float(np.max(np.abs(defect))) <= 1e-14:
         raise InputError(
-            f"the pair is not symplectic: b_i abar_ij + b_j a_ji - b_i b_j reaches {np.max(np.abs(defect)):.3g}, so "
-            "that no discrete Lagrangian belongs to it. Expected coefficients with 0 there, e.g. Gauss's or Lobatto's."
+            f"the pair is not symplectic: b_i abar_ij + b_j a_ji - b_i b_j reaches {np.max(np.abs(defect)):.3g}, so it "
+            "has no discrete Lagrangian. Expected coefficients for which it is 0, such as Gauss's or Lobatto's."
         )
     if not np.all(b != 0.0):
-        raise InputError(f"every weight b_i must differ from 0, or its stage is not determined; got {show(b)}")
+        raise InputError(f"the weights b_i must not be 0, which would leave stages undetermined; got {show(b)}")
     label = name or getattr(tableau, "name", "") or f"vprk {s}"
     return Vprk(str(label), lagrangian, a, a_bar, b, c)

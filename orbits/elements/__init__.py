@@ -4,7 +4,7 @@
     elements = elements_from_state(q, v, gm);  elements.a, elements.pomega, ...
     q, v = two_body(q, v, gm, dt)
 
-Units are any consistent ones; angles are radians. Definitions in the degenerate cases stand in `Elements`.
+Units are consistent ones of your choice, angles are radians. `Elements` defines the degenerate cases.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from orbits.elements.frames import (
     to_frame,
 )
 from orbits.elements.osculating import Elements, elements_from_state
-from orbits.elements.states import state_from_elements
+from orbits.elements.states_from_elements import state_from_elements
 from orbits.elements.two_body import two_body
 
 __all__ = [

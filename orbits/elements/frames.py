@@ -1,8 +1,8 @@
-"""The two frames of axes that the package knows by name: ICRF and the ecliptic of J2000.
+"""The two named reference frames: the ICRF and the ecliptic of J2000.
 
-Ephemerides come in the ICRF; orbital elements are published in the ecliptic of J2000. The two share the x axis (the
-vernal equinox) and differ by a rotation about it through the obliquity of 84381.448 arcseconds, the IAU 1976 value,
-which JPL's Horizons and Small-Body Database use too.
+Ephemerides use the ICRF; orbital elements are published in the ecliptic of J2000. The two share the x axis (the vernal
+equinox) and differ by a rotation about it through the obliquity of 84381.448 arcseconds, the IAU 1976 value, which
+JPL's Horizons and Small-Body Database use as well.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.elements.refusals import shaped
 from orbits.errors import UnknownNameError, shown
 from orbits.units import UnitSystem
@@ -21,26 +21,26 @@ OBLIQUITY = math.radians(84381.448 / 3600.0)
 """The obliquity of the ecliptic at J2000, radians."""
 
 FRAMES = ("icrf", "ecliptic")
-"""The frames by name; "icrf" stands for the axes that states are given in, whatever they are."""
+"""The names of the frames; "icrf" also means the axes of the states themselves, whatever they are."""
 
 
 def default_frame(units: UnitSystem) -> str:
-    """Return the frame that elements refer to where none is named: the ecliptic, if there is a sky to have one."""
+    """Return the default frame of elements: the ecliptic in physical units, the axes of the states without units."""
     return "ecliptic" if units.is_physical else "icrf"
 
 
 def ecliptic_to_icrf(x: ArrayLike) -> Floats:
-    """Return vectors given in the ecliptic of J2000 in the axes of the ICRF, shape (..., 3), any unit."""
+    """Transform vectors from the ecliptic of J2000 to the ICRF, shape (..., 3), any unit."""
     return _rotated_about_x(x, math.cos(OBLIQUITY), math.sin(OBLIQUITY))
 
 
 def icrf_to_ecliptic(x: ArrayLike) -> Floats:
-    """Return vectors given in the axes of the ICRF in the ecliptic of J2000, shape (..., 3), any unit."""
+    """Transform vectors from the ICRF to the ecliptic of J2000, shape (..., 3), any unit."""
     return _rotated_about_x(x, math.cos(OBLIQUITY), -math.sin(OBLIQUITY))
 
 
 def to_frame(x: ArrayLike, frame: str) -> Floats:
-    """Return vectors given in the ICRF in the axes of `frame`, "icrf" or "ecliptic", shape (..., 3).
+    """Transform vectors from the ICRF to `frame`, "icrf" or "ecliptic", shape (..., 3).
 
     Raises UnknownNameError for any other frame.
     """
@@ -48,7 +48,7 @@ def to_frame(x: ArrayLike, frame: str) -> Floats:
 
 
 def from_frame(x: ArrayLike, frame: str) -> Floats:
-    """Return vectors given in the axes of `frame`, "icrf" or "ecliptic", in the ICRF, shape (..., 3).
+    """Transform vectors from `frame`, "icrf" or "ecliptic", to the ICRF, shape (..., 3).
 
     Raises UnknownNameError for any other frame.
     """
@@ -56,7 +56,7 @@ def from_frame(x: ArrayLike, frame: str) -> Floats:
 
 
 def checked_frame(frame: str) -> str:
-    """Return `frame` in lower case; raise UnknownNameError when there is no such frame."""
+    """Return `frame` in lower case. Raises UnknownNameError if there is no such frame."""
     if isinstance(frame, str) and frame.lower() in FRAMES:
         return frame.lower()
     raise UnknownNameError(

@@ -1,9 +1,9 @@
-"""What two-body motion conserves, from a state, without cancellation: the numbers that decide what an orbit is.
+"""Invariants of two-body motion from a state, computed without cancellation: they determine the orbit.
 
 2 - r v^2/gm (which is r/a), r v^2/gm - 1 (e cos E), h^2/(gm r) - 1 (e cos f), q.v (e sin E) and q x v are all
-differences. They are formed in double-double arithmetic and rounded once, so each holds all its digits however close
-the orbit is to a circle, a parabola or the reference plane; what is left is how well the state itself is known.
-The state is scaled by powers of two first, which changes no digit, so that no square over- or underflows.
+differences. They are computed in double-double arithmetic and rounded once, so that each has all its digits however
+close the orbit is to a circle, a parabola or the reference plane; the only uncertainty left is that of the state.
+The state is first scaled by powers of two, which is exact, so that no square over- or underflows.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.diagnostics import doubledouble as dd
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.elements.refusals import EXTREME, NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, refuse
 
-# |q x v|/(|q| |v|) below which rounding alone decides the plane.
+# Below this |q x v|/(|q| |v|), rounding alone determines the orbital plane.
 INDISTINCT = 4.0 * np.finfo(np.float64).eps
-# Binary orders of magnitude that v may be away from the circular velocity: its sixth power must be a float.
+# v may differ from the circular velocity by this power of two: its sixth power must be a float.
 MOST_OCTAVES = 160
 
 Exponents = NDArray[np.intc]
 
 
 class Motion(NamedTuple):
-    """A state and its invariants, arrays of one shape (...), in units of its own: 2^length, 2^speed."""
+    """A state and its invariants, arrays of shape (...), in units of 2^length and 2^speed of its own."""
 
     q: Floats  # (..., 3)
     v: Floats  # (..., 3)
@@ -67,7 +67,7 @@ def measured(q: Floats, v: Floats, gm: Floats, t: Floats, names: Sequence[str] |
     refuse(np.abs(octaves) > MOST_OCTAVES, EXTREME, names, octaves=octaves)
     v, gm = scaled(v, -speed[..., None]), scaled(gm, -length - 2 * speed)
 
-    # Over stacks of all products, sums and quotients of one kind: one state costs calls, not arithmetic.
+    # Operations of one kind are stacked: for a single state the cost is that of calls, not of arithmetic.
     squares = dd.total(dd.two_product(np.stack([q, v, q]), np.stack([q, v, v])))
     r2_, v2_, qv_ = (dd.Pair(squares.hi[i], squares.lo[i]) for i in range(3))
     ahead, behind = [1, 2, 0], [2, 0, 1]
@@ -78,7 +78,7 @@ def measured(q: Floats, v: Floats, gm: Floats, t: Floats, names: Sequence[str] |
     vis_viva, p_ = (dd.divide(part, gm_) for part in (rv2_, h2_))
     r, p, h = r_.rounded(), p_.rounded(), h_.rounded()
     h_size = np.sqrt(p * gm)
-    # The size in the caller's units is only for the message, where an overflow to inf does no harm.
+    # The size in the caller's units is for the message only, where an overflow to inf does no harm.
     with np.errstate(over="ignore", under="ignore"):
         shown = np.ldexp(h_size, length + speed)
     refuse(h_size <= INDISTINCT * r * np.linalg.norm(v, axis=-1), RECTILINEAR, names, h=shown)
@@ -89,6 +89,6 @@ def measured(q: Floats, v: Floats, gm: Floats, t: Floats, names: Sequence[str] |
 
 
 def scaled(x: Floats, exponent: ArrayLike) -> Floats:
-    """Return x 2^exponent; infinite or 0 where that is beyond the range of floats."""
+    """Return x 2^exponent; infinite or 0 beyond the range of floats."""
     with np.errstate(over="ignore", under="ignore"):
         return np.asarray(np.ldexp(x, exponent))

@@ -1,4 +1,4 @@
-"""Which elements may be given together: one way to say the size, the shape, the orientation and the place."""
+"""Which elements may be combined: one each for the size, the shape, the orientation and the position on the orbit."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ SIZES = ("a", "P", "n", "q")
 PLACES = ("M", "f", "E", "u", "l", "theta", "T")
 PAL = ("h", "k", "ix", "iy")
 NOT_WITH_PAL = ("e", "inc", "Omega", "omega", "pomega", *(place for place in PLACES if place != "l"))
-# Two sizes instead of one and e. q and n would leave open on which side of the parabola the orbit is.
+# Two sizes instead of one and e. q and n would not determine on which side of the parabola the orbit is.
 PAIRS = (("a", "q"), ("P", "q"))
 
 
 class Naming(NamedTuple):
-    """How an orbit is said: the keys of its size, in the order of SIZES, and of its place; whether with Pal's."""
+    """How an orbit is given: the keys of its size, in the order of SIZES, and of its position; whether by Pal's."""
 
     sizes: tuple[str, ...]
     place: str
@@ -24,9 +24,9 @@ class Naming(NamedTuple):
 
 
 def naming(given: Collection[str], names: Sequence[str] | None) -> Naming:
-    """Return how elements with these keys say an orbit.
+    """Return how elements with these keys determine an orbit.
 
-    Raises InputError that names the combination and what to do for one that says too much, or too little.
+    Raises InputError, naming the combination and the remedy, for too many or too few elements.
     """
     who = f"{names[0]}: " if names is not None and len(names) == 1 else ""
     sizes, places, pal, others = (
@@ -35,9 +35,9 @@ def naming(given: Collection[str], names: Sequence[str] | None) -> Naming:
     if pal and others:
         raise InputError(
             f"{who}{_listed(pal)} (Pal's elements) and {_listed(others)} are given together; expected either kind. "
-            "With h, k, ix, iy the place on the orbit is l"
+            "With h, k, ix, iy the position on the orbit is given by l"
         )
-    for what, keys in (("the direction of pericentre", ("omega", "pomega")), ("the place on the orbit", PLACES)):
+    for what, keys in (("the direction of pericentre", ("omega", "pomega")), ("the position on the orbit", PLACES)):
         found = [key for key in keys if key in given]
         if len(found) > 1:
             raise InputError(
@@ -52,8 +52,8 @@ def naming(given: Collection[str], names: Sequence[str] | None) -> Naming:
     if sizes in PAIRS and ("e" in given or pal):
         said = "e" if "e" in given else _listed(pal)
         raise InputError(
-            f"{who}{_listed(sizes)} and {said} are given together, but {_listed(sizes)} already say the eccentricity, "
-            f"1 - q/a. Leave out one of the three"
+            f"{who}{_listed(sizes)} and {said} are given together, but {_listed(sizes)} already determine the "
+            "eccentricity, 1 - q/a. Leave out one of the three"
         )
     return Naming(sizes, places[0] if places else "M", bool(pal))
 

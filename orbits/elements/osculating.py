@@ -1,14 +1,13 @@
 """States to osculating Keplerian elements.
 
-What keeps the digits:
+How the digits are kept:
 
-- the invariants, and what is e times a sine or a cosine of each anomaly, come without cancellation
-  (`orbits.elements.invariants`): every element is that of the state as it stands, to a few roundings;
-- near e = 1, 1 - e comes from p/a = (1 - e)(1 + e), and serves the anomalies before it is rounded into e;
+- the invariants, and e times the sine and cosine of each anomaly, are computed without cancellation
+  (`orbits.elements.invariants`): every element belongs to the given state, to a few roundings;
+- near e = 1, 1 - e comes from p/a = (1 - e)(1 + e), and is used for the anomalies before it is rounded into e;
 - inclination and node come from the components of q x v, by atan2;
-- omega is what f leaves of the argument of latitude, which needs no pericentre. So for a nearly circular orbit omega
-  and M are as ill-determined as nature makes them, but their sum, and the state made from them, is good to the last
-  digits.
+- omega is the argument of latitude, which needs no pericentre, minus f. For a nearly circular orbit omega and M are
+  ill-determined by nature, but their sum, and the state computed from them, are good to the last digits.
 
 Sources: Murray & Dermott (1999), Solar System Dynamics, 2.8; Battin (1999), ch. 4; for h, k, ix, iy Pal (2009), MNRAS
 396, 1737.
@@ -24,13 +23,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.elements.invariants import Motion, measured, scaled
-from orbits.elements.kepler import Floats, angle_minus_sine, positive_angle, sinh_minus_angle
+from orbits.elements.kepler_equation import Floats, angle_minus_sine, positive_angle, sinh_minus_angle
 from orbits.elements.refusals import BEYOND, finite, named, refuse, vectors
 
-# An eccentricity, or the sine of an inclination, that is no more than what rounding makes of an exact zero.
+# An eccentricity, or the sine of an inclination, up to this may be an exact zero plus rounding.
 ROUNDING = 8.0 * np.finfo(np.float64).eps
-# |r/a| below which rounding alone tells an orbit from a parabola: states made from 800,000 parabolas reached a third of
-# this. To take such an orbit for a parabola moves the state made from the elements by half of it at most.
+# Below this |r/a|, rounding alone distinguishes an orbit from a parabola: states made from 800,000 parabolas reached a
+# third of it. Treating such an orbit as a parabola changes the state made from the elements by at most half of it.
 PARABOLIC = 32.0 * np.finfo(np.float64).eps
 
 
@@ -39,28 +38,28 @@ class Elements:
     """Osculating elements, read-only float64 arrays of one shape (...); lengths and times in the units of the state.
 
     a : semi-major axis, negative for a hyperbola, infinite for a parabola
-    e : eccentricity; 1 for a parabola, which is every orbit that rounding alone tells from one, and as a float for a
-        thin ellipse or a sharp hyperbola with |q/a| < 1e-16 too: these have a finite a
+    e : eccentricity; 1 for a parabola, which includes every orbit that only rounding distinguishes from one. A thin
+        ellipse or a sharp hyperbola with |q/a| < 1e-16 also has e = 1 as a float, but a finite a
     q : pericentre distance a (1 - e)
     inc : inclination, 0 ... pi
     Omega : longitude of the ascending node, 0 ... 2 pi; 0 for an orbit in the reference plane
-    omega : argument of pericentre, 0 ... 2 pi; 0 for a circle; counted from the x axis where Omega is 0 by definition
+    omega : argument of pericentre, 0 ... 2 pi; 0 for a circle; measured from the x axis where Omega is 0 by definition
     pomega : longitude of pericentre, 0 ... 2 pi: Omega + omega, or Omega - omega where inc > pi/2
-    M, E, f : mean, eccentric and true anomaly, signed, counted from pericentre: -pi ... pi for an ellipse; a signed
-        angle keeps its digits just before pericentre. For a circle they are counted from the node. E is the hyperbolic
-        anomaly (F or H) of a hyperbola, and D = tan(f/2) of a parabola, whose M is D + D^3/3. M = n (t - T) always
+    M, E, f : mean, eccentric and true anomaly, measured from pericentre, or from the node for a circle. For an ellipse
+        they are in -pi ... pi, as a signed angle keeps its digits just before pericentre. E is the hyperbolic anomaly
+        (F or H) for a hyperbola, and D = tan(f/2) for a parabola, whose M is D + D^3/3. Always M = n (t - T)
     u : argument of latitude, omega + f, 0 ... 2 pi: the angle from the node, which needs no pericentre
     l, theta : mean and true longitude: pomega + M and pomega + f, or pomega - M and pomega - f where inc > pi/2;
-        0 ... 2 pi, but l of an open orbit is no angle and is not wrapped
+        0 ... 2 pi, except for l of an open orbit, which is not an angle and is not wrapped
     n : mean motion sqrt(gm/|a|^3), radians per time, > 0; sqrt(gm/(2 q^3)) for a parabola
     P : period; infinite for an open orbit
-    T : time of the pericentre passage closest to the time of the state; of the passage of the node for a circle
-    h, k : e sin(Omega + omega), e cos(Omega + omega), as Pal has them: retrograde orbits are no exception
+    T : time of the pericentre passage nearest to the time of the state, or of the node passage for a circle
+    h, k : e sin(Omega + omega), e cos(Omega + omega), as Pal defines them, also for retrograde orbits
     ix, iy : 2 sin(inc/2) cos Omega, 2 sin(inc/2) sin Omega
 
-    A float e holds 1 - e to 1.1e-16 only, so next to e = 1 it is a and q together that hold the orbit: they and any
-    anomaly give the state back, as do q, e and T around pericentre. For an ellipse with h, k, ix and iy use `pal`.
-    Also a mapping: elements["a"], elements.keys(), dict(elements).
+    A float e determines 1 - e only to 1.1e-16, so near e = 1 the orbit is determined by a and q together: they and any
+    anomaly reproduce the state, as do q, e and T near pericentre. For an ellipse with h, k, ix and iy use `pal`.
+    The value is also a mapping: elements["a"], elements.keys(), dict(elements).
     """
 
     a: Floats
@@ -95,7 +94,7 @@ class Elements:
         return tuple(field.name for field in fields(self))
 
     def pal(self) -> dict[str, Floats]:
-        """Return a, l, h, k, ix, iy, to be given back to `state_from_elements(gm, **elements.pal())`.
+        """Return a, l, h, k, ix, iy, for `state_from_elements(gm, **elements.pal())`.
 
         Here l is Pal's mean longitude Omega + omega + M, which for inc > pi/2 is not the l of these elements.
         """
@@ -117,14 +116,14 @@ def elements_from_state(
 ) -> Elements:
     """Return the osculating elements of bodies with positions q and velocities v relative to the attracting body.
 
-    q, v : (..., 3), in the axes that the angles shall refer to
-    gm : (...), G times the mass of both bodies together, consistent units, > 0
+    q, v : (..., 3), in the axes to which the angles refer
+    gm : (...), G times the total mass of both bodies, in consistent units, > 0
     t : (...), the time of the state; only T depends on it
     names : names of the bodies, for error messages
 
-    Circular, equatorial and parabolic orbits have every element defined (see `Elements`). Raises InputError, naming the
-    body and the value, for non-finite input, gm <= 0, q = 0, a rectilinear orbit (angular momentum zero: it has no
-    plane and ends in a collision), and where an element would be beyond the range of floats.
+    Every element is defined for circular, equatorial and parabolic orbits as well (see `Elements`). Raises InputError,
+    naming the body and the value, for input that is not finite, gm <= 0, q = 0, a rectilinear orbit (with no angular
+    momentum it has no plane, and ends in a collision), and elements beyond the range of floats.
     """
     names = named(names)
     q, v = vectors("position", q, names), vectors("velocity", v, names)
@@ -148,7 +147,7 @@ def elements_from_state(
     sense = np.where(inc <= 0.5 * np.pi, 1.0, -1.0)
     pomega = positive_angle(Omega + sense * omega)
     longitude = pomega + sense * M
-    # e cos and e sin of Omega + latitude - f, without f: it is undetermined where e is 0, they are not.
+    # e cos and e sin of Omega + latitude - f, without f: they are determined even where e is 0, and f is not.
     e_sin_f, ahead = np.sqrt(motion.p / motion.gm) * motion.qv / r, Omega + latitude
     tilt = 2.0 * np.sin(0.5 * inc)
     ellipse = (conic.a > 0.0) & (conic.a < np.inf)
@@ -172,7 +171,7 @@ def elements_from_state(
 
 
 class Shape(NamedTuple):
-    """A conic and the place on it, arrays of one shape, in the units of the motion."""
+    """A conic and the position on it, arrays of one shape, in the units of the motion."""
 
     a: Floats  # inf for a parabola
     q: Floats
@@ -185,13 +184,13 @@ class Shape(NamedTuple):
 
     @classmethod
     def of(cls, motion: Motion, parabola: NDArray[np.bool_]) -> Shape:
-        """Return the conic of a motion, and a parabola where one is wanted."""
+        """Return the conic of a motion, a parabola where `parabola` is True."""
         r, qv, p, gm, binding = motion.r, motion.qv, motion.p, motion.gm, np.where(parabola, 0.0, motion.binding)
         ellipse = binding > 0.0
         size = r / np.where(parabola, 1.0, np.abs(binding))  # |a|
         e_sin_f = np.sqrt(p / gm) * qv / r
         e = np.hypot(motion.e_cos_f, e_sin_f)
-        opening = p / r * binding  # (1 - e)(1 + e); far from e = 1 the first form of e is the better one
+        opening = p / r * binding  # (1 - e)(1 + e); far from e = 1 the first form of e is more accurate
         e = np.where((e > 0.5) & (e < 2.0), 1.0 - opening / (1.0 + e), e)
         one_minus_e, q = opening / (1.0 + e), p / (1.0 + e)
 

@@ -1,4 +1,4 @@
-"""What every function of elements says of a value that it cannot use: which body, which value, what to do."""
+"""Checks and messages shared by the functions of elements: which body, which value, what to do."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.errors import InputError, shown
 from orbits.units import kind_of
 
-NO_MASS = "gm = {gm} of the attracting body; expected > 0: an orbit needs something with mass to go around"
-NO_DISTANCE = "is at the place of the attracting body; expected a distance > 0"
+NO_MASS = "gm = {gm} of the attracting body; expected > 0: an orbit needs a mass to go around"
+NO_DISTANCE = "is at the position of the attracting body; expected a distance > 0"
 RECTILINEAR = (
     "moves straight towards or away from the attracting body (|q x v| = {h}): a rectilinear orbit has no plane and "
-    "ends in a collision. Give it some velocity across"
+    "ends in a collision. Give it some transverse velocity"
 )
 EXTREME = (
-    "moves at 2^{octaves:.0f} times the circular velocity of its place; expected a factor within 2^-160 ... 2^160, "
-    "where the elements are floats. Check the units of position, velocity and gm"
+    "moves at 2^{octaves:.0f} times the local circular velocity; expected a factor within 2^-160 ... 2^160, where the "
+    "elements are in the range of floats. Check the units of position, velocity and gm"
 )
-BEYOND = "{what} of this orbit would be {value}, beyond the range of floats. Choose units of its own size"
+BEYOND = "{what} of this orbit would be {value}, beyond the range of floats. Choose units of similar size"
 
 
 def named(names: Sequence[str] | None) -> Sequence[str] | None:
-    """Return the names of bodies as they were given. Raises InputError for anything else than a list of texts."""
+    """Return the names of bodies unchanged. Raises InputError for anything but a list of texts or None."""
     listed = isinstance(names, list | tuple) or (isinstance(names, np.ndarray) and names.ndim == 1)
     if names is None or (listed and all(isinstance(name, str) for name in names)):
         return names
@@ -33,7 +33,7 @@ def named(names: Sequence[str] | None) -> Sequence[str] | None:
 
 
 def label(index: tuple[int, ...], names: Sequence[str] | None) -> str:
-    """Return how a message calls the body at `index` of an array: its name, or its place, or nothing for a scalar."""
+    """Return how a message refers to the body at `index` of an array: its name, its index, or nothing for a scalar."""
     if names is not None and len(index) > 0 and index[-1] < len(names):
         return f"{names[index[-1]]}: "
     if names is not None and len(names) == 1:
@@ -46,7 +46,7 @@ def label(index: tuple[int, ...], names: Sequence[str] | None) -> str:
 def refuse(bad: NDArray[np.bool_], message: str, names: Sequence[str] | None, **values: Floats | str) -> None:
     """Raise InputError for the first True of `bad`, if any.
 
-    message : a format string; {name} stands for the value of values[name] at that place, or values[name] itself if text
+    message : a format string; {name} is replaced by values[name] at that index, or by values[name] itself if it is text
     """
     if not np.any(bad):
         return
@@ -56,7 +56,7 @@ def refuse(bad: NDArray[np.bool_], message: str, names: Sequence[str] | None, **
 
 
 def numbers(what: str, value: ArrayLike, expected: str) -> Floats:
-    """Return `value` as a float64 array; raise InputError for all that is not real numbers without a unit or mask."""
+    """Return `value` as a float64 array. Raises InputError unless it holds real numbers without a unit or a mask."""
     try:
         if isinstance(value, np.ma.MaskedArray) or hasattr(value, "unit"):
             raise TypeError("a masked array" if isinstance(value, np.ma.MaskedArray) else "it carries a unit")
@@ -69,14 +69,14 @@ def numbers(what: str, value: ArrayLike, expected: str) -> Floats:
 
 
 def finite(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
-    """Return `value` as a float64 array; raise InputError when it is no number, or not finite anywhere."""
+    """Return `value` as a float64 array. Raises InputError unless all are finite numbers."""
     array = numbers(what, value, "a number or an array of numbers")
     refuse(~np.isfinite(array), what + " is {value}; expected a finite number", names, value=array)
     return array
 
 
 def shaped(what: str, value: ArrayLike) -> Floats:
-    """Return `value` as a new float64 array of shape (..., 3); raise InputError otherwise."""
+    """Return `value` as a new float64 array of shape (..., 3). Raises InputError for another shape or no numbers."""
     array = numbers(what, value, "an array of numbers of shape (..., 3)")
     if array.ndim == 0 or array.shape[-1] != 3:
         raise InputError(f"{what} has shape {array.shape}; expected (..., 3). Put x, y, z on the last axis")
@@ -84,7 +84,7 @@ def shaped(what: str, value: ArrayLike) -> Floats:
 
 
 def vectors(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
-    """Return `value` as a float64 array of shape (..., 3); raise InputError otherwise, or where it is not finite."""
+    """Return `value` as a float64 array of shape (..., 3). Raises InputError unless all are finite numbers."""
     array = shaped(what, value)
     bad = ~np.isfinite(array).all(axis=-1)
     if np.any(bad):
@@ -94,7 +94,7 @@ def vectors(what: str, value: ArrayLike, names: Sequence[str] | None) -> Floats:
 
 
 def broadcast(names: Sequence[str] | None, **values: Floats) -> list[Floats]:
-    """Return `values` broadcast to one shape; raise InputError that lists their shapes when they do not fit."""
+    """Return `values` broadcast to one shape. Raises InputError, listing the shapes, if they do not fit."""
     try:
         return [np.asarray(x) for x in np.broadcast_arrays(*values.values())]
     except ValueError as error:

@@ -1,7 +1,7 @@
 """The exact two-body flow on arrays of floats: checks, an exact scaling, and the kernel of `orbits.kernels.kepler`.
 
-Lengths and times are scaled by powers of two, which changes no digit, so that the kernel sees distances and GM of about
-1 and no square over- or underflows.
+Lengths and times are scaled by powers of two, which is exact, so that distances and GM are about 1 in the kernel and no
+square over- or underflows.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.elements.invariants import INDISTINCT, Exponents, scaled
-from orbits.elements.kepler import Floats
+from orbits.elements.kepler_equation import Floats
 from orbits.elements.refusals import NO_DISTANCE, NO_MASS, RECTILINEAR, broadcast, finite, named, refuse, vectors
 
-TOO_LARGE = "{what} after dt would be beyond the range of floats. Choose units of its own size, or a shorter dt"
+TOO_LARGE = "{what} after dt would be beyond the range of floats. Choose units of similar size, or a shorter dt"
 NEGATIVE_MASS = "gm = {gm} of the attracting body; expected >= 0"
-# Stands for an infinite time, as an exponent of 2: beyond that of any ratio of floats.
+# The exponent of 2 that means an infinite time: beyond the exponent of any ratio of floats.
 NEVER = 10_000
 
 
@@ -36,15 +36,15 @@ class _Step(NamedTuple):
 def two_body(
     q: ArrayLike, v: ArrayLike, gm: ArrayLike, dt: ArrayLike, *, names: Sequence[str] | None = None
 ) -> tuple[Floats, Floats]:
-    """Return position and velocity after the time dt, of bodies that feel one attracting body alone.
+    """Return position and velocity after the time dt, for bodies that move about one attracting body.
 
     q, v : (..., 3), relative to the attracting body
-    gm : (...), G times the mass of both bodies together, consistent units, > 0
-    dt : (...), either sign; many periods are reduced to less than one
+    gm : (...), G times the total mass of both bodies, in consistent units, > 0
+    dt : (...), of either sign; any number of periods
     names : names of the bodies, for error messages
-    All broadcast: one state and an array of dt give an orbit. dt = 0 returns the state itself.
+    All arguments broadcast: one state and an array of dt give an orbit. dt = 0 returns the state itself.
 
-    Raises InputError for non-finite input, gm <= 0, q = 0, and for rectilinear motion, which ends in a collision.
+    Raises InputError for input that is not finite, gm <= 0, q = 0, and rectilinear motion, which ends in a collision.
     """
     step = _checked(q, v, gm, dt, named(names))
     refuse(step.gm <= 0.0, NO_MASS, names, gm=scaled(step.gm, 3 * step.length - 2 * step.time))
@@ -57,8 +57,8 @@ def two_body(
 def any_two_body(q: ArrayLike, v: ArrayLike, gm: ArrayLike, dt: ArrayLike) -> tuple[Floats, Floats]:
     """Return what `two_body` returns, also for gm = 0 and for motion along a line through the centre.
 
-    Without mass motion is straight. Along a line through the centre it is the limit of ever narrower orbits: it comes
-    back out of a collision the way it went in. Raises InputError for non-finite input, gm < 0 and q = 0.
+    With gm = 0 the motion is straight. Along a line through the centre it is the limit of ever narrower orbits: after a
+    collision it returns the way it came. Raises InputError for input that is not finite, gm < 0 and q = 0.
     """
     step = _checked(q, v, gm, dt, None)
     refuse(step.gm < 0.0, NEGATIVE_MASS, None, gm=scaled(step.gm, 3 * step.length - 2 * step.time))
@@ -73,7 +73,7 @@ def _checked(q: ArrayLike, v: ArrayLike, gm: ArrayLike, dt: ArrayLike, names: Se
     distance, speed = np.max(np.abs(q), axis=-1), np.max(np.abs(v), axis=-1)
     refuse(distance == 0.0, NO_DISTANCE, names)
     length = np.frexp(distance)[1]
-    # The shorter of the times in which gravity and the velocity change the position: gm and v are then about 1 at most.
+    # The shorter of the times in which gravity and velocity change the position: gm and v are then at most about 1.
     fall = np.where(gm != 0.0, (3 * length - np.frexp(gm)[1]) // 2, NEVER)
     flight = np.where(speed != 0.0, length - np.frexp(speed)[1], NEVER)
     time = np.minimum(fall, flight)
@@ -89,12 +89,12 @@ def _checked(q: ArrayLike, v: ArrayLike, gm: ArrayLike, dt: ArrayLike, names: Se
 
 
 def _moved(step: _Step, names: Sequence[str] | None) -> tuple[Floats, Floats]:
-    from orbits.kernels.kepler import kepler_flow  # compiling is for those who move something
+    from orbits.kernels.kepler import kepler_flow  # imported late: it loads Numba
     from orbits.kernels.lanes import WIDTH
 
     count = step.gm.size
     state = np.zeros((6, count + -count % WIDTH))
-    state[0], state[4] = 1.0, 1.0  # a circle fills what is left of the last lanes
+    state[0], state[4] = 1.0, 1.0  # circular orbits fill the unused lanes
     gm, dt = np.ones(state.shape[1]), np.zeros(state.shape[1])
     state[:3, :count], state[3:, :count] = step.q.reshape(count, 3).T, step.v.reshape(count, 3).T
     gm[:count], dt[:count] = step.gm.ravel(), step.dt.ravel()

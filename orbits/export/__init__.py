@@ -1,6 +1,6 @@
-"""Values as tables of other packages: astropy's QTable, pandas, xarray, text for print and HTML for notebooks.
+"""Export to tables of other packages: astropy's QTable, pandas, xarray, text for `print` and HTML for notebooks.
 
-Nothing here knows a System or a run: what is to be shown is handed over as named arrays with units (`Labelled`).
+This package does not know systems or runs; it takes named arrays with units (`Labelled`).
 """
 
 from orbits.export.html import MOST_ROWS, html_pairs, html_table

@@ -1,4 +1,4 @@
-"""Small HTML tables for notebooks. Every text is escaped; names come from users and from files."""
+"""Small HTML tables for notebooks. All text is escaped, as names come from users and files."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 MOST_ROWS = 20
-"""More rows than this are cut short."""
+"""The most rows that are shown."""
 
 
 def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], more: int = 0, words: int = 1) -> str:
-    """Return a table as HTML; the first `words` columns are text, the others are figures.
+    """Return a table as HTML; the first `words` columns are text, the others numbers.
 
-    more : how many rows were left out, which a last line says
+    more : how many rows were left out, for a last line that says so
     """
     cells = "".join(f'<th style="text-align:{_align(k < words)}">{escape(text)}</th>' for k, text in enumerate(head))
     lines = [f"<tr>{cells}</tr>"]
@@ -23,7 +23,7 @@ def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]],
 
 
 def html_pairs(caption: str, pairs: Iterable[tuple[str, str]]) -> str:
-    """Return a table of names and what they are as HTML."""
+    """Return a table of names and their values as HTML."""
     return _table(
         caption,
         [f'<tr><th style="text-align:left">{escape(name)}</th>{_cell(True, text)}</tr>' for name, text in pairs],

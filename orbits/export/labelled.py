@@ -1,4 +1,4 @@
-"""Named arrays with units and named axes, and what they become in astropy, pandas and xarray."""
+"""Named arrays with units and named axes, and their conversion to astropy, pandas and xarray."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ J2000, J2000_JD = np.datetime64("2000-01-01T12:00", "us"), 2451545.0
 MOST_DAYS = 290_000 * 365.25
 TDB = "tdb"
 COLUMNS = {"q": COMPONENTS, "v": ("vx", "vy", "vz")}
-"""What the components of a vector are called where each has a column of its own."""
+"""Names of the components of a vector in tables, where each has a column of its own."""
 
 
 @dataclass(frozen=True)
 class Variable:
     """One quantity of all bodies.
 
-    values : float64, with axes `dims`, a beginning of ("time", "body", "component") without what it does not have
+    values : float64, with axes `dims`: those of ("time", "body", "component") that it has, in this order
     unit : their unit
     """
 
@@ -48,8 +48,8 @@ class Labelled:
     names : the bodies
     times : (n,) since the epoch, a quantity, or None for a single state
     variables : by name
-    attributes : what else is known: strings and numbers, which every file format can hold
-    epoch : of t = 0, a Time, or None: with one, pandas and xarray have dates (`dates`) beside the times
+    attributes : further information, as strings and numbers, which every file format can hold
+    epoch : of t = 0, a Time, or None; with an epoch, pandas and xarray have dates (`dates`) beside the times
     """
 
     names: tuple[str, ...]
@@ -60,16 +60,16 @@ class Labelled:
 
     @property
     def dates(self) -> NDArray[np.datetime64] | None:
-        """The times as datetime64[us], TDB, (n,); None without an epoch and beyond what that type holds, 290,000 years.
+        """The times as datetime64[us], TDB, (n,); None without an epoch, and beyond the 290,000 years of that type.
 
-        Days of TDB have 86,400 seconds, so dates are counted and no leap second comes in.
+        TDB has no leap seconds: every day has 86,400 seconds.
         """
         if self.times is None or self.epoch is None:
             return None
         days = self.times.to_value(u.day)
         if not np.all(np.abs(days) < MOST_DAYS):
             return None
-        # Whole days, and the rest in microseconds: a float of days since J2000 resolves one for some decades only.
+        # Whole days and the rest separately: a float of days since J2000 resolves microseconds for some decades only.
         whole = np.floor(days)
         noon = np.floor(self.epoch.jd1 - J2000_JD) + whole
         rest = np.round((days - whole + (self.epoch.jd1 - J2000_JD) % 1.0 + self.epoch.jd2) * 86400e6)
@@ -77,7 +77,7 @@ class Labelled:
         return dates
 
     def table(self) -> QTable:
-        """Return one row for each body, or for each time and body, time by time; `attributes` become its meta."""
+        """Return a QTable with a row for each body, or for each time and body, by time; its meta has `attributes`."""
         from astropy.table import QTable
 
         columns = {
@@ -87,8 +87,9 @@ class Labelled:
         return QTable(columns, meta=dict(self.attributes), copy=False)
 
     def pandas(self) -> pandas.DataFrame:
-        """Return rows as in `table`, by body or by (time, body), of a run with an epoch with their `date`; units are in
-        `.attrs["units"]`.
+        """Return the rows of `table` as a DataFrame, indexed by body or by (time, body).
+
+        Units are in `.attrs["units"]`. A run with an epoch has a column `date`.
         """
         package: Any = _package("pandas", "to_pandas")
         columns = self._columns()
@@ -103,8 +104,9 @@ class Labelled:
         return frame
 
     def xarray(self) -> xarray.Dataset:
-        """Return a Dataset of the axes time, body and component; units are in each variable's `.attrs["units"]`. With
-        an epoch there is the coordinate `date` along time.
+        """Return a Dataset with the axes time, body and component.
+
+        Units are in each variable's `.attrs["units"]`. With an epoch there is a coordinate `date` along time.
         """
         package: Any = _package("xarray", "to_xarray")
         coordinates: dict[str, Any] = {}
@@ -124,7 +126,7 @@ class Labelled:
         return dataset
 
     def _columns(self) -> dict[str, tuple[NDArray[Any], u.UnitBase | None]]:
-        """Return the columns, flat; of a run those that change in time."""
+        """Return the columns, flattened; for a run only those that depend on time."""
         names = np.array(self.names)
         columns: dict[str, tuple[NDArray[Any], u.UnitBase | None]] = {}
         if self.times is None:
@@ -148,6 +150,6 @@ def _package(name: str, caller: str) -> ModuleType:
         return importlib.import_module(name)
     except ImportError as error:
         raise MissingPackageError(
-            f"{caller}() needs the package {name}, which cannot be imported ({error}); expected it installed: "
-            "pip install 'orbits[tables]'. to_table() works without it."
+            f"{caller}() needs the package {name}, which cannot be imported ({error}). Install it with "
+            "pip install 'orbits[tables]', or use to_table(), which works without it."
         ) from error

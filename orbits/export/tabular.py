@@ -1,4 +1,4 @@
-"""The methods of a value that can be had as a table."""
+"""The export methods of values that can be converted to tables."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 class Tabular:
-    """A value of several bodies, at one time or at several, that can be had as a table. Floats keep their bits.
+    """A value of several bodies, at one or several times, that can be converted to a table, with the same floats.
 
-    Each method takes `bodies`, names of those that are wanted, in that order; all by default. UnknownNameError for one
-    that is not there.
+    Each method takes `bodies`, the names of the bodies to include, in that order; all by default. Unknown names raise
+    UnknownNameError.
     """
 
     __slots__ = ()
@@ -28,26 +28,26 @@ class Tabular:
     def to_table(self, bodies: Sequence[str] | None = None) -> QTable:
         """Return an astropy QTable, every column with its unit.
 
-        One row for each body, or for each time and body. Columns: time (of a run, since the epoch), body; for states
-        x, y, z, vx, vy, vz, and gm, radius where there is one time; for elements their names. The meta has the epoch
-        (TDB) and what else is known.
+        It has one row for each body, or for each time and body. The columns are time (of a run, since the epoch) and
+        body; for states x, y, z, vx, vy, vz, and for a single time gm and radius; for elements their names. The meta
+        has the epoch (TDB) and further information.
         """
         return self._labelled(bodies).table()
 
     def to_pandas(self, bodies: Sequence[str] | None = None) -> pandas.DataFrame:
-        """Return a pandas DataFrame, indexed by body, or by time and body; columns as of `to_table`.
+        """Return a pandas DataFrame with the columns of `to_table`, indexed by body, or by time and body.
 
-        Units are strings in `frame.attrs["units"]`, beside the epoch. Of a run with an epoch there is a last column
-        `date`, datetime64[us] in TDB. Raises MissingPackageError without pandas.
+        Units are strings in `frame.attrs["units"]`, beside the epoch. A run with an epoch has a last column `date`,
+        datetime64[us] in TDB. Raises MissingPackageError without pandas.
         """
         return self._labelled(bodies).pandas()
 
     def to_xarray(self, bodies: Sequence[str] | None = None) -> xarray.Dataset:
-        """Return an xarray Dataset over body, component (x, y, z) and, of a run, time.
+        """Return an xarray Dataset over body, component (x, y, z) and, for a run, time.
 
-        States are q and v with gm and radius, elements have their names. Units are strings in the `attrs["units"]` of
-        each; the Dataset's own attrs have the epoch. Of a run with an epoch the coordinate `date`, datetime64[us] in
-        TDB, lies along time: `data.swap_dims(time="date")` selects by dates. Of a run in an archive all is read when it
-        is used. Raises MissingPackageError without xarray.
+        States are q and v with gm and radius; elements have their names. Units are strings in the `attrs["units"]` of
+        each variable, and the epoch is in the attrs of the Dataset. A run with an epoch has a coordinate `date` along
+        time, datetime64[us] in TDB: `data.swap_dims(time="date")` selects by date. A run in an archive is read
+        completely. Raises MissingPackageError without xarray.
         """
         return self._labelled(bodies).xarray()

@@ -1,6 +1,6 @@
-"""Pictures. `system.plot()` and `run.plot()` lead here; scenarios build their own from the parts.
+"""Pictures for `system.plot()` and `run.plot()`, and parts from which scenarios build their own.
 
-matplotlib loads when the first picture is made.
+matplotlib is loaded when the first picture is made.
 """
 
 from orbits.plotting import style

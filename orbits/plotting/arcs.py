@@ -1,9 +1,8 @@
-"""Curves through samples that lie far apart: two-body motion between them, where the motion is nearly that.
+"""Curves through samples that are far apart: arcs of two-body motion, where the motion is nearly Keplerian.
 
-Each body has a *centre* that it goes round: the planet in whose Hill sphere a moon is, the pair of stars inside the
-orbit of a planet, otherwise the most massive body. Between two samples the two-body motion from the one and that back
-from the other are blended; where the two differ by more than `AGREEMENT` the motion is not of two bodies, and nothing
-is drawn between these samples.
+Each body orbits a *centre*: for a moon the planet in whose Hill sphere it is, for a circumbinary planet the pair of
+stars, otherwise the most massive body. Between two samples, the two-body motions forward from the first and backward
+from the second are blended. If they differ by more than `AGREEMENT`, the motion is not Keplerian, and nothing is drawn.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.elements.flow import kepler_flow
+from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,30 +23,30 @@ Array = NDArray[np.float64]
 Bodies = tuple[int, ...]
 
 AGREEMENT = 0.01
-"""Of the distance to the centre: how far forward and backward motion may differ. Less cannot be seen in a picture."""
+"""Fraction of the distance to the centre by which forward and backward motion may differ; less is invisible."""
 STRAIGHT, SMOOTH = 0.04, 0.4
-"""Radians by which velocities may differ in direction from the way between two samples, for a straight line to join
-these, and for a cubic where the motion is not of two bodies. A cubic through an arc of twice 0.4 is off by 2e-4 of it.
+"""Largest angle, in radians, between velocities and the line between two samples for which a straight line is drawn or,
+where the motion is not Keplerian, a cubic. The error of a cubic through an arc of twice 0.4 is 2e-4 of the arc.
 """
 DISTURBED = 0.1
-"""Of the attraction by the centre: other accelerations above this make an osculating ellipse meaningless."""
+"""Perturbations above this fraction of the attraction by the centre make an osculating ellipse meaningless."""
 HEAVY = 0.01
-"""Of the most massive body: a companion of this mass and more is part of the centre of what goes round both."""
+"""A companion with at least this fraction of the largest mass belongs to the centre of bodies that orbit both."""
 ELLIPSE_POINTS = 721
 ARC_POINTS = 721
-"""At most, from one sample to the next."""
+"""The most points from one sample to the next."""
 MOST_POINTS = 400_000
-"""Of all arcs of a body together."""
+"""The most points of all arcs of a body."""
 
 _GAP = np.full((1, 3), np.nan)
 
 
 class Path(NamedTuple):
-    """What is drawn of one body, in the axes of its system.
+    """The curve to draw for one body, in the axes of its system.
 
-    curve : (n, 3), with a row of NaN where it is broken
+    curve : (n, 3), with a row of NaN where it is interrupted
     loose : (samples,) bool, the samples that no curve reaches
-    wound : whether the body goes round once and more between some samples
+    wound : whether the body completes an orbit or more between some samples
     """
 
     curve: Array
@@ -56,7 +55,7 @@ class Path(NamedTuple):
 
 
 class Orbit(NamedTuple):
-    """Relative motion about a centre: (..., 3) q and v, GM of both together."""
+    """Relative motion about a centre: q and v (..., 3), and the total GM of both."""
 
     q: Array
     v: Array
@@ -70,14 +69,14 @@ class Orbit(NamedTuple):
 
     @property
     def period(self) -> Array:
-        """Of ellipses; inf for the others, (...)."""
+        """The period of ellipses, inf for other orbits, (...)."""
         binding = np.maximum(self.binding, 0.0)
         with np.errstate(divide="ignore"):
             return np.asarray(2.0 * np.pi * self.gm / binding**1.5)
 
 
 def centre_of(system: System, members: Bodies) -> Bodies:
-    """Return the bodies whose centre of mass `members`, taken together, go round; none for the middle of it all."""
+    """Return the bodies whose centre of mass `members` orbit as a group; none for the centre of the system."""
     gm, q, _, _ = system.values
     root = int(np.argmax(gm))
     others = [j for j in np.flatnonzero(gm >= HEAVY * gm[root]).tolist() if j != root]
@@ -107,7 +106,7 @@ def relative(gm: Array, q: Array, v: Array, members: Bodies, centre: Bodies) -> 
 
 
 def is_nearly_two_body(system: System, members: Bodies, centre: Bodies) -> bool:
-    """Whether what all other bodies do to the relative motion is less than `DISTURBED` of the centre's attraction."""
+    """Whether perturbations of the relative motion by other bodies are below `DISTURBED` of the centre's attraction."""
     gm, q, v, softening = system.values
     pull = np.zeros_like(q)
     for i in (*members, *centre):
@@ -120,10 +119,10 @@ def is_nearly_two_body(system: System, members: Bodies, centre: Bodies) -> bool:
 
 
 def ellipse(system: System, i: int) -> Array | None:
-    """Return (721, 3) points, in the system's axes, of the ellipse that body i osculates about its centre.
+    """Return (721, 3) points, in the system's axes, of the osculating ellipse of body i about its centre.
 
-    None for the middle body, for parabolas, hyperbolas and falls along a line, and where other bodies disturb the
-    motion too much for an ellipse to mean anything.
+    None for the central body, for parabolas, hyperbolas and radial falls, and where perturbations by other bodies are
+    too strong for an ellipse to be meaningful.
     """
     gm, q, v, _ = system.values
     centre = centre_of(system, (i,))
@@ -145,8 +144,10 @@ def ellipse(system: System, i: int) -> Array | None:
 
 
 def joined(run: Trajectory, i: int) -> Path:
-    """Return the path of body i: straight lines where samples are close, arcs of two-body motion where they are not,
-    a cubic where the motion is not of two bodies but smooth.
+    """Return the path of body i.
+
+    It consists of straight lines between close samples, arcs of two-body motion between distant ones, and cubics where
+    the motion is smooth but not Keplerian.
     """
     samples = _Samples(run)
     q, count = samples.q(i), len(run)
@@ -162,7 +163,7 @@ def joined(run: Trajectory, i: int) -> Path:
     straight = turn < STRAIGHT
     smooth = np.flatnonzero(~straight & (turn < SMOOTH))
     arcs = dict(zip(smooth.tolist(), samples.cubics((i,), smooth), strict=True))
-    there = np.asarray(np.isfinite(q).all(axis=1))  # a particle that was retired is nowhere
+    there = np.asarray(np.isfinite(q).all(axis=1))  # retired particles are NaN
     curved = np.flatnonzero(~straight & ~wound & there[:-1] & there[1:])
     if len(curved) and orbit:
         points, good = samples.arcs((i,), orbit, curved)
@@ -171,7 +172,7 @@ def joined(run: Trajectory, i: int) -> Path:
     drawn[list(arcs)] = True
     pieces: list[Array] = []
     k = 0
-    for stop in [*np.flatnonzero(~straight).tolist(), count - 1]:  # straight lines up to here, then one that is none
+    for stop in [*np.flatnonzero(~straight).tolist(), count - 1]:  # straight lines up to here, then another segment
         if stop > k:
             pieces.append(q[k : stop + 1])
         if stop in arcs:
@@ -184,10 +185,9 @@ def joined(run: Trajectory, i: int) -> Path:
 
 
 def last_state(run: Trajectory) -> System:
-    """Return the system at the last sample, without its epoch: that of a long run is no date. Particles that were
-    retired are where they were last.
+    """Return the system at the last sample, with retired particles at their last positions.
 
-    Raises InputError for a run without samples.
+    It has no epoch, as the end of a long run may be beyond all dates. Raises InputError for a run without samples.
     """
     if not len(run):
         raise InputError(f"{run!r} has no samples yet, so there is nothing to draw; expected at least one.")
@@ -220,7 +220,7 @@ class _Samples:
         return Orbit(q - to_q, v - to_v, float(self.gm[[*members, *centre]].sum()))
 
     def arcs(self, members: Bodies, orbit: Orbit, k: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
-        """Return points (len(k), n, 3) from each sample k to the next, and which of these arcs can be trusted."""
+        """Return points (len(k), n, 3) from each sample k to the next, and which of these arcs are reliable."""
         times = _nodes(orbit, self.run.times, k)
         return self._between(members, k, times)
 
@@ -258,7 +258,7 @@ class _Samples:
 
 
 def _nodes(orbit: Orbit, times: Array, k: NDArray[np.intp]) -> Array:
-    """Return times since the samples k, (len(k), n), evenly spread in the eccentric anomaly of the motion."""
+    """Return times since the samples k, (len(k), n), equally spaced in eccentric anomaly."""
     step = np.diff(times)[k]
     start, e = _anomaly(orbit, k)
     end, _ = _anomaly(orbit, k + 1)
@@ -280,7 +280,7 @@ def _nodes(orbit: Orbit, times: Array, k: NDArray[np.intp]) -> Array:
 
 
 def _anomaly(orbit: Orbit, k: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Return the eccentric anomaly, or its like for hyperbolas, and the eccentricity."""
+    """Return the eccentric anomaly, hyperbolic for hyperbolas, and the eccentricity."""
     q, v, binding = orbit.q[k], orbit.v[k], orbit.binding[k]
     rv = (q * v).sum(axis=-1)
     root = rv * np.sqrt(np.abs(binding)) / orbit.gm  # e sin E, e sinh F
@@ -300,9 +300,9 @@ def _cubic(q: Array, v: Array, k: NDArray[np.intp], times: Array, length: Array)
 
 
 def _turn(q: Array, v: Array, times: Array) -> Array:
-    """Return by how much motion turns from each sample to the next, radians, (n - 1,); inf where it goes round unseen.
+    """Return the angle by which the motion turns from each sample to the next, radians, (n - 1,); inf for whole orbits.
 
-    The larger of the angles between the velocities at both ends and the way from the one to the other.
+    It is the larger of the angles between the velocities at both ends and the line between them.
     """
     step = np.diff(times)[:, None]
     way, start, end = np.diff(q, axis=0), v[:-1] * step, v[1:] * step
@@ -326,5 +326,5 @@ def _mean(gm: Array, x: Array, members: Bodies) -> Array:
 
 
 def _share(gm: Array, members: Bodies, centre: Bodies) -> float:
-    """Return the part of the relative motion that `members` do, their common centre of mass being what stays."""
+    """Return the share of `members` in the relative motion about the common centre of mass."""
     return float(gm[list(centre)].sum() / gm[[*members, *centre]].sum())

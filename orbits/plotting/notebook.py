@@ -1,4 +1,4 @@
-"""A figure that a notebook shows by itself."""
+"""A figure that notebooks display without pyplot."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 DOTS_IN_A_NOTEBOOK = 60
-"""Dots per inch that a notebook is asked to show; the picture has more, for sharp screens."""
+"""Dots per inch of the displayed size; the picture has more, for high-resolution screens."""
 
 
 class Picture(Figure):
     """A matplotlib Figure made without pyplot.
 
-    A notebook knows how to show figures only once pyplot was imported there; in a fresh kernel all that would be seen
-    of one is "<Figure size 1320x1200 with 1 Axes>".
+    Notebooks can display plain figures only after pyplot was imported; in a fresh kernel they would show just
+    "<Figure size 1320x1200 with 1 Axes>".
 
-    look : makes the context in which it is drawn
+    look : returns the context in which it is drawn
     """
 
     def __init__(self, *, look: Callable[[], AbstractContextManager[None]], **options: Any) -> None:

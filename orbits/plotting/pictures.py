@@ -1,4 +1,4 @@
-"""Pictures of a system and of a run: paths, and what is conserved."""
+"""Pictures of a system and of a run: paths and conserved quantities."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ Array = NDArray[np.float64]
 Looks = dict[int, dict[str, Any]]
 
 MOST_PATHS = 24
-"""Bodies whose paths are drawn as lines; of more, the massless ones become a cloud of points."""
+"""The most bodies whose paths are drawn as lines; if there are more, massless ones become a cloud of points."""
 MOST_NAMES = 40
-"""Names in a legend."""
+"""The most names in a legend."""
 STILL = 0.01
-"""Of a map's reach: the middle body is a disc alone where it moves less than that."""
+"""If the central body moves less than this fraction of the map, only a disc is drawn."""
 ROUNDING = "dashed: 2⁻⁵³, the rounding of one float64; changes of exactly 0 are drawn at the lower edge"
-ELLIPSES = "ellipses: the two-body orbits of this moment, each about what the body goes round"
-CROWDED, FEW = 0.1, 3
-"""A map of their own for bodies within a tenth of the reach of all, if they are at least three."""
+ELLIPSES = "ellipses: the osculating two-body orbits at this time"
+INNER, FEW = 0.1, 3
+"""Bodies within this fraction of the largest distance get a map of their own, if they are at least three."""
 FRAME_LABELS: Mapping[str, str] = {"ecliptic": "ecliptic of J2000", "icrf": "ICRF"}
 
 
 @style.look()
 def plot_system(system: System, *, title: str | None = None, frame: str | None = None) -> Figure:
-    """Return a picture of a system from above: bodies at the epoch, with the ellipses that they osculate; once more
-    in a map of their own where several crowd about the middle.
+    """Return a picture of a system from above: bodies at the epoch with their osculating ellipses.
 
-    frame : seen along the third axis of the "ecliptic" of J2000 or of the "icrf" (the system's own axes); by default
-        the ecliptic, where units are physical, taking the system's axes for those of the ICRF
+    Bodies close to the centre are also shown in a map of their own.
+    frame : the view is along the third axis of the "ecliptic" of J2000 or of the "icrf" (the system's own axes); by
+        default the ecliptic if units are physical, assuming that the system's axes are those of the ICRF
     Raises UnknownNameError for another frame.
     """
     looks, cloud = _looks(system, list(range(len(system))))
     points = in_plane(system, system.values.q, frame)
-    inner = _crowded(system, points, looks, cloud)
+    inner = _inner(system, points, looks, cloud)
     made = style.figure(16, 9.5) if inner else style.figure(11, 11)
     maps = made.subplots(1, 2) if inner else [made.subplots()]
     ellipses = [
@@ -62,7 +62,7 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
 def _draw_bodies(
     axes: Axes, system: System, points: Array, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
 ) -> bool:
-    """Draw the chosen bodies and their ellipses; return whether there are any of these."""
+    """Draw the chosen bodies and their ellipses, and return whether there are any ellipses."""
     _draw_cloud(axes, points[cloud])
     middle, any_ellipse = int(np.argmax(system.values.gm)), False
     for i in sorted(chosen & set(looks)):
@@ -81,15 +81,15 @@ def plot_trajectory(
 ) -> Figure:
     """Return a picture of a run: the paths from above, and the errors of energy and angular momentum against time.
 
-    Bodies that crowd about the middle have a map of their own, too.
-    bodies : which ones; all of them by default, massless ones as a cloud at the end where there are many
+    Bodies close to the centre are also shown in a map of their own.
+    bodies : all by default; if there are many, massless ones are shown as a cloud of points at the end of the run
     frame : as in `plot_system`
     Raises InputError for a run without samples, UnknownNameError for a frame or body that does not exist.
     """
     system = run.system
     chosen = _chosen(system, bodies)
     looks, cloud = _looks(system, chosen)
-    inner = _crowded(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
+    inner = _inner(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
     maps = ["map", "inner"] if inner else ["map"]
     made = style.figure(17, 8.4) if inner else style.figure(16, 10)
     ratios = [1.0, 1.0, 0.95] if inner else [1.15, 1.0]
@@ -99,7 +99,7 @@ def plot_trajectory(
         told |= dict.fromkeys(_draw_paths(axes[name], run, looks, [i for i in cloud if i in part], part, frame))
     method = words.method_words(run.integrator.label)
     made_by = method
-    if not math.isnan(run.step):  # of a method that chooses its steps
+    if not math.isnan(run.step):  # NaN for methods with adaptive steps
         made_by += f", dt = {words.in_fitting_time(abs(run.step), system.units.time)}"
     axes["map"].set_title(made_by if title is None else title)
     conserved(axes["energy"], axes["momentum"], {method: run})
@@ -111,10 +111,10 @@ def plot_trajectory(
 def paths(
     axes: Axes, run: Trajectory, *, bodies: Sequence[str] | None = None, frame: str | None = None
 ) -> tuple[str, ...]:
-    """Draw the paths as seen from above, and return what the marks mean, in words for a caption.
+    """Draw the paths as seen from above, and return the meaning of the marks, for a caption.
 
-    Where samples lie far apart the line between them is that of two-body motion, and where that is none, samples stay
-    dots. Many massless particles become points at the last sample. Raises InputError for a run without samples.
+    Samples that are far apart are joined by arcs of two-body motion, or drawn as dots if the motion is not Keplerian.
+    Many massless particles are drawn as points at the last sample. Raises InputError for a run without samples.
     """
     chosen = _chosen(run.system, bodies)
     looks, cloud = _looks(run.system, chosen)
@@ -146,15 +146,15 @@ def _draw_paths(
         around = osculating_ellipse(end, i, frame)
         if around is not None:
             axes.plot(around[:, 0], around[:, 1], lw=0.8, alpha=0.45, zorder=1, color=colour)
-            told["thin ellipses: the two-body orbits of the last moment"] = None
+            told["thin ellipses: the osculating orbits at the end"] = None
     map_axes(axes, system, frame)
-    return ("discs: where bodies are at the end", *told)
+    return ("discs: the bodies at the end", *told)
 
 
 def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, time: str | None = None) -> None:
     """Draw |dE/E| and |dL/L| against time for several runs, with the round-off floor.
 
-    time : the unit of time; by default one that suits the length of the runs
+    time : the unit of time; by default one suited to the length of the runs
     """
     system = next(iter(runs.values())).system
     span = max((float(np.abs(run.times).max()) for run in runs.values() if len(run)), default=0.0)
@@ -179,9 +179,9 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
 
 
 def flatness(axes: Axes, t: Array, series: Array, title: str, components: Sequence[str] = ("x", "y", "z")) -> None:
-    """Draw how flat a conserved quantity is: each component's change over its size, in units of 10^-16, linear.
+    """Draw the relative change of each component of a conserved quantity, in units of 10^-16, on a linear scale.
 
-    series : (n,) or (n, 3), whose `components` a legend tells apart; the band is the rounding of one float64
+    series : (n,) or (n, 3), with a legend of the `components`; the band is the rounding of one float64
     """
     values = series.reshape(len(series), -1)
     change = (values - values[0]) / (float(np.linalg.norm(values[0])) or 1.0) * 1e16
@@ -199,9 +199,9 @@ def flatness(axes: Axes, t: Array, series: Array, title: str, components: Sequen
 
 
 def relative_change(series: Array, scale: float | None = None, floor: float = 2.5e-17) -> Array:
-    """Return |x_k - x_0| / |x_0| of a scalar or vector series, at least `floor` so that zero shows on a log axis.
+    """Return |x_k - x_0| / |x_0| of a scalar or vector series, at least `floor`, so that zero shows on a log axis.
 
-    scale : compared with in place of |x_0|, which may vanish by cancellation; see `ConservedQuantities`
+    scale : replaces |x_0|, which may cancel to zero; see `ConservedQuantities`
     """
     values = series.reshape(len(series), -1)
     size = (float(np.linalg.norm(values[0])) if scale is None else scale) or 1.0
@@ -210,14 +210,15 @@ def relative_change(series: Array, scale: float | None = None, floor: float = 2.
 
 
 def in_plane(system: System, q: Array, frame: str | None = None) -> Array:
-    """Return positions as seen from above, (..., 3), in the axes of `frame`: by default ecliptic ones for physical
-    systems, the system's own otherwise.
+    """Return positions as seen from above, (..., 3), in the axes of `frame`.
+
+    The default is the ecliptic for systems with physical units, and otherwise the system's own axes.
     """
     return to_frame(q, default_frame(system.units) if frame is None else frame)
 
 
 def map_axes(axes: Axes, system: System, frame: str | None = None, origin: str = "") -> None:
-    """Label the axes of a map with frame, origin and unit, and give both the same scale."""
+    """Label the axes of a map with frame, origin and unit, and give both axes the same scale."""
     unit = str(system.units.length).replace("AU", "au")
     frame = default_frame(system.units) if frame is None else frame.lower()
     where = FRAME_LABELS[frame] if system.units.is_physical or frame == "ecliptic" else ""
@@ -235,10 +236,10 @@ def map_axes(axes: Axes, system: System, frame: str | None = None, origin: str =
 
 
 def osculating_ellipse(system: System, body: str | int, frame: str | None = None) -> Array | None:
-    """Return 721 points, as seen from above, of the ellipse that a body osculates about what it goes round.
+    """Return 721 points, as seen from above, of a body's osculating ellipse.
 
-    That is the planet of a moon, both stars inside the orbit of a planet, otherwise the most massive body. None for
-    the middle of the system, for parabolas and hyperbolas, and where others disturb the motion by more than a tenth.
+    Its centre is the planet of a moon, the pair of stars of a circumbinary planet, or the most massive body. None for
+    the central body, for parabolas and hyperbolas, and where perturbations exceed a tenth of the attraction.
     """
     path = arcs.ellipse(system, body if isinstance(body, int) else system.index(body))
     return None if path is None else in_plane(system, path, frame)
@@ -250,7 +251,7 @@ def _chosen(system: System, bodies: Sequence[str] | None) -> list[int]:
 
 
 def _looks(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
-    """Return the looks of the bodies that are drawn one by one, and those bodies that become a cloud."""
+    """Return the looks of the bodies that are drawn individually, and the bodies that are drawn as a cloud."""
     cloud = [i for i in chosen if not system.massive[i]] if len(chosen) > MOST_PATHS else []
     single = [i for i in chosen if i not in set(cloud)]
     names = [system.names[i] for i in single]
@@ -260,12 +261,12 @@ def _looks(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
     }, cloud
 
 
-def _crowded(system: System, points: Array, looks: Looks, cloud: list[int]) -> set[int]:
-    """Return the middle and the bodies close to it, if these are several and others are far away; else nothing."""
+def _inner(system: System, points: Array, looks: Looks, cloud: list[int]) -> set[int]:
+    """Return the central body and those close to it, if there are several and others are far away; else nothing."""
     middle = int(np.argmax(system.values.gm))
     distance = np.linalg.norm(points - points[middle], axis=1)
     drawn = [i for i in (*looks, *cloud) if i != middle]
-    close = {i for i in drawn if distance[i] < CROWDED * distance[drawn].max()}
+    close = {i for i in drawn if distance[i] < INNER * distance[drawn].max()}
     return {middle, *close} if middle in looks and len(close & set(looks)) >= FEW else set()
 
 

@@ -1,6 +1,6 @@
-"""One look for every picture: fonts, colours that colour-blind readers tell apart, and how figures are made and saved.
+"""The common style of all pictures: fonts, colours for colour-blind readers, and how figures are made and saved.
 
-Figures are made without pyplot: nothing global is touched, no window opens, and a notebook shows what is returned.
+Figures are made without pyplot: no global state is changed, no window opens, and notebooks display the returned figure.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ BODY_COLOURS: Mapping[str, str] = {
     "Pluto": "#7B5EA7",
 }
 MARK = "orbits"
-"""What a picture's metadata says of who made it."""
+"""The software named in a picture's metadata."""
 
 MOST_COLUMNS = 10
-"""Of a legend."""
+"""The most columns of a legend."""
 
 _SETTINGS: Any = {
     "font.size": 15,
@@ -62,7 +62,7 @@ _SETTINGS: Any = {
 
 @contextmanager
 def look() -> Iterator[None]:
-    """Draw in the look of this package: fonts, spines, legends."""
+    """Draw in the style of this package: fonts, spines, legends."""
     from matplotlib import rc_context
 
     with rc_context(_SETTINGS):
@@ -77,22 +77,22 @@ def figure(width: float = 16.0, height: float = 10.0, dpi: int = 120) -> Figure:
 
 
 def save(made: Figure, path: Path) -> None:
-    """Write a figure as PNG that says it comes from this package."""
+    """Write a figure as PNG with metadata that name this package."""
     with look():
         made.savefig(path, metadata={"Software": MARK})
 
 
 def halo(text: Text) -> None:
-    """Set a text off from the lines behind it by a white rim."""
+    """Separate a text from the lines behind it by a white outline."""
     from matplotlib.patheffects import withStroke
 
     text.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
 
 
 def below(made: Figure, handles: Sequence[Any], labels: Sequence[str], caption: str = "", size: float = 13) -> None:
-    """Put a legend beneath all panels and, below it, small and grey, what lines and marks mean.
+    """Put a legend beneath all panels and, below it, a small grey caption that explains lines and marks.
 
-    The legend has as many columns as its words leave room for; a caption alone takes no handles.
+    The legend has as many columns as fit.
     """
     from textwrap import fill
 
@@ -118,12 +118,12 @@ def below(made: Figure, handles: Sequence[Any], labels: Sequence[str], caption: 
 
 
 def colour(name: str, index: int) -> str:
-    """Return the colour of a body: its own where it has one, otherwise by its place in the list."""
+    """Return the colour of a body: its own if it has one, otherwise by its index."""
     return BODY_COLOURS.get(name, PALETTE[index % len(PALETTE)])
 
 
 def colours(names: Sequence[str]) -> list[str]:
-    """Return a colour for each body, no two alike: beyond the palette, shades from dark to light in their order."""
+    """Return a different colour for each body: from the palette or, for many, shades from dark to light."""
     own = [name for name in names if name not in BODY_COLOURS]
     taken = {BODY_COLOURS[name] for name in names if name in BODY_COLOURS}
     palette = [each for each in PALETTE if each not in taken]

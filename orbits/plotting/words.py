@@ -1,4 +1,4 @@
-"""Words for pictures: methods, spans of time, dates, and names that fit."""
+"""Texts for pictures: methods, time spans, dates, and shortened names."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
 LONGEST_NAME = 28
-"""Characters of a name in a legend; a longer one loses its middle, as names often differ at their ends only."""
+"""Characters of a name in a legend; longer ones lose their middle, as names often differ only at their ends."""
 
 CUSTOMARY: Mapping[str, str] = {"Gauss collocation": "Gauss", "classical Runge–Kutta": "RK4"}
-"""What the literature calls some methods for short."""
+"""Short names of methods in the literature."""
 
 TIMES = ((u.s, 0.0), (u.min, 2.0), (u.h, 3.0), (u.d, 3.0), (u.yr, 3.0), (u.kyr, 10.0), (u.Myr, 1.0), (u.Gyr, 1.0))
-"""Units of time, each with the shortest span told in it: an hour in minutes, a year in days, a century in years."""
+"""Units of time, each with the shortest span given in it: an hour in minutes, a year in days, a century in years."""
 
 
 def short(name: str) -> str:
-    """Return a name short enough for a label: at most 28 characters, its two ends kept."""
+    """Return a name shortened for a label to at most 28 characters, keeping both ends."""
     name = SHORT_NAMES.get(name, name)
     keep = (LONGEST_NAME - 1) // 2
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1 - keep]}…{name[-keep:]}"
@@ -36,7 +36,7 @@ def short(name: str) -> str:
 def method_words(label: str) -> str:
     """Return a method's label in words: `Gauss(stages=8)` is "Gauss, 8 stages", `ExplicitEuler()` "explicit Euler".
 
-    Labels that no registered method has, those of REBOUND's for example, come back as they are.
+    Labels of methods that are not registered, for example REBOUND's, are returned unchanged.
     """
     try:
         call = ast.parse(label, mode="eval").body
@@ -71,26 +71,26 @@ def _parameter(name: str, value: Any) -> str:
 
 
 def fitting_time(span: float, unit: Any) -> tuple[float, str]:
-    """Return by what to multiply times, and the unit in which a span of time is best told.
+    """Return a factor for times, and the unit they then have, suited to a time span.
 
-    span : in `unit`, either sign; `unit` : an astropy unit, or its name. Times without a unit stay as they are, in
-    powers of a thousand where the span is long: (0.001, "10³").
+    span : in `unit`, of either sign; `unit` : an astropy unit, or its name
+    Times without a unit are unchanged, or in powers of a thousand if the span is long: (0.001, "10³").
     """
     unit = u.Unit(unit)
     if unit == u.dimensionless_unscaled:
         power = next((n for n in (12, 9, 6, 3) if abs(span) >= 50 * 10.0**n), 0)
         return 10.0**-power, power_of_ten(power)
-    best = [each for each, least in TIMES if abs(span) * unit.to(each) >= 0.999 * least][-1]  # rounded spans, too
+    best = [each for each, least in TIMES if abs(span) * unit.to(each) >= 0.999 * least][-1]  # allow for rounded spans
     return float(unit.to(best)), str(best)
 
 
 def power_of_ten(power: int) -> str:
-    """Return a power of ten as text: 10⁶; nothing for 1."""
+    """Return a power of ten as text, 10⁶; "" for 1."""
     return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")) if power else ""
 
 
 def in_fitting_time(duration: float, unit: Any) -> str:
-    """Return a duration, such as a step, with four digits in the unit that suits it: "6 d", "30 min"."""
+    """Return a duration, such as a step, with four digits in a suitable unit: "6 d", "30 min"."""
     if u.Unit(unit) == u.dimensionless_unscaled:
         return f"{duration:.4g}"
     times = [each for each, _ in TIMES[:5] if abs(duration) * u.Unit(unit).to(each) >= 0.9999]
@@ -100,13 +100,13 @@ def in_fitting_time(duration: float, unit: Any) -> str:
 
 
 def since(system: System, unit: str) -> str:
-    """Return the label of an axis of time: since when, and in what."""
+    """Return the label of a time axis, with epoch and unit."""
     start = "" if system.epoch is None else f" since {moment(system)}"
     return f"time{start} [{unit}]" if unit else f"time{start}"
 
 
 def moment(system: System) -> str:
-    """Return the epoch of a system to the minute, midnight left out: "2000-01-01 12:00 TDB"."""
+    """Return the epoch of a system to the minute, or the date for midnight: "2000-01-01 12:00 TDB"."""
     if system.epoch is None:
         return ""
     return f"{system.epoch.isot[:16].replace('T', ' ').removesuffix(' 00:00')} TDB"

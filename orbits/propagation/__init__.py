@@ -1,6 +1,6 @@
 """Propagation: bind system, integrator and step; march chunk by chunk; sample, store, report, stop and resume.
 
-What marches loads on first use: to open a run and to look at it takes none of it.
+The integrating code is loaded on first use: opening a run and looking at it does not need it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Trajectory", "propagate", "resume", "state_at"]
 
 _LATER = {"propagate": "run", "resume": "run", "state_at": "dense"}
 
-# A trajectory knows nothing of what marches: those that are opened or made by hand get it here.
+# Trajectories do not import the integrating code; those that are opened or made by hand get it here.
 Trajectory.marched_again_by = REPLAY
 
 

@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 NEAR = 0.05 * u.au
-"""Distances below this are said in kilometres too."""
+"""Distances below this are also given in kilometres."""
 
 MILLIMETRE, ROUND_OFF = 1e-6 * u.km, 1e-15 * u.dimensionless_unscaled
-"""Errors below this are not told apart."""
+"""Errors below this are shown as "less than" it."""
 
 
 @dataclass(frozen=True)
 class Approach:
-    """One closest approach: of a body to another, at a distance and a relative speed, at a time since the epoch.
+    """One closest approach of two bodies: distance, relative speed, and time since the epoch.
 
-    date : the time as a `Time` (TDB), of a system with an epoch
-    error : by how much the passage puts the body off by the end of the run, with this method and this step: its
-        position error there, in km (or in the system's own length, where that is none); None where it is not known
+    date : the time as a `Time` (TDB), if the system has an epoch
+    error : the position error at the end of the run that the passage causes with this method and step, in km (or in the
+        system's unit of length, if it has no physical units); None if it is unknown
     """
 
     body: str
@@ -41,7 +41,7 @@ class Approach:
 
     @classmethod
     def of(cls, system: System, clock: Clock, passage: Passage, error: float | None) -> Approach:
-        """Return a passage of a run with this clock as one reads it."""
+        """Return a passage of a run with this clock, with names and units."""
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
         time = u.Quantity(clock.time(passage.steps), units.time)
@@ -72,12 +72,12 @@ def unit_of_errors(system: System) -> u.UnitBase:
 
 
 def as_error(system: System, length: float) -> u.Quantity:
-    """Return a length in the unit in which errors are said."""
+    """Return a length in the unit of errors."""
     return u.Quantity(length, system.units.length).to(unit_of_errors(system))
 
 
 def said(error: u.Quantity) -> str:
-    """Return an error in words, of two digits; none below a millimetre, or below round-off without units."""
+    """Return an error in words, with two digits, or "less than" a millimetre, or round-off without units."""
     if not np.isfinite(error):
         return "beyond all bounds"
     least = MILLIMETRE if error.unit.is_equivalent(u.km) else ROUND_OFF

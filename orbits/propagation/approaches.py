@@ -1,4 +1,4 @@
-"""The closest approaches of a run, as one reads them: names, units, dates, and what each did to the run."""
+"""The closest approaches of a run, with names, units, dates, and the effect of each on the run."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ Array = NDArray[np.float64]
 
 
 class Approaches:
-    """The closest approaches of a run: the flybys within the reach of a body, and the closest one of each body.
+    """The closest approaches of a run: all flybys within the reach of a body, and the closest approach of each body.
 
-    names : of the bodies; distance, time, speed : (bodies, 2) with units, infinite where there was none
-    partner : (bodies, 2) indices; column 0 is the dominant body (unused where no body has 90 % of the mass), column 1
-        the closest other. For a massless particle, passages beyond three Hill radii of a planet (or 5 % of the planet's
-        distance) are not recorded, and the closest is the smallest share of that.
-        Of one that was retired the approach that it did not live through is not among them: see `run.retired`.
-    left_out : how many passages more there were than are listed; those listed are the ones of largest speed / distance
+    names : of the bodies; distance, time, speed : (bodies, 2) with units; distances are infinite if there was none
+    partner : (bodies, 2) indices; column 0 is for the dominant body (unused if no body has 90 % of the mass), column 1
+        for the closest other body. Massless particles are recorded within three Hill radii of a planet (or 5 % of its
+        distance), and the closest passage is the one at the smallest fraction of that. The approach in which a particle
+        was retired is not included: see `run.retired`
+    left_out : number of further passages that are not listed; the listed ones have the largest speed / distance
 
-    Listed is every flyby within `reach` of a body, every passage that is fast for the step (but for pericentres of mild
-    ellipses), and of each body the closest approach. Of what goes round another body, a moon, it is the closest
-    pericentre alone, and those that are fast for the step. Distance and time are as good as the orbit: they come from
-    the method's own partial steps, taken when they are first asked for.
+    The list has every flyby within `reach` of a body, every passage that is fast for the step (except pericentres of
+    mildly eccentric orbits), and the closest approach of each body. For a satellite it has only the closest pericentre
+    and those that are fast for the step. Distances and times are as accurate as the orbit: they come from partial steps
+    of the method, taken when they are first needed.
 
-    approaches["Ceres"] gives the passages of one body, by the dominant body first. Iterating gives all but those by the
-    dominant body, closest first; these are what len(approaches) counts, `to_table` holds, and print and notebooks show.
+    approaches["Ceres"] returns the passages of one body, the one by the dominant body first. Iteration, `len`,
+    `to_table`, print and notebooks cover all passages except those by the dominant body, closest first.
     """
 
     def __init__(self, trajectory: Trajectory, seen: Seen) -> None:
@@ -79,20 +79,20 @@ class Approaches:
 
     @property
     def reach(self) -> u.Quantity:
-        """How close to each body flybys are listed, all of them, (bodies,): three Hill radii or 5 % of its distance
-        from the dominant body at the start, the larger; 0 for that one, for massless ones, and where none dominates.
+        """The distance from each body within which all flybys are listed, (bodies,).
+
+        It is three Hill radii, or 5 % of the body's initial distance from the dominant body if that is larger; 0 for
+        the dominant body, for massless bodies, and if no body dominates.
         """
         return u.Quantity(self._seen.reach, self._run.system.units.length)
 
     @property
     def left_out(self) -> int:
-        """How many passages more there were than are listed; -1 for a run of an earlier version of orbits, which listed
-        only the closest ones.
-        """
+        """Number of passages that are not listed; -1 for a run of an earlier version, which listed only the closest."""
         return self._seen.left_out
 
     def __getitem__(self, name: str) -> list[Approach]:
-        """Return the passages of a body: the closest by the dominant body, then all others, closest first."""
+        """Return the passages of a body: the closest one by the dominant body, then all others, closest first."""
         row = index_of(name, self.names, "body")
         dominant = [int(k) for k in self._seen.closest[row, :1] if k >= 0]
         passages = self._seen.passages
@@ -104,21 +104,21 @@ class Approaches:
         return list(self.names)
 
     def __len__(self) -> int:
-        """Return how many passages iterating gives."""
+        """Return the number of passages in the iteration."""
         return len(self._flybys)
 
     def __iter__(self) -> Iterator[Approach]:
-        """Yield each passage by another than the dominant body, closest first."""
+        """Yield the passages except those by the dominant body, closest first."""
         return (self.one(k) for k in self._flybys)
 
     def to_table(self, bodies: Sequence[str] | None = None) -> QTable:
-        """Return an astropy QTable of body, other, date (TDB, where there is an epoch), time (since the epoch),
-        distance, speed, and error (of the body's position, by the passage, at the end of the run), closest first.
+        """Return an astropy QTable of the passages, closest first.
 
-        A row for each passage that iterating gives; `body` is the lighter one. The meta has the epoch (TDB) and what
-        else is known.
+        The columns are body (the lighter one), other, date (TDB, if there is an epoch), time (since the epoch),
+        distance, speed, and error (the position error at the end of the run that the passage causes). The meta has the
+        epoch (TDB) and further information.
 
-        bodies : names; only passages of one of them, all by default. UnknownNameError for one that is not there.
+        bodies : names; only passages of these, all by default. Unknown names raise UnknownNameError.
         """
         from astropy.table import QTable
 
@@ -143,13 +143,13 @@ class Approaches:
 
     @cached_property
     def _flybys(self) -> list[int]:
-        """Numbers of the passages that iterating gives, in their order."""
+        """Indices of the passages in the iteration, in order."""
         refine(self._run, self._seen, self._seen.flybys)
         passages = self._seen.passages
         return sorted(self._seen.flybys, key=lambda k: (passages[k].distance, passages[k].steps))
 
     def know_all(self) -> None:
-        """Make all passages as good as the orbit."""
+        """Refine all passages to the accuracy of the orbit."""
         refine(self._run, self._seen, range(len(self._seen.passages)))
 
     def _of_closest(self, what: str, missing: float) -> Array:
@@ -184,7 +184,7 @@ class Approaches:
         return 2 + (self._run.system.epoch is not None)
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
-        """Return the head of a table, its rows, those of the closest, and how many more there are."""
+        """Return the head of a table, rows for the closest passages, and the number of others."""
         units = self._run.system.units
         figures = {"distance": units.length, "time": units.time, "speed": units.speed}
         dated = self._run.system.epoch is not None

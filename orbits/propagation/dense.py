@@ -1,4 +1,4 @@
-"""The states at any times of a run, by the method itself from the sample before each."""
+"""States at any times of a run, computed by its own method from the preceding samples."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
+from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.binding import bound
-from orbits.propagation.memory import MEMORY_SHARE, memory
 from orbits.time_grid import snapped, times_since
 
 if TYPE_CHECKING:
@@ -22,11 +22,11 @@ Array = NDArray[np.float64]
 def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     """Return the state at time t, or the states at several, within the span of the samples.
 
-    t : a time as `propagate` takes `until`, or an array or list of times in any order
+    t : a time as for `until` of `propagate`, or an array or list of times in any order
 
-    The nearest sample before a time is propagated with the run's own integrator and step, so the error is that of the
-    run; a march goes on from one time to the next, which changes no bit. Of a single time the `System` there comes
-    back, of several a `Trajectory` with these times as its samples, in the order they are given.
+    The preceding sample is propagated with the run's own integrator and step, so the error is that of the run. For
+    several times the march continues from one to the next, which does not change the result. A single time gives a
+    `System`, several give a `Trajectory` with these times as its samples, in the given order.
     Raises InputError for a time outside the run.
     """
     times = times_since(trajectory.system, t, "t")
@@ -40,12 +40,12 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
 
 
 def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array]:
-    """Return q and v, (n, bodies, 3), at n times, and the times, where they miss an end by a rounding only that end."""
+    """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding."""
     if not len(trajectory):
         raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
     clock = trajectory.clock
     direction = clock.direction
-    order = np.argsort(trajectory.times * direction, kind="stable")  # samples may stand in any order
+    order = np.argsort(trajectory.times * direction, kind="stable")  # samples may be in any order
     known = trajectory.times[order]
     times = snapped(times, float(known[0]), float(known[-1]))
     inside = ((known[0] - times) * direction <= 0.0) & ((known[-1] - times) * direction >= 0.0)
@@ -60,7 +60,7 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     if needed > MEMORY_SHARE * memory():
         raise InputError(
             f"{len(times)} states of {len(trajectory.names)} bodies need {needed / 2**30:.1f} GiB of memory, more than "
-            "this machine has to give; ask for fewer at a time"
+            "this machine has available; ask for fewer at a time"
         )
     before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
@@ -74,7 +74,7 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         marcher.advance_to(place)
         q[k], v[k] = marcher.state_at(place)
     whole, _ = clock.places(times)
-    for particle in trajectory.retired:  # a march from a sample may come a step farther
+    for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)
         q[later, body] = v[later, body] = np.nan
     return q, v, times

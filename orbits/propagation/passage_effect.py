@@ -1,13 +1,13 @@
-"""What a close passage does to the rest of a run.
+"""The effect of a close passage on the rest of a run.
 
-The pair is marched alone through its passage, with the method, the step and the phase of the run, and compared with
-the exact two-body orbit. The difference that is left is carried along the orbit about the primary to the end of the
-run: a passage is judged by the position error that it causes there. For a fast flyby of a planet, and for a single
-pericentre, the figure is within some percent of what the whole run gets wrong. It is far too small where two bodies
-pass each other many Hill radii apart in steps of weeks: that is no two-body motion.
+The pair alone is marched through its passage, with the method, step and phase of the run, and compared with the exact
+two-body orbit. The difference is propagated along the orbit about the primary to the end of the run: a passage is
+judged by the position error that it causes there. For a fast flyby of a planet, and for a single pericentre, this
+agrees within some percent with the actual error of the run. It is far too small where two bodies pass each other many
+Hill radii apart in steps of weeks, which is not two-body motion.
 
-The primary is the other body where the two are a bound pair, else the one that dominates the system. Encounters that
-follow may make an error grow further; that is not in the figure.
+The primary is the other body if the two are bound to each other, else the body that dominates the system. The growth of
+the error in later encounters is not included.
 """
 
 from __future__ import annotations
@@ -31,46 +31,45 @@ from orbits.propagation.binding import march_of
 Array = NDArray[np.float64]
 
 SPOILT = 100.0
-"""How many times more than on an undisturbed orbit a method gets wrong when a passage spoils the run."""
+"""A passage spoils a run if its error exceeds this many times the error on an unperturbed orbit."""
 
 NEGLIGIBLE = 1e-9
-"""Share of the distance to the primary below which an error is not worth a word."""
+"""Errors below this fraction of the distance to the primary are not reported."""
 
 GROWTH = 6.0
-"""An error of the velocity moves a body by no more than this times itself times the time that is left."""
+"""A velocity error displaces a body by at most this factor times the error times the remaining time."""
 
 RADIANS = 10.0
-"""How far a passage is marched on each side of the pericentre, in units of distance / speed there; along an ellipse
-no farther than half of it."""
+"""Length of the march on each side of the pericentre, in units of distance / speed there; at most half an ellipse."""
 
 FINE = 0.01
-"""Angle of a step below which a passage is marched in steps of this angle; the error is scaled down by the order."""
+"""Passages with smaller angles per step are marched in steps of this angle, and the error is scaled by the order."""
 
 REFERENCE_ANGLE, MOST_STEPS = 0.1, 20_000
-"""Angle of a step of the reference solution of a softened pair, whose orbits are no conics; and how many steps it may
-take: some thousandths of a second."""
+"""Angle per step of the reference solution of a softened pair, whose orbits are not conics, and its largest number of
+steps, which take some milliseconds."""
 
 NOT_FOLLOWED = (InputError, IntegrationError, ArithmeticError, ValueError)
-"""What is raised where orbits leave the range of floats, or are too long."""
+"""Errors raised where orbits leave the range of floats, or are too long."""
 
 CIRCLE = 20.0
-"""How many radians of an undisturbed orbit are marched."""
+"""Length of the march on an unperturbed orbit, in radians."""
 
 GRID = 8
-"""Angles and eccentricities are rounded up, to so many values an octave: what was tried need not be tried again."""
+"""Angles and eccentricities are rounded up to this many values per octave, so that results can be cached."""
 
 TWO_PI = 2.0 * math.pi
 
 MOST_ECCENTRICITY, MOST_ANGLE = 1e8, 1e6
-"""Beyond this eccentricity paths are straight lines, beyond this angle of a step a passage falls into the centre."""
+"""Orbits of larger eccentricity are straight lines; passages with a larger angle per step fall into the centre."""
 
 LINEAR = 1e-6
-"""Errors below this share of a state are carried along an orbit as if they were as large, and scaled down again: the
-difference of two orbits would drown in rounding."""
+"""Smaller errors, relative to the state, are scaled up to this before they are propagated along an orbit, and scaled
+down afterwards: otherwise rounding would dominate the difference of two orbits."""
 
 
 class Orbit(NamedTuple):
-    """A conic: eccentricity, least distance and speed there, farthest distance and period (infinite if open)."""
+    """A conic: eccentricity, pericentre distance and speed, apocentre distance and period (infinite if open)."""
 
     e: float
     least: float
@@ -81,13 +80,13 @@ class Orbit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A body and another one that it passes, at the beginning of a step; floats in one system of units.
+    """A body and the other body that it passes, at the beginning of a step; floats in one system of units.
 
-    mu : GM of both together; share : part of it that is the other's
+    mu : total GM of both; share : the other body's fraction of it
     q, v : (3,) of the body relative to the other
     softening : length
-    dominant_gm : GM of the body that dominates the system, 0 where none does
-    other_q, other_v : (3,) of the other relative to the dominant body; zeros where it is the dominant body
+    dominant_gm : GM of the body that dominates the system, 0 if none does
+    other_q, other_v : (3,) of the other body relative to the dominant body; zeros if it is the dominant body
     """
 
     mu: float
@@ -100,7 +99,7 @@ class Pair:
     other_v: Array = field(default_factory=lambda: np.zeros(3))
 
     def after(self, time: float) -> Pair:
-        """Return the pair after a time of either sign, both orbits exact."""
+        """Return the pair after a time of either sign, by exact two-body orbits."""
         q, v = _flow(self.mu, self.softening, self.q, self.v, time)
         if not self.other_q.any():
             return replace(self, q=q, v=v)
@@ -126,16 +125,16 @@ class Pair:
 
     @cached_property
     def ahead(self) -> float:
-        """The time from now to the closest pericentre, before or after."""
+        """The time to the nearest pericentre; negative if it is past."""
         try:
             return float(elements_from_state(self.q, self.v, self.mu).T)
-        except InputError:  # straight into the other, or all but undisturbed: a straight line either way
+        except InputError:  # a radial fall, or almost no attraction: in both cases a straight line
             speed2 = float(self.v @ self.v)
             return -float(self.q @ self.v) / speed2 if speed2 > 0.0 else 0.0
 
     @cached_property
     def speed(self) -> float:
-        """The relative speed at the pericentre; of a softened pair as its potential has it."""
+        """The relative speed at the pericentre; for a softened pair from its potential."""
         if self.softening == 0.0:
             return self.orbit.speed
         near = 1.0 / math.hypot(self.orbit.least, self.softening)
@@ -149,8 +148,9 @@ class Pair:
         return self.speed / softened if softened > 0.0 else math.inf
 
     def shape(self, h: float) -> tuple[float, float]:
-        """Return the eccentricity, and the angle of a step of h at the pericentre, at most 1e6; a softened pair is
-        told by its softened distance.
+        """Return the eccentricity, and the angle of a step of h at the pericentre, at most 1e6.
+
+        For a softened pair both refer to the softened distance.
         """
         try:
             e, rate = self.orbit.e, self.rate
@@ -161,7 +161,7 @@ class Pair:
         return e if e < MOST_ECCENTRICITY else MOST_ECCENTRICITY, min(abs(h) * rate, MOST_ANGLE)
 
     def is_bound(self) -> bool:
-        """Whether the two stay together: on an ellipse, and within the Hill radius of the other, where it has one."""
+        """Whether the two stay together: on an ellipse, within the Hill radius of the other body if it has one."""
         if not math.isfinite(self.orbit.farthest):
             return False
         if self.dominant_gm == 0.0 or not self.other_q.any():
@@ -171,10 +171,10 @@ class Pair:
 
 
 class Effect(NamedTuple):
-    """What a passage does to a run.
+    """The effect of a passage on a run.
 
     error : the position error of the body at the end of the run that the passage causes
-    usual : what the method makes of an undisturbed orbit in the whole run; infinite where there is no primary
+    usual : the method's error on an unperturbed orbit over the whole run; infinite if there is no primary
     distance : from the primary, at the end of the run
     """
 
@@ -184,7 +184,7 @@ class Effect(NamedTuple):
 
     @property
     def spoils(self) -> bool:
-        """Whether the rest of the run is spoilt."""
+        """Whether the passage spoils the rest of the run."""
         return self.error > self.limit
 
     @property
@@ -194,16 +194,16 @@ class Effect(NamedTuple):
 
     @property
     def noticeable(self) -> float:
-        """The smallest error that is worth a word."""
+        """The smallest error that is reported."""
         return NEGLIGIBLE * self.distance
 
 
 def effect(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
-    """Return what a passage does to a run with steps of h.
+    """Return the effect of a passage on a run with steps of h.
 
-    pair : at the beginning of the step that holds the pericentre
-    left, span : time from there to the end of the run, and of the whole run; signs as h
-    Where the orbits cannot be followed, the error is infinite and so is what is usual: nothing is known.
+    pair : at the beginning of the step that contains the pericentre
+    left, span : time from there to the end of the run, and length of the whole run; signs as h
+    If the orbits cannot be followed, `error` and `usual` are both infinite: nothing is known.
     """
     try:
         with np.errstate(all="ignore"):
@@ -221,7 +221,7 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
     half = min(RADIANS / rate, 0.5 * period) if rate > 0.0 else abs(h)
     steps = max(2, math.ceil(half / abs(h)))
     after = steps + 1
-    if scale == 1.0 and left * h > 0.0:  # no farther than the run goes
+    if scale == 1.0 and left * h > 0.0:  # not beyond the end of the run
         after = max(1, min(after, math.ceil(left / h)))
     end = after * h
     q, v = _flow(pair.mu, pair.softening, pair.q, pair.v, end)
@@ -230,7 +230,7 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
         marched = march_pair(integrator, pair.mu, pair.softening, *start, h, steps + after)
         dq, dv = scale * (marched[0] - q), scale * (marched[1] - v)
     except IntegrationError:
-        dq, dv = np.zeros(3), -2.0 * v  # as wrong as can be
+        dq, dv = np.zeros(3), -2.0 * v  # the largest possible error
     rest = left - end if (left - end) * h > 0.0 else 0.0
     error, distance, axis, mu = _carried(pair, q, v, dq, dv, end, rest)
     usual = math.inf
@@ -242,8 +242,9 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
 def _carried(
     pair: Pair, q: Array, v: Array, dq: Array, dv: Array, end: float, rest: float
 ) -> tuple[float, float, float, float]:
-    """Return the position error of the body after `rest`, its distance from the primary there, and the semi-major axis
-    (or distance) and GM of that orbit; GM 0 without a primary.
+    """Return the body's position error and distance from the primary after `rest`, and the orbit's axis and GM.
+
+    The axis is the semi-major axis, or the distance for open orbits; GM is 0 without a primary.
     """
     if pair.is_bound():
         mu, share = pair.mu, pair.share
@@ -267,7 +268,7 @@ def _carried(
 
 
 def _undisturbed(integrator: Integrator, h: float, motion: float, span: float) -> float:
-    """Return the angle by which the method is wrong on a circle after `span`, its round-off included."""
+    """Return the method's phase error on a circle after `span`, including round-off, in radians."""
     angle = h * motion
     rounded = max(FINE, 2.0 ** (math.ceil(GRID * math.log2(angle)) / GRID))
     try:
@@ -280,7 +281,7 @@ def _undisturbed(integrator: Integrator, h: float, motion: float, span: float) -
 
 @lru_cache(maxsize=1024)
 def _circle(integrator: Integrator, angle: float) -> float:
-    """Return the error of a circle of radius 1 that was marched in steps of `angle`, for each radian; at most 1."""
+    """Return the error per radian of a circle of radius 1 marched in steps of `angle`; at most 1."""
     steps = max(2, math.ceil(CIRCLE / angle))
     q, v = state_from_elements(1.0, a=1.0, M=np.array([0.0, steps * angle]))
     try:
@@ -293,7 +294,7 @@ def _circle(integrator: Integrator, angle: float) -> float:
 def march_pair(
     integrator: Integrator, mu: float, softening: float, q: Array, v: Array, h: float, steps: int
 ) -> tuple[Array, Array]:
-    """Return the relative motion of two bodies, here of equal masses, after some steps of the method."""
+    """Return the relative state of two bodies, here of equal masses, after some steps of the method."""
     halves = np.array([0.5 * mu, 0.5 * mu]), np.array([-0.5 * q, 0.5 * q]), np.array([-0.5 * v, 0.5 * v])
     marcher = march_of(PointMasses(*halves, softening), integrator, h)
     while marcher.step < steps:
@@ -303,7 +304,7 @@ def march_pair(
 
 
 def _flow(mu: float, softening: float, q: Array, v: Array, time: float) -> tuple[Array, Array]:
-    """Return the relative motion of two bodies after a time: exact, or of a softened pair to round-off."""
+    """Return the relative state of two bodies after a time: exact, or for a softened pair to round-off."""
     if softening == 0.0:
         return any_two_body(q, v, mu, time)
     steps = abs(time) * Pair(mu, 0.0, q, v, softening).rate / REFERENCE_ANGLE

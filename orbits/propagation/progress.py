@@ -1,4 +1,4 @@
-"""A progress bar with rate and time left: on a terminal and in a notebook, silent elsewhere."""
+"""A progress bar with rate and remaining time, on terminals and in notebooks; silent elsewhere."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from html import escape
 from typing import Any, Protocol
 
 PATIENCE = 0.5
-"""Seconds before a bar appears: short runs stay silent."""
+"""Seconds before a bar appears, so that short runs are silent."""
 
 PAUSE = 0.2
-"""Seconds between two messages to a notebook, which keeps each of them."""
+"""Seconds between two messages to a notebook, which stores all of them."""
 
 
 class Progress:
-    """Shows how far a run is. `wanted`: True or None shows the bar on a terminal or in a notebook; False never does."""
+    """Shows the progress of a run. `wanted`: True or None for a bar on terminals and in notebooks; False for none."""
 
     def __init__(self, wanted: bool | None, *, label: str, total: float, unit: Any, steps: int) -> None:
         self._make: type[_Terminal] | type[_Notebook] | None = None
@@ -40,7 +40,7 @@ class Progress:
         self._bar.show(fraction, at, f"{fraction * self._steps / elapsed:,.0f} steps/s")
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None
@@ -53,7 +53,7 @@ class _Bar(Protocol):
 
 
 class _Terminal:
-    """A bar of rich on standard error."""
+    """A bar on standard error, by rich."""
 
     def __init__(self, label: str) -> None:
         from rich.console import Console
@@ -83,7 +83,7 @@ class _Terminal:
 
 
 class _Notebook:
-    """A bar of HTML in the output of a cell, through IPython alone: rich would need ipywidgets there."""
+    """An HTML bar in the output of a cell, by IPython alone; rich would need ipywidgets there."""
 
     def __init__(self, label: str) -> None:
         self._label = label
@@ -108,7 +108,7 @@ class _Notebook:
 
 
 def in_notebook() -> bool:
-    """Whether this runs in the kernel of a notebook. IPython is not imported to find out: there, it is."""
+    """Whether this runs in the kernel of a notebook, where IPython is already imported; it is not imported here."""
     module = sys.modules.get("IPython")
     return module is not None and hasattr(module.get_ipython(), "kernel")
 

@@ -1,5 +1,6 @@
-"""Closest approaches as good as the orbit: the run is marched again to the step of each, and its own partial steps say
-where the distance is least.
+"""Closest approaches to the accuracy of the orbit.
+
+The run is marched again to the step of each, and the minimum distance is found by partial steps of the method.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PRECISION = 1e-13
-"""Change of the time of a pericentre, in steps, at which it is known."""
+"""The time of a pericentre has converged when it changes by less than this, in steps."""
 
 ROUNDS = 60
 
@@ -34,10 +35,10 @@ WIDER = 2.0
 
 
 def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
-    """Make distance, time, speed and states of some passages as good as the orbit of the run.
+    """Refine distance, time, speed and states of some passages to the accuracy of the orbit.
 
-    The massive bodies, with the massless ones concerned, are marched from the sample before: one at a step, or one
-    between steps, from which a partial step leads back to the grid.
+    The massive bodies and the massless ones concerned are marched from the preceding sample. If that sample lies
+    between steps, a partial step leads back to the grid.
     """
     numbers = [k for k in numbers if k not in seen.refined]
     seen.refined.update(numbers)
@@ -49,14 +50,14 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
         starts.setdefault(before, []).append(k)
     for sample, ones in starts.items():
         bodies = [seen.passages[k].body for k in ones] + [seen.passages[k].other for k in ones]
-        with suppress(IntegrationError):  # the run failed here; what was recorded has to do
+        with suppress(IntegrationError):  # the run failed here; the recorded values are kept
             walk = _Walk(trajectory, sample, sorted(set(bodies)))
             for k in ones:
                 seen.passages[k] = _refined(walk, seen, seen.passages[k], trajectory.clock)
 
 
 class _Walk:
-    """The march of the massive bodies and some massless ones from a sample (-1: the start) along the steps of a run."""
+    """A march of massive and some massless bodies along the steps of a run, from a sample or (-1) its start."""
 
     def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
         system, h = trajectory.system, trajectory.step
@@ -77,7 +78,7 @@ class _Walk:
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))
 
     def to(self, step: float) -> None:
-        """March on to the beginning of a step, as the clock reads it, that is not behind."""
+        """March on to the beginning of a step, as the clock reads it, which must not lie behind."""
         if self._clock.changes:
             self.step = step
             self.marcher.advance_to(Place(0, step - self._begun))
@@ -88,7 +89,7 @@ class _Walk:
             self.step += count
 
     def pair(self, *pair: int) -> _Pair:
-        """Return the massive bodies with a pair of bodies alone, as they are here."""
+        """Return the massive bodies together with a pair of bodies, in their present state."""
         wanted = self._massive.copy()
         wanted[list(pair)] = True
         there = wanted[self._bodies]
@@ -100,7 +101,7 @@ class _Walk:
         return self.marcher.state_at(Place(0, self.step - self._begun)) if self._clock.changes else self.marcher.state()
 
     def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array) -> Marcher:
-        # All massive bodies are among them, so that the model is that of the run.
+        # All massive bodies are included, so the model of the run applies.
         values = self._values._replace(gm=self._values.gm[bodies], q=q, v=v)
         return march_of(values, self._integrator, self._clock, self._model)
 
@@ -112,7 +113,7 @@ class _Pair:
         self._marcher, self._rows = marcher, {int(body): row for row, body in enumerate(bodies)}
 
     def relative(self, body: int, other: int, offset: float = 0.0) -> Array:
-        """Return position and velocity of a body relative to another one, (6,), a partial step from here."""
+        """Return position and velocity of a body relative to another one, (6,), after a partial step from here."""
         q, v = self._marcher.state_after(offset)
         i, j = self._rows[body], self._rows[other]
         return np.concatenate([q[i] - q[j], v[i] - v[j]])
@@ -130,7 +131,7 @@ def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage
     pair = walk.pair(body, other)
     state = pair.relative(body, other)
     about = pair.relative(body, seen.dominant) if seen.dominant >= 0 and body != seen.dominant else np.zeros(6)
-    if passage.steps == passage.step:  # where the run begins or ends, or to the bit at a step
+    if passage.steps == passage.step:  # at the start or end of the run, or exactly at a step
         least = _Least(0.0, float(np.linalg.norm(state[:3])), float(np.linalg.norm(state[3:])))
     elif clock.changes:
         guess, end = passage.steps - passage.step, walk.end - passage.step
@@ -145,10 +146,10 @@ def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage
 
 
 def _least(pair: _Pair, passage: Passage, mu: float, h: float, part: float, end: float) -> _Least:
-    """Return where in a step the distance is least: Newton's method on r.v, with the acceleration of the pair alone.
+    """Return the minimum distance within a step, by Newton's method on r.v with the acceleration of the pair alone.
 
-    part : of the step where it may be; end : what there is of the step: where the two still approach each other there,
-    it is the least
+    part : of the step at which to begin
+    end : the part of the step that belongs to the run; the minimum is there if the two still approach each other
     """
     low, high = 0.0, end
     x = w = np.zeros(3)
@@ -173,7 +174,7 @@ def _least(pair: _Pair, passage: Passage, mu: float, h: float, part: float, end:
 
 
 def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
-    """Return q and v, (bodies, 3), and the time of a sample, or of the start of the run for -1."""
+    """Return q and v, (bodies, 3), and the time of a sample, or (-1) of the start of the run."""
     if sample < 0:
         return trajectory.system.values.q, trajectory.system.values.v, 0.0
     q, v = trajectory.sample(sample)

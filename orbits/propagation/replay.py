@@ -1,4 +1,4 @@
-"""What marches a finished run again: for states between its samples, and for what it passed on its way."""
+"""Marching a finished run again, for states between its samples and for closest approaches."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Replay:
-    """Marches runs again with their own method and step; what `propagate` and `resume` hand to a `Trajectory`."""
+    """Marches runs again with their own method and step; `propagate` and `resume` give it to a `Trajectory`."""
 
     def begun(self, run: Trajectory) -> March:
-        """Return the march of a run from its initial state."""
+        """Return a march of a run from its initial state."""
         from orbits.propagation.binding import bound
 
         return bound(run.system, run.integrator, run.clock)
@@ -35,16 +35,16 @@ class Replay:
         return state_at(run, t)
 
     def closest_approaches(self, run: Trajectory) -> Approaches:
-        """Return how close bodies came to one another in a run.
+        """Return the closest approaches of bodies in a run.
 
-        Raises InputError for a trajectory of which samples alone are known.
+        Raises InputError for a trajectory with samples only.
         """
         from orbits.propagation.approaches import Approaches
 
         return Approaches(run, seen_by(run))
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
-        """Return the close passages of a run that its step could not resolve, worst first; raises as the above."""
+        """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
         from orbits.propagation.approaches import Approaches
         from orbits.propagation.judgement import spoiling
         from orbits.propagation.refinement import refine
@@ -58,7 +58,7 @@ class Replay:
         return [approaches.one(k) for k in found]
 
     def retired(self, run: Trajectory) -> RetiredParticles:
-        """Return the particles that the run in an archive retired, as its last checkpoint lists them."""
+        """Return the retired particles of a run in an archive, as listed in its last checkpoint."""
         from orbits.trajectory.retired import RetiredParticles
 
         checkpoint = {} if run.archive is None else run.archive.checkpoint()
@@ -76,11 +76,11 @@ REPLAY = Replay()
 
 
 def seen_by(run: Trajectory) -> Seen:
-    """Return the passages of a run, which are found once and kept with it."""
+    """Return the passages of a run, which are determined once and stored with it."""
     if run.record is None and run.archive is None:
         raise InputError(
-            f"{run!r} holds samples alone, and closest approaches are found while a run goes on; expected the "
-            "whole run as orbits.propagate or orbits.resume returned it."
+            f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "
+            "returned by orbits.propagate or orbits.resume."
         )
     if run.passages is None:
         from orbits.propagation.passages_seen import Seen

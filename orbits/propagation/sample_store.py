@@ -1,4 +1,4 @@
-"""Where the samples of a run are kept: in memory, or chunk by chunk in an archive, committed now and then."""
+"""Storage for the samples of a run: in memory, or chunk by chunk in an archive with regular commits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
-from orbits.propagation.memory import MEMORY_SHARE, memory
+from orbits.propagation.available_memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
@@ -21,19 +21,19 @@ CHUNK_BYTES = 16 * 1024 * 1024
 """Samples kept in memory before they are written."""
 
 COMMIT_SECONDS = 10.0
-"""An archive is committed at least this often: a lost machine costs no more than this."""
+"""The longest time between commits of an archive, and so the most that is lost when a machine fails."""
 
 FIRST_COMMIT_SECONDS = 0.25
-"""How long a run into an archive marches before its first commit after the start."""
+"""Time from the start of a run into an archive to its first commit."""
 
 COMMIT_SHARE = 0.25
-"""Commits grow rarer with a run, up to `COMMIT_SECONDS`: a lost machine costs this share of what was computed."""
+"""Commits become rarer during a run, up to `COMMIT_SECONDS`: a failing machine loses this share of the computation."""
 
 
 class SampleStore:
-    """Collects samples; hands them to the archive chunk by chunk, or keeps them all when there is none.
+    """Collects samples and passes them to an archive chunk by chunk, or keeps them all if there is none.
 
-    bodies : in each sample; room : how many samples are to come
+    bodies : number of bodies in each sample; room : number of samples to expect
     """
 
     def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None) -> None:
@@ -44,7 +44,7 @@ class SampleStore:
         if needed > MEMORY_SHARE * memory():
             raise InputError(
                 f"{room} samples of {bodies} bodies need {needed / 2**30:.1f} GiB of memory, more than this machine "
-                "has to give; take fewer samples, or give archive=... to write them to a file as they come"
+                "has available; take fewer samples, or use archive=... to write them to a file during the run"
             )
         self._q = np.empty((room, bodies, 3))
         self._v = np.empty((room, bodies, 3))
@@ -53,12 +53,12 @@ class SampleStore:
 
     @property
     def full(self) -> bool:
-        """Whether there is no room for another sample before a commit."""
+        """Whether a commit is needed before the next sample."""
         return self._writer is not None and (self._count == len(self._q) or self.overdue)
 
     @property
     def overdue(self) -> bool:
-        """Whether the archive should be brought up to date: soon after the start, and then ever more rarely."""
+        """Whether the archive is due for a commit: soon after the start, and then more and more rarely."""
         if self._writer is None:
             return False
         elapsed = self._committed_at - self._begun
@@ -66,17 +66,17 @@ class SampleStore:
         return time.perf_counter() - self._committed_at > pause
 
     def add(self, q: Array, v: Array) -> None:
-        """Take one more sample."""
+        """Add a sample."""
         self._q[self._count], self._v[self._count] = q, v
         self._count += 1
 
     def commit(self, marcher: Marcher) -> None:
-        """Make everything taken so far durable, together with the state to go on from."""
+        """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
             self._writer.commit(self._q[: self._count], self._v[: self._count], marcher.checkpoint())
             self._count = 0
             self._committed_at = time.perf_counter()
 
     def arrays(self) -> tuple[Array, Array]:
-        """Return what was kept."""
+        """Return q and v of the samples in memory."""
         return self._q[: self._count], self._v[: self._count]

@@ -1,4 +1,4 @@
-"""Stopping a run between two blocks of steps: Ctrl-C, SIGTERM and SIGHUP are noted, not obeyed at once."""
+"""Stopping a run between blocks of steps: Ctrl-C, SIGTERM and SIGHUP are recorded instead of acting immediately."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ CAUGHT = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 class StopRequest:
-    """Within its context the first of the signals sets `name`; a second SIGINT interrupts at once.
+    """A context in which the first of the signals sets `name`; a second SIGINT interrupts immediately.
 
-    A signal that this process ignores stays ignored, as SIGHUP under nohup. Outside the main thread, where Python
-    delivers no signals, it does nothing.
+    Signals that the process ignores, such as SIGHUP under nohup, stay ignored. Outside the main thread, where Python
+    delivers no signals, the context does nothing.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class StopRequest:
 
     def __enter__(self) -> StopRequest:
         if threading.current_thread() is threading.main_thread():
-            # A handler that was not made in Python reads as None; nobody could put it back.
+            # A handler that was not installed from Python reads as None, and could not be restored.
             caught = [number for number in CAUGHT if signal.getsignal(number) not in (None, signal.SIG_IGN)]
             self._before = {number: signal.signal(number, self._note) for number in caught}
         return self

@@ -1,9 +1,9 @@
-"""Is the step short enough? A method is tried on a single passage of two bodies, and what it gets wrong is measured.
+"""Is the step short enough? The method is tried on a single passage of two bodies, and its error is measured.
 
-A passage is known by its eccentricity e and by the angle h v/d that a step covers at the pericentre, distance d and
-speed v. It is marched with the method itself, from a quarter of a period or the time of ten radians before the
-pericentre to as long after, and compared with the exact orbit: the error is that of the velocity, as a share of what
-the passage turns the velocity by.
+A passage is characterized by its eccentricity e and by the angle h v/d that a step covers at the pericentre, with
+distance d and speed v. It is marched with the method itself, from a quarter of a period or the time of ten radians
+before the pericentre to as long after it, and compared with the exact orbit. The error is that of the velocity, as a
+fraction of the change of velocity in the passage.
 """
 
 from __future__ import annotations
@@ -40,32 +40,32 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 TOO_LONG = 1e-2
-"""Error of the fastest passage above which a step is called too long before a run."""
+"""A step is too long if the error of the fastest passage exceeds this, before a run."""
 
 UNRESOLVED = 0.1
-"""Error above which a passage was not resolved."""
+"""A passage with a larger error was not resolved."""
 
 QUIET = 2e-3
-"""Angle of a step below which every method of order 2 or more is far below `TOO_LONG`."""
+"""Angle per step below which every method of order 2 or more is far below `TOO_LONG`."""
 
 SHORTER, TRIALS = 2.0**-0.5, 28
-"""By which factor steps are shortened, and how often, while one is looked for that would do: to a ten-thousandth."""
+"""Factor by which steps are shortened in the search for a suitable one, and how often: down to a ten-thousandth."""
 
 MARGIN = 0.5
-"""The share of what is allowed that the step named may use, since the phase of the passage in it is not known."""
+"""The suggested step may use this fraction of the allowed error, as the phase of the passage in it is unknown."""
 
 PHASES = (0.1, 0.25, 0.4)
-"""Where the pericentre lies within a step, none of them 0 or 1/2: there symmetric methods get the turn right by their
+"""Positions of the pericentre within a step, none of them 0 or 1/2, where symmetric methods get the turn right by
 symmetry alone.
 """
 
 
 def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> tuple[float, float]:
-    """Return (error as a share of the turn, turn as a share of the speed) of a passage; the error is at most 1.
+    """Return (error as a fraction of the turn, turn as a fraction of the speed) of a passage; the error is at most 1.
 
     eccentricity : of the two-body orbit, >= 0; angle : step x speed / distance at the pericentre, in radians
     """
-    if not eccentricity < MOST_ECCENTRICITY:  # what is no number either: a square that overflowed
+    if not eccentricity < MOST_ECCENTRICITY:  # includes NaN, from a square that overflowed
         eccentricity = MOST_ECCENTRICITY
     rounded = 2.0 ** (math.ceil(GRID * math.log2(max(angle, FINE))) / GRID)
     if eccentricity < 0.97:
@@ -106,11 +106,11 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
     if row < 0:
         return
     softening = system.values.softening
-    if softening > 0.0:  # what it holds back of the speed; the potential is 1/softening deep
+    if softening > 0.0:  # it limits the speed, as the potential is 1/softening deep
         mu = float(system.values.gm[row] + system.values.gm[partner])
         now = float(np.linalg.norm(system.values.v[row] - system.values.v[partner]))
         speed = min(speed, math.sqrt(now * now + 2.0 * mu / softening))
-    reach = math.hypot(distance, softening)  # of which no square underflows
+    reach = math.hypot(distance, softening)  # no square underflows
     angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
     if angle < QUIET:
         return
@@ -119,7 +119,7 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
         name, other = other, name
     if not math.isfinite(angle):
         warnings.warn(
-            f"{name} falls straight into {other}: no step resolves that. Give a softening, or other starting values.",
+            f"{name} falls straight into {other}: no step resolves that. Use a softening, or other initial values.",
             StepWarning,
             stacklevel=level_of_caller(),
         )
@@ -152,7 +152,7 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
 
 
 def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:
-    """Return a step below |h| with which a passage does not spoil a run, whatever its phase; 0 if none is found.
+    """Return a step below |h| with which a passage does not spoil a run at any phase; 0 if none is found.
 
     pair, left, span : see `effect`
     """
@@ -174,8 +174,9 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
 
 
 def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
-    """Return what the pericentre ahead does to a run, with all that follow where the two stay together: on the average
-    these have half of the time left.
+    """Return the effect on a run of the next pericentre and, for a bound pair, of all later ones.
+
+    On average the later ones have half of the remaining time.
     """
     first = effect(integrator, h, pair, left, span)
     if not (pair.is_bound() and pair.orbit.period < abs(left)):
@@ -185,14 +186,15 @@ def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, 
 
 
 def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:
-    """Return an angle, at most `angle`, with which at most `TOO_LONG` of the turn is wrong; 0 if none is found."""
+    """Return an angle per step, at most `angle`, with an error of at most `TOO_LONG`; 0 if none is found."""
     trials = (angle * SHORTER**k for k in range(TRIALS))
     return next((trial for trial in trials if passage_error(integrator, eccentricity, trial)[0] <= TOO_LONG), 0.0)
 
 
 def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tuple[Pair | None, float]:
-    """Return two bodies at the beginning of the step that holds their next pericentre, and its time; None where they
-    pass none within `span`.
+    """Return two bodies at the beginning of the step with their next pericentre, and its time.
+
+    The pair is None if there is no pericentre within `span`.
     """
     values = system.values
     if values.gm[row] > values.gm[partner]:
@@ -224,12 +226,12 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
 
 
 def percent(share: float) -> str:
-    """Return a share in percent."""
+    """Return a fraction in percent."""
     return f"{100 * share:.2g} %" if share < 0.995 else "all"
 
 
 def _round(count: float) -> str:
-    """Return a count to two digits, without a power of ten while it can be read."""
+    """Return a count to two digits, without a power of ten as long as it is readable."""
     return f"{float(f'{count:.2g}'):,g}"
 
 

@@ -1,4 +1,4 @@
-"""Conditions that end a run before its duration is over."""
+"""Conditions that end a run early."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class CloserThan:
     """Stop after the step in which two bodies came closer than a distance, even if only between its ends.
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
-    body, other : names; None stands for any. One of the two has to have mass.
+    body, other : names; None means any body. One of the two must have mass.
 
-    Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
+    Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
     distance: Any
@@ -45,9 +45,9 @@ class FartherThan:
     """Stop after the first step at whose end two bodies are farther apart than a distance.
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
-    body, other : names; None stands for any. One of the two has to have mass.
+    body, other : names; None means any body. One of the two must have mass.
 
-    Raises InputError for a distance that is not one finite number above 0, and for names that are no strings.
+    Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
     distance: Any
@@ -60,7 +60,7 @@ class FartherThan:
 
 @dataclass(frozen=True)
 class EnergyErrorAbove:
-    """Stop after the first step at whose end the energy of the massive bodies has changed by more than a fraction.
+    """Stop after the first step at whose end the relative energy error of the massive bodies exceeds a fraction.
 
     Raises InputError for a fraction that is not one finite number above 0.
     """
@@ -73,11 +73,11 @@ class EnergyErrorAbove:
 
 @dataclass(frozen=True)
 class WallTimeOver:
-    """Stop when the run has taken longer than this on the clock, looked at between blocks of steps.
+    """Stop when the run has taken longer than this wall time, which is checked between blocks of steps.
 
-    duration : a quantity, or a number of seconds. Where a run stops for this reason depends on the machine.
+    duration : a quantity, or a number of seconds. The step at which a run stops depends on the machine.
 
-    Raises InputError for what is not one finite time above 0.
+    Raises InputError for anything but one finite time above 0.
     """
 
     duration: Any
@@ -93,8 +93,8 @@ Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
 class Stop:
     """Why and where a run ended early.
 
-    reason : in words; condition : the one that was met, or None where the callback ended the run
-    time : since the epoch, with unit; system : the state there, at the end of a step
+    reason : in words; condition : the one that was met, or None if the callback ended the run
+    time : since the epoch, with unit; system : the state at that time, the end of a step
     """
 
     reason: str
@@ -104,9 +104,9 @@ class Stop:
 
 
 class Conditions:
-    """Conditions in the units of a system, as the marcher wants them.
+    """Conditions in the units of a system, in the form that the marcher needs.
 
-    stops : (conditions, 4), see `orbits.kernels.stopping`; energy, seconds : bounds, infinite where there is none
+    stops : (conditions, 4), see `orbits.kernels.stopping`; energy, seconds : bounds, infinite if there are none
     """
 
     def __init__(self, system: System, stop: Condition | Sequence[Condition]) -> None:
@@ -127,7 +127,7 @@ class Conditions:
         self.seconds = math.inf if self._clock is None else _seconds(self._clock.duration)
 
     def met(self, condition: int, row: int, body: int) -> tuple[str, Condition]:
-        """Return in words which condition ended a march, and the condition itself."""
+        """Return the condition that ended a march, in words and as a value."""
         if condition < 0:
             assert self._energy is not None
             return f"the energy error exceeded {self._energy.fraction:g}", self._energy
@@ -139,7 +139,7 @@ class Conditions:
         return f"{names[row]} went farther than {distance} from {names[body]}", found
 
     def overdue(self, seconds: float) -> tuple[str, Condition] | None:
-        """Return why a run that has taken so long ends, or None."""
+        """Return why a run ends after so many seconds, or None."""
         if seconds <= self.seconds or self._clock is None:
             return None
         return f"it took longer than {self.seconds:g} s", self._clock
@@ -174,7 +174,7 @@ class Conditions:
 
 
 def check_callback(callback: Any) -> None:
-    """Raise InputError for what cannot be called with a time and a system."""
+    """Raise InputError for a callback that cannot be called with a time and a system."""
     if callback is None:
         return
     expected = "expected a function of the time and the system, or None."
@@ -182,16 +182,16 @@ def check_callback(callback: Any) -> None:
         raise InputError(f"callback is {shown(callback)}; {expected}")
     try:
         signature = inspect.signature(callback)
-    except (TypeError, ValueError):  # some functions written in C do not tell
+    except (TypeError, ValueError):  # some functions written in C have no signature
         return
     try:
         signature.bind(None, None)
     except TypeError as error:
-        raise InputError(f"callback takes {signature}, which two arguments do not fit ({error}); {expected}") from None
+        raise InputError(f"callback has the signature {signature}, not two arguments ({error}); {expected}") from None
 
 
 def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity, system: System) -> bool:
-    """Call it; return whether it ends the run. Raises InputError for an answer that is not True, False or None."""
+    """Return whether a callback ends the run. Raises InputError for an answer that is not True, False or None."""
     answer = callback(t, system)
     if answer is None or isinstance(answer, bool | np.bool_):
         return bool(answer)

@@ -1,6 +1,6 @@
 """Regression against REBOUND: conversion both ways, peers on the same floats, a reference solution, a verdict.
 
-This folder is the only place that imports `rebound`, and it does so when a function is called, not before.
+Only this folder imports `rebound`, and only when a function is called.
 """
 
 from __future__ import annotations

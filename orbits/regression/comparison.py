@@ -23,7 +23,7 @@ from orbits.propagation.run import propagated
 from orbits.regression import peers
 from orbits.regression import reference as solutions
 from orbits.regression import tolerances as tolerance
-from orbits.regression.invariants import Invariants
+from orbits.regression.conserved_quantities import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
 from orbits.regression.report import ReferenceNote, Report, Row
 from orbits.system import System
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT_SOLVES = 200_000
-"""With reference="auto" the exact solution is used up to this many bodies times samples (up to a minute)."""
+"""With reference="auto", the exact solution is used up to this many bodies times samples (up to a minute)."""
 
 _REFERENCES = ("auto", "exact", "converged", "none")
 _BLIND = (
-    "The reference solution is collocation with the forces of ours: what all of these do wrong alike, it does not see. "
+    "The reference solution is collocation with the same forces as ours, so it cannot reveal errors common to both. "
     "Peers share no code with it."
 )
 _WARM_UP_STEPS = 3
@@ -63,32 +63,33 @@ def compare(
     progress: bool | None = None,
     **others: Unpack[NoOthers],
 ) -> Report:
-    """Run our methods and REBOUND's from the same floats, at the same step, and judge ours.
+    """Run our methods and REBOUND's from the same floats with the same step, and judge ours.
 
-    system : a `System`, where all of them start
+    system : a `System`, the initial state of all of them
     integrators : one of ours or several, such as `[orbits.Gauss(stages=8), "stormer-verlet"]`
-    dt, duration, samples, threads : as in `propagate`. dt is also the step of the fixed-step peers, to the bit, and the
-        first that IAS15 tries; every method is sampled at the same times
+    dt, duration, samples, threads : as in `propagate`. dt is also exactly the step of the fixed-step peers, and the
+        first one that IAS15 tries; every method is sampled at the same times
     against : names of peers: "whfast", "whfast-corrector17", "whfast-heliocentric", "saba-10-6-4", "ias15",
         "leapfrog"; may be empty
-    tolerances : what ours must keep, as largest values over the samples: {"energy": 1e-12, "angular_momentum": 1e-14,
-        "position_km": 1.0}; positions also by body, {"position_km": {"Mercury": 0.1, "particles": 100}}, or as a length
-        in the system's unit, {"position": 1e-9}; for one method alone, {"gauss": {"energy": 1e-13}}
-    reference : what positions are measured against. "auto": the exact solution where there is one, otherwise
-        "converged": Gauss collocation with 8 stages at the largest power of two up to dt/2; the largest difference to
-        the same with 7 and with 6 stages is its own error, which is printed. A time is their step instead. "exact"
-        insists on the exact solution; "none" measures no positions
-    title : heads the table and the picture
-    runs : finished runs of `integrators` from this system with this dt and these samples, which are then not run again;
-        wall and compile times are then those of these runs (a run into an archive includes its writing)
-    progress : True, False or None (on a terminal): says on stderr which run is under way
+    tolerances : bounds for our methods, on the largest values over the samples: {"energy": 1e-12,
+        "angular_momentum": 1e-14, "position_km": 1.0}; for positions also by body, {"position_km": {"Mercury": 0.1,
+        "particles": 100}}, or as a length in the system's unit, {"position": 1e-9}; for one method only,
+        {"gauss": {"energy": 1e-13}}
+    reference : the reference solution for positions. "auto": the exact solution if there is one, otherwise "converged":
+        Gauss collocation with 8 stages and the largest power of two up to dt/2 as its step. The largest difference from
+        the same with 7 and with 6 stages is printed as its own error. A time sets this step. "exact" requires the exact
+        solution; "none" measures no positions
+    title : of the table and the picture
+    runs : finished runs of `integrators` from this system with this dt and these samples, which are not repeated; wall
+        and compile times are then those of these runs (including writing, for a run into an archive)
+    progress : True, False or None (on a terminal): names on stderr the method that is running
 
-    Wall times are of integration alone. Ours are compiled beforehand in a run of a few steps, whose time is the column
-    "compile s"; for the peers it is the time inside REBOUND's integrating calls, without setting up and copying out.
+    Wall times include integration only. Our methods are first compiled in a run of a few steps, whose time is the
+    column "compile s"; for peers it is the time within REBOUND's integrating calls, without setup and copying.
 
-    Returns a `Report`; its `ok` is False when one of ours exceeds a tolerance or fails. A method that fails, or a peer
-    that cannot do the problem, has a row that says why.
-    Raises InputError and its kin for a wrong use, before the long runs; IntegrationError when all of ours fail;
+    Returns a `Report`; its `ok` is False if one of ours exceeds a tolerance or fails. A method that fails, or a peer
+    that is not suited to the problem, has a row with the reason.
+    Raises InputError (or a subclass) for wrong use, before the long runs; IntegrationError if all of ours fail;
     Interrupted for Ctrl-C.
     """
     for name in others:
@@ -128,7 +129,7 @@ def compared(
     threads: int | None = None,
     progress: bool | None = None,
 ) -> Report:
-    """Compare on a grid of steps and samples that was made before; otherwise as `compare`."""
+    """Compare on a given grid of steps and samples; otherwise like `compare`."""
     ours = _ours(integrators)
     require_constant_steps(grid)
     if not isinstance(against, Iterable):
@@ -155,7 +156,7 @@ def compared(
         ]
         positions, note, remarks = _reference(system, problem, grid, kind, threads, say)
         others = [_peer(problem, peer, grid, say) for peer in theirs]
-    except Interrupted:  # it says more than the next lines could
+    except Interrupted:  # its message has more details than the one below
         raise
     except KeyboardInterrupt:
         raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
@@ -202,7 +203,7 @@ def _ours(integrators: Any) -> list[Integrator]:
 
 
 def _kind_of_reference(system: System, reference: Any, problem: Problem, grid: TimeGrid) -> str | float:
-    """What to measure positions against: "exact", "none", or the step of the converged runs."""
+    """Return the kind of reference solution: "exact", "none", or the step of the converged runs."""
     if not isinstance(reference, str):
         return grid.with_step(system, reference, "reference").dt
     if reference == "step-halved":
@@ -222,7 +223,7 @@ def _kind_of_reference(system: System, reference: Any, problem: Problem, grid: T
 
 
 def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: TimeGrid) -> dict[str, Trajectory]:
-    """Finished runs by their method's label; InputError for one that is not a run of this comparison."""
+    """Return finished runs by their method's label. Raises InputError for one that does not fit the comparison."""
     out = {}
     for run in runs:
         label = run.integrator.label
@@ -231,7 +232,7 @@ def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], g
         times = np.asarray(run.t.to_value(system.units.time))
         step = abs(float(run.dt.to_value(system.units.time)))
         if run.system != system or step != grid.dt or not np.array_equal(times, grid.times):
-            raise InputError(f"the run of {label} is of another system, step or samples; leave it out of runs.")
+            raise InputError(f"the run of {label} has another system, step or samples; leave it out of runs.")
         out[label] = run
     return out
 
@@ -245,11 +246,11 @@ def _teller(progress: bool | None) -> _Say:
 def _run(
     system: System, method: Integrator, grid: TimeGrid, threads: int | None, progress: bool | None, say: _Say
 ) -> Sampled:
-    """Compile in a run of a few steps, then run for real. A failing step makes a result that says so."""
+    """Compile in a run of a few steps, then run. If a step fails, the result has the reason."""
     say(method.label)
     started = perf_counter()
     short = grid.begun(_WARM_UP_STEPS + 0.5)
-    with contextlib.suppress(IntegrationError):  # the run itself fails in the same way, and says so
+    with contextlib.suppress(IntegrationError):  # the run below fails in the same way, and reports it
         propagated(system, method, short, threads=threads, progress=False, check_step=False)
     compile_s = perf_counter() - started
     try:
@@ -264,7 +265,7 @@ def _run(
 
 
 def _finished(run: Trajectory, method: Integrator, compile_s: float | None = None) -> Sampled:
-    """A run's samples; its cost too, which a run that was opened from a file no longer knows."""
+    """Return a run's samples, and its cost unless it was opened from a file."""
     units, cost = run.system.units, run.statistics
     if len(run.retired):
         return Sampled(method.label, "ours", compile_s=compile_s, note=f"gave up {few(run.retired.names)}")
@@ -282,7 +283,7 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
 def _reference(
     system: System, problem: Problem, grid: TimeGrid, kind: str | float, threads: int | None, say: _Say
 ) -> tuple[Array | None, ReferenceNote | None, tuple[str, ...]]:
-    """Reference positions, the note about them, and remarks where there are none."""
+    """Return reference positions, the note about them, and remarks if there are none."""
     if kind == "none":
         return None, None, ("No reference solution: positions are not measured.",)
     if kind == "exact":
@@ -299,7 +300,7 @@ def _reference(
 
 
 def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Sampled:
-    """A peer's samples, or why it has none."""
+    """Return a peer's samples, or the reason why it has none."""
     reason = peers.unsuited(peer, problem.start.gm, problem.start.softening)
     if reason:
         return Sampled(peer.label, "peer", note=reason + ".")
@@ -312,7 +313,7 @@ def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Samp
 
 
 def _judged(row: Row, bounds: tolerance.Bounds, note: ReferenceNote | None, problem: Problem) -> Row:
-    """The row of one of ours with its verdict."""
+    """Return the row of one of our methods, with its verdict."""
     if row.verdict == "n/a":
         return replace(row, verdict="FAIL", failures=(row.note,), note="")
     if not bounds:
@@ -343,7 +344,7 @@ def _in_days(system: System) -> float | None:
 def _settings(
     system: System, problem: Problem, grid: TimeGrid, ours: list[Integrator], wanted: Any, title: str | None
 ) -> dict[str, Any]:
-    """What was compared, ready for JSON."""
+    """Return the settings of the comparison, for JSON."""
     from orbits._version import __version__
 
     plain = {key: _plain(value) for key, value in (wanted or {}).items()}

@@ -29,31 +29,33 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 GRAVITIES = ("basic", "compensated", "tree", "mercurius", "jacobi")
-"""REBOUND's ways to sum the same Newtonian gravity."""
+"""REBOUND's algorithms for the same Newtonian gravity."""
 
 ADAPTIVE = ("ias15", "bs")
-"""REBOUND's methods that choose their steps as they go."""
+"""REBOUND's methods with adaptive steps."""
 
 NAMED = "REBOUND "
-"""What the names of unit systems begin with that are those of a simulation."""
+"""Prefix of the names of unit systems made from those of a simulation."""
 
 SOLAR_UNITS = ("au", "d", "massist")
 """REBOUND's names of the units of `SOLAR`, in which GM is the mass; "massist" is its unit of mass that makes G = 1."""
 
 
 def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulation:
-    """A `rebound.Simulation` that holds exactly the floats of `system`.
+    """Return a `rebound.Simulation` with exactly the floats of `system`.
 
     system : a state, or a run, of which `sample` is taken, by default the last
 
-    What `from_rebound` returned goes back as it came: G, units, masses and t are the simulation's, and in a run from
-    there t is that plus the time since. States in the units of a simulation keep its units and G, too.
+    A system from `from_rebound` is converted back unchanged: G, units, masses and t are the simulation's, and for a
+    run from there t increases with the run's time. States in the units of a simulation also keep its units and G.
 
-    Of other systems G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch, and
-    in a run the time since then. The units of `SOLAR` are named, ("au", "d", "massist"). Names and the softening length
-    are kept, radii where the system has them. Massless bodies are test particles (`N_active`, `testparticle_type = 0`);
-    REBOUND wants them last, so massive bodies come first, otherwise in the system's order. Integrator and step are
-    REBOUND's defaults.
+    For other systems G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch, and
+    the time since then in a run. The units of `SOLAR` are named ("au", "d", "massist"). Names, the softening length and
+    known radii are kept. Massless bodies become test particles (`N_active`, `testparticle_type = 0`). REBOUND requires
+    them at the end, so massive bodies come first, otherwise in the system's order. Integrator and step are REBOUND's
+    defaults.
+
+    Raises InputError for anything but a System or a Trajectory, and for a sample that does not exist.
     """
     time = 0.0
     if isinstance(system, Trajectory):
@@ -84,9 +86,9 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
 
 
 class FromRebound(System):
-    """A `System` as a simulation had it, with what a System does not know: t and the masses of the particles.
+    """A `System` from a simulation, with its t and the masses of its particles.
 
-    Whatever is made of it by `replaced`, `add` and the like is a plain `System`.
+    `replaced`, `add` and similar methods return a plain `System`.
     """
 
     __slots__ = ("_m", "_t")
@@ -104,12 +106,12 @@ class FromRebound(System):
 
     @property
     def t(self) -> float:
-        """The time of the state as the simulation counts it."""
+        """The time t of the state in the simulation."""
         return self._t
 
     @property
     def m(self) -> Array:
-        """The masses that G times them are gm, (n,)."""
+        """The masses m with gm = G m, (n,)."""
         return self._m
 
     def replaced(self, **changes: Any) -> Any:
@@ -121,7 +123,7 @@ class FromRebound(System):
 
 
 def _masses(state: System) -> tuple[tuple[str, str, str] | None, float, Array]:
-    """Return the names of REBOUND's units, G, and the masses for which G m is gm to the last bit."""
+    """Return the names of REBOUND's units, G, and masses for which G m is exactly gm."""
     gm, units = state.values.gm, state.units
     if units == SOLAR:
         return SOLAR_UNITS, 1.0, gm
@@ -151,29 +153,29 @@ def from_rebound(
     snapshot: int = -1,
     time: float | None = None,
 ) -> System:
-    """A `System` with the particles of a REBOUND simulation: gm = G m, the same q, v, softening and radii.
+    """Return a `System` with the particles of a REBOUND simulation: gm = G m, the same q, v, softening and radii.
 
     source : a Simulation, a Simulationarchive, or the path of its file
-    units : the unit system that the numbers are in. By default the simulation's own where they are set, and otherwise
-        pure numbers: `DIMENSIONLESS` when G is 1, else its like with the simulation's G. ("au", "d", "massist") with
+    units : the unit system of the numbers. By default the simulation's own units if they are set, otherwise pure
+        numbers: `DIMENSIONLESS` if G is 1, else a similar system with the simulation's G. ("au", "d", "massist") with
         G = 1 are `SOLAR`
-    epoch : the epoch of the state; REBOUND knows none
-    zero : instead, the epoch of t = 0: that of the state is then `zero` and the simulation's t
-    snapshot : of an archive its number, by default the last;  time : instead, the t of a snapshot
+    epoch : the epoch of the state, as simulations have none
+    zero : instead, the epoch of t = 0, to which the simulation's t is added
+    snapshot : the index in an archive, by default the last;  time : instead, the t of a snapshot
 
-    Softening is the same formula, -gm/sqrt(r^2 + eps^2). Particles without a name are called "particle 0",
-    "particle 1", ... by their index. Radii that are all 0 are none. A simulation whose steps are not synchronized is
-    synchronized on a copy; it is left as it is.
+    Softening has the same formula, -gm/sqrt(r^2 + eps^2). Particles without a name are called "particle 0",
+    "particle 1", ... by their index. If all radii are 0, the system has none. A simulation that is not synchronized is
+    synchronized on a copy, and not changed.
 
-    Test particles (beyond `N_active`) of type 0 attract nothing: they are massless here, and an OrbitsWarning names
-    those with a mass. Of type 1 they attract active particles but not each other, which is a System only when they
-    have no mass, or when there is a single one, which is then like any other body. Collisions are not looked for here,
-    and functions of the user are not in files: an OrbitsWarning says so where a simulation had them.
+    Test particles (beyond `N_active`) of type 0 attract nothing: they become massless, and an OrbitsWarning names those
+    with a mass. Those of type 1 attract active particles but not each other. A System can represent this only if they
+    have no mass, or if there is a single one, which is then like any other body. Collisions are not detected here, and
+    functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
 
-    Raises InputError for what a System cannot be: other forces, gravity or boundaries than Newton's in open space,
-    variational particles, several test particles of type 1 with mass, and whatever `System` refuses; ArchiveError for
-    a file that is missing, foreign, damaged or of another REBOUND, or does not have the snapshot. A file is opened in a
-    process of its own, so that a damaged one cannot end this one.
+    Raises InputError for simulations that a System cannot represent: forces, gravity or boundaries other than Newton's
+    in open space, variational particles, several test particles of type 1 with mass, and everything that `System`
+    refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or lacks the
+    snapshot. Files are opened in a separate process, as a damaged one may crash it.
     """
     return _system(_particles(source, snapshot, time), units, epoch, zero)
 
@@ -184,14 +186,15 @@ def run_from_rebound(
     units: UnitSystem | None = None,
     zero: Time | str | float | None = None,
 ) -> Trajectory:
-    """A `Trajectory` of all snapshots of a REBOUND Simulationarchive, to be looked at like a run of one's own.
+    """Return a `Trajectory` of all snapshots of a REBOUND Simulationarchive, to be analysed like a run of this package.
 
-    source, units, zero : as of `from_rebound`; times of the run count from the first snapshot
+    source, units, zero : as in `from_rebound`; times of the run count from the first snapshot
 
-    Its integrator is only a label, such as "REBOUND ias15": what needs the method itself, `run.at` and `run.to_spk`,
-    is refused. `run.dt` is REBOUND's step; IAS15 and BS, which choose theirs as they go, have none.
+    Its integrator is only a label, such as "REBOUND ias15", so methods that need the integrator, `run.at` and
+    `run.to_spk`, raise InputError. `run.dt` is REBOUND's step; IAS15 and BS, which have adaptive steps, have none.
 
-    Raises as `from_rebound` does, and ArchiveError where particles come, go or change their masses, or time turns.
+    Raises as `from_rebound` does, and ArchiveError if particles are added or removed or change mass, or if time
+    reverses.
     """
     import rebound
 
@@ -214,7 +217,7 @@ def run_from_rebound(
 
 @dataclass(frozen=True)
 class MadeByRebound:
-    """Stands for the method of a run that REBOUND made; it has a label and cannot step."""
+    """The label of a run's method in REBOUND, in place of an integrator."""
 
     label: str
 
@@ -257,7 +260,7 @@ def _particles(source: Any, index: int, time: float | None) -> Particles:
 
 
 def _readable(read: Callable[[], T], source: Any) -> T:
-    """Return what is read; raise ArchiveError, naming the file, for what cannot be."""
+    """Return the result of reading a file. Raises ArchiveError, naming the file, if it cannot be read."""
     try:
         return read()
     except snapshots.UnreadableError as error:
@@ -291,7 +294,7 @@ def _refuse(found: Particles) -> None:
 
 
 def _massless(found: Particles, names: list[str]) -> int:
-    """Return from which particle on none attracts."""
+    """Return the number of attracting particles, which come first."""
     n = len(found.m)
     heavy = [i for i in range(found.active, n) if found.m[i] != 0.0]
     if found.test_type == 0:
@@ -354,5 +357,5 @@ def _unit_system(names: tuple[str, str, str] | None, G: float) -> UnitSystem:
 
 
 def _unit(size: float, si: Any, known: tuple[Any, ...]) -> Any:
-    """Return the unit of that size, one with a name where it is exactly that."""
+    """Return the unit of this size, a named one if it is exactly equal."""
     return next((unit for unit in known if unit.to(si) == size), size * si)

@@ -1,16 +1,16 @@
 """REBOUND's integrators as peers: the same initial floats in, samples at the same times out.
 
-This is the only file that steps a REBOUND simulation. Everything is plain float64 in one system of units; masses are
-GM and G is 1, so no constant is multiplied in on the way. Bodies go in ordered (the central one first, massive ones by
-orbital energy, then the massless ones as test particles) and come back in the caller's order.
+Only this file steps REBOUND simulations. Everything is plain float64 in one system of units; masses are GM and G is 1,
+so that no constant is multiplied in. Bodies are passed in order (the central one first, massive ones by orbital energy,
+then massless ones as test particles), and the results are returned in the caller's order.
 
-Fixed-step peers stay on t0 + k dt with the very step the package takes; a sample off that grid is a partial step of a
-scratch simulation. WHFast runs with `safe_mode = 0` and `keep_unsynchronized = 1`: REBOUND then synchronizes a copy
-for each sample and the run itself goes on undisturbed. IAS15 keeps its default epsilon and ends each interval exactly
-at the sample (`exact_finish_time = 1`), as its users do.
+Fixed-step peers stay on t0 + k dt with exactly the step of this package; a sample off that grid is a partial step of a
+copied simulation. WHFast runs with `safe_mode = 0` and `keep_unsynchronized = 1`: REBOUND then synchronizes a copy for
+each sample, and the run itself is not affected. IAS15 keeps its default epsilon and ends each interval exactly at the
+sample (`exact_finish_time = 1`), as is common.
 
-Wall time is the sum of the calls into REBOUND that integrate (`Simulation.steps`, `Simulation.integrate`); setting up,
-and copying positions out, is not counted.
+Wall time is the time within REBOUND's integrating calls (`Simulation.steps`, `Simulation.integrate`); setup and copying
+of positions are not counted.
 
 Source: Rein & Liu (2012), Rein & Spiegel (2015), Rein & Tamayo (2015), Rein, Tamayo & Brown (2019).
 """
@@ -38,13 +38,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Peer:
-    """One way to run REBOUND: its name here, what is set, and what it cannot do.
+    """A configuration of REBOUND: its name, settings and limitations.
 
-    name : what a caller types
-    integrator : REBOUND's name for it
-    options : attributes set on `Simulation.integrator`; everything else stays at REBOUND's default
-    fixed_step : it takes the step it is given and is kept on the grid t0 + k dt
-    keplerian : it splits off Kepler orbits about the first body, so it needs one that dominates, unsoftened
+    name : the name for callers
+    integrator : REBOUND's name for the integrator
+    options : attributes set on `Simulation.integrator`; everything else has REBOUND's defaults
+    fixed_step : whether it uses the given step on the grid t0 + k dt
+    keplerian : whether it splits off Kepler orbits about the first body, which must then dominate, without softening
     """
 
     name: str

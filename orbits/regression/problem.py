@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.point_masses import PointMasses
-from orbits.regression.invariants import Invariants
+from orbits.regression.conserved_quantities import Invariants
 from orbits.regression.report import Row, Series
 from orbits.system import System
 from orbits.system.model import require_newtonian

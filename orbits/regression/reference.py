@@ -1,16 +1,16 @@
-"""What positions are measured against.
+"""Reference solutions for positions.
 
-Exact, where one attractor rules: a single massive body with any number of massless ones, or two massive bodies alone.
-Kepler's problem is then solved in universal variables with 200-bit floats (60 digits), elliptic, parabolic and
-hyperbolic alike; the float64 positions that come back are the exact solution of the float64 initial values, correctly
-rounded (but for ties beyond the 27th digit).
+For a single massive body with any number of massless ones, or two massive bodies alone, the reference is exact:
+Kepler's problem is solved in universal variables with 200-bit floats (60 digits), for all conics. The resulting float64
+positions are the exact solution of the float64 initial values, correctly rounded (except for ties beyond the 27th
+digit).
 
-Otherwise converged: Gauss collocation with 8 stages (order 16) at half the step or less; the largest difference to the
-same with 7 and with 6 stages is printed as its own error. One method at half and at a quarter of the step agrees with
-itself better than it is right: the coefficients h a_ij are then the same floats but for a power of two, rounded alike,
-and pull both runs to the same side. Here the step is a power of two, so that multiplying by it rounds nothing, and the
-coefficients of the other runs are others. What all collocation and the one force kernel do alike is not seen; peers
-share no code with either.
+Otherwise the reference is converged: Gauss collocation with 8 stages (order 16) and at most half the step. The largest
+difference from the same with 7 and with 6 stages is printed as its own error. Comparing one method at half and at a
+quarter of the step would underestimate this: the coefficients h a_ij would be the same floats up to a power of two,
+with the same rounding errors, which bias both runs in the same direction. Here the step is a power of two, so that
+multiplication by it is exact, and the other runs have other coefficients. Errors common to all collocation methods, or
+in the force kernel, are not detected; peers share no code with either.
 
 Source: Rein & Tamayo (2015), sec. 2.3, and Danby (1992), sec. 6.9, for universal variables.
 """
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 PRECISION = 200
-"""Bits of the mpmath floats: 34 digits are left where near-parabolic motion cancels 26 of 60."""
+"""Precision of the mpmath floats in bits: 34 digits remain where near-parabolic motion cancels 26 of 60."""
 
 _CONVERGED = 2.0**-90  # relative; Newton converges quadratically, so what is left is of the order of 2^-180
 _SERIES_BELOW = 1e-10  # of theta^2 = beta X^2: beneath it four terms of the series are good to 1e-40
@@ -42,12 +42,12 @@ _SERIES_BELOW = 1e-10  # of theta^2 = beta X^2: beneath it four terms of the ser
 
 @dataclass(frozen=True)
 class ReferenceSolution:
-    """Reference positions and how far they can be trusted.
+    """Reference positions and their errors.
 
     q : (samples, bodies, 3) float64, in the caller's length unit
-    error : (bodies,) float64, its own largest error per body, same unit
+    error : (bodies,) float64, the largest error of each body, same unit
     kind : "exact" or "converged"
-    description : one sentence for the foot of a table
+    description : one sentence for the footer of a table
     """
 
     q: Array
@@ -57,10 +57,9 @@ class ReferenceSolution:
 
 
 def exact_applies(start: PointMasses) -> bool:
-    """Whether the exact solution is known: unsoftened, and one attractor, or two massive bodies with nothing else.
+    """Whether the exact solution is known: for one attractor, or two massive bodies alone, without softening.
 
-    A body that falls straight into the attractor (no angular momentum about it) is not integrable through the
-    collision by anyone, so it does not count.
+    It is not if a body falls straight into the attractor (no angular momentum about it), which ends in a collision.
     """
     gm, q, v, softening = start
     massive = np.flatnonzero(gm > 0)
@@ -75,10 +74,9 @@ def exact_applies(start: PointMasses) -> bool:
 
 
 def exact(start: PointMasses, times: Array) -> ReferenceSolution:
-    """The exact positions at `times` of a system for which `exact_applies`.
+    """Return the exact positions at `times`, (samples,) float64, of a system for which `exact_applies`.
 
-    times : (samples,) float64
-    A few tenths of a millisecond per moving body and sample.
+    It takes a few tenths of a millisecond per moving body and sample.
     """
     import mpmath
 
@@ -236,12 +234,12 @@ def power_of_two(step: float) -> float:
 
 
 def converged(system: System, grid: TimeGrid, threads: int | None = None) -> ReferenceSolution:
-    """Positions by Gauss collocation with 8 stages at the step and the samples of `grid`.
+    """Return positions by Gauss collocation with 8 stages, at the step and samples of `grid`.
 
-    The largest difference to the same with 7 or 6 stages over the samples, per body, is its error. Where round-off is
-    all that is left, each difference is that of two random walks, and may be small by chance: hence two of them.
-    Cost: three times that of a run at this step, massless particles included.
-    Raises IntegrationError when the stages do not converge.
+    The error of a body is the largest difference from the same with 7 or 6 stages over the samples. Where only
+    round-off remains, each is the difference of two random walks and may be small by chance, hence two of them. The
+    cost is that of three runs at this step, massless particles included.
+    Raises IntegrationError if the stages do not converge.
     """
     from orbits.integrators.gauss import Gauss
     from orbits.propagation.run import propagated

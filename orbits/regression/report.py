@@ -1,6 +1,6 @@
-"""What a comparison found: rows, a table to read, JSON for machines, a picture for a talk, and a verdict.
+"""The report of a comparison: rows, a table, JSON, a picture, and a verdict.
 
-A `Report` is a value made by `orbits.compare`; it knows numbers and names only, not how they were computed.
+A `Report` is a value made by `orbits.compare`. It has numbers and names only, not the code that computed them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _WIDTH = 100
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Errors against time, each (samples,) float64; the largest over the bodies that `Report.followed` names."""
+    """Errors as functions of time, (samples,) float64 each: the largest over the bodies named by `Report.followed`."""
 
     energy: Array
     angular_momentum: Array
@@ -38,7 +38,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Row:
-    """One method's results. None stands for what could not be measured; `note` says why.
+    """The results of one method. None means that a value could not be measured; `note` says why.
 
     kind : "ours" or "peer"
     verdict : "ok", "FAIL", "not judged" (no tolerance was given) for ours; "peer" or "n/a" for the others
@@ -67,7 +67,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ReferenceNote:
-    """What positions were measured against, and its own largest error per body (in the report's length unit)."""
+    """The reference solution for positions, and its largest error for each body, in the report's unit of length."""
 
     kind: str
     description: str
@@ -83,13 +83,13 @@ class ReferenceNote:
 class Report:
     """The outcome of `orbits.compare`.
 
-    rows : one per method, ours first
+    rows : one for each method, ours first
     times : (samples,) since the epoch, in `time_unit`
-    length_unit : unit of all positions: "km", or "" where the system's units are pure numbers
+    length_unit : unit of all positions: "km", or "" if the system has no physical units
     names, massive : all bodies, and those that attract
-    followed : whose position the series and the picture show
-    settings : step, duration, samples, tolerances and the like, ready for JSON
-    notes : what a reader must know, one sentence each
+    followed : the bodies whose position errors are in the series and the picture
+    settings : step, duration, samples, tolerances and so on, for JSON
+    notes : remarks for readers, one sentence each
 
     `print(report)` shows the table; `rich` prints it in colour.
     """
@@ -106,7 +106,7 @@ class Report:
     notes: tuple[str, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
-        """Say what an attribute is called now."""
+        """Raise AttributeError, with the new name of an attribute that was renamed."""
         hint = "; it is called reference now." if name == "yardstick" else ""
         raise AttributeError(f"a Report has no {name!r}{hint}")
 
@@ -147,9 +147,9 @@ class Report:
         return render(self)
 
     def to_json(self, path: str | Path | None = None) -> str:
-        """The report as JSON text; also written to `path` when one is given.
+        """Return the report as JSON text, and write it to `path` if given.
 
-        Numbers that are not finite become null. Raises InputError when `path` cannot be written.
+        Numbers that are not finite become null. Raises InputError if `path` cannot be written.
         """
         record = {
             "format": "orbits-report",
@@ -187,9 +187,9 @@ class Report:
         return record
 
     def plot(self, path: str | Path) -> Path:
-        """Draw errors against time for every method and save the picture (1600 x 1000 pixels for a PNG).
+        """Draw the errors of every method against time, and save the picture (1600 x 1000 pixels for a PNG).
 
-        Raises InputError when `path` cannot be written.
+        Raises InputError if `path` cannot be written.
         """
         from orbits.regression.report_picture import draw
 

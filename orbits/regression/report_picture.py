@@ -1,7 +1,7 @@
-"""A report as a picture: errors against time, method by method, with the round-off floor marked.
+"""A report as a picture: the errors of all methods against time, with the round-off floor.
 
-Heavy lines are the largest error so far, so that a line ends where the table's number is; the faint line behind is the
-error itself.
+Heavy lines are the largest error so far, so that a line ends at the number in the table; faint lines are the error
+itself.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def draw(report: Report, path: Path) -> None:
 
 @look()
 def picture(report: Report) -> Figure:
-    """Return the picture: position error large, energy and angular momentum beside it; 16 x 10 inches at 100 dpi."""
+    """Return the picture: a large panel of position errors, with energy and angular momentum beside it."""
     made = figure(16, 10, dpi=100)
     axes = made.subplot_mosaic([["position", "energy"], ["position", "momentum"]], width_ratios=[1.25, 1])
     rows = [row for row in report.rows if row.series is not None]
@@ -96,7 +96,7 @@ def _floor(axis: Axes, level: float, dashes: str) -> Any:
 
 
 def _named(panels: Any) -> tuple[list[Any], list[str]]:
-    """Return handles and labels of all methods that any of the panels shows, each once."""
+    """Return handles and labels of all methods in any of the panels, each once."""
     known: dict[str, Any] = {}
     for axis in panels:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):

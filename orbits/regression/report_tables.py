@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from orbits.regression.report import Report, Row
 
 BODIES_IN_FULL = 12
-"""Up to this many bodies each gets a line of its own."""
+"""Up to this many bodies have a line each."""
 
 _STYLE = {"ok": "green", "FAIL": "bold red", "n/a": "dim"}
 
 
 def render(report: Report) -> RenderableType:
-    """The methods, then the bodies (and the massless particles in summary), then what a reader must know."""
+    """Return tables of the methods and of the bodies (with a summary of massless particles), and the remarks."""
     parts: list[RenderableType] = [_methods(report)]
     if any(row.positions for row in report.rows):
         detailed = report.names if len(report.names) <= BODIES_IN_FULL else report.massive
@@ -40,7 +40,7 @@ def render(report: Report) -> RenderableType:
 
 
 def html(report: Report) -> str:
-    """The table of methods as HTML for a notebook, with all that `_footer` says and every failure below."""
+    """Return the table of methods as HTML for a notebook, with the footer and all failures below."""
     unit = f" [{report.length_unit}]" if report.length_unit else ""
     head = ("method", "steps", "wall [s]", "max |ΔE/E|", "max |ΔL/L|", f"max |Δq|{unit}", "of body", "verdict")
     rows = [
@@ -125,7 +125,7 @@ def _note(row: Row) -> str:
 
 
 def _stacked(method: str) -> str:
-    """A method's label in lines short enough for the head of a column."""
+    """Return a method's label in lines short enough for the head of a column."""
     words = method.removesuffix("()").replace(" ", "\n").replace("-", "-\n").replace("(", "\n(")
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "\n", words)
 
@@ -139,7 +139,7 @@ def _table(title: str) -> Table:
 
 
 def short(x: float | None) -> str:
-    """Two significant digits, as short as can be read: 0.072, 13, 1.4e+05, 3.1e-15; "n/a" for None and NaN."""
+    """Return a number with two significant digits: 0.072, 13, 1.4e+05, 3.1e-15; "n/a" for None and NaN."""
     if x is None or math.isnan(x):
         return "n/a"
     if x == 0:

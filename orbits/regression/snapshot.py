@@ -1,7 +1,7 @@
-"""What a REBOUND simulation holds, as plain values; from a file it is read in a process of its own.
+"""The content of a REBOUND simulation as plain values; files are read in a separate process.
 
-REBOUND trusts its files: a damaged one can end the process that opens it. So a file is opened by a child, which runs
-this module as a script and hands over numbers. It imports nothing of this package.
+REBOUND does not check its files: a damaged one can crash the process that opens it. Files are therefore opened by a
+child process, which runs this module as a script and returns numbers. It imports nothing of this package.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ EVERY_BODY = int(np.iinfo(np.uintp).max)
 SECONDS = 60.0
 BYTES_A_SECOND = 2e6
 CHILD_MEMORY = 8 * 2**30
-"""A child that needs longer, or more memory, is reading nonsense."""
+"""A child process that needs longer, or more memory, is reading a damaged file."""
 
 ATTEMPTS = 8
 
 SAME_TIME = 1e-9
-"""A snapshot is at the time asked for when they differ by no more than this part of the archive's span."""
+"""A snapshot matches a requested time if they differ by at most this fraction of the archive's span."""
 
 DAMAGE = ("corrupted", "does not match", "not match particle number")
 
@@ -43,11 +43,11 @@ class Particles(NamedTuple):
     """A simulation at one time, in its own units.
 
     m, r : (n,);  q, v : (n, 3);  names : None for a particle without
-    active : how many attract, the first ones;  test_type : REBOUND's testparticle_type
-    units : names of the units of length, time and mass, or None where none are set
-    variations : how many variational particles there are
-    functions : functions of the user that take part in the motion
-    forgotten : whether it was saved with functions that its file does not hold
+    active : number of attracting particles, which come first;  test_type : REBOUND's testparticle_type
+    units : names of the units of length, time and mass, or None if they are not set
+    variations : number of variational particles
+    functions : functions of the user that affect the motion
+    forgotten : whether it was saved with functions, which files do not contain
     """
 
     m: Array
@@ -73,18 +73,18 @@ class Particles(NamedTuple):
 
 ARRAYS = ("m", "r", "q", "v")
 THE_SAME = ("m", "names", "G", "softening", "active", "test_type", "units", "boundary", "variations")
-"""What does not change in the course of a run."""
+"""Values that do not change during a run."""
 
 PLAIN = tuple(field for field in Particles._fields if field not in ARRAYS)
 FUNCTIONS = ("additional_forces", "pre_timestep_modifications", "post_timestep_modifications")
 
 
 class UnreadableError(Exception):
-    """A file, or a snapshot of it, that cannot be had; in words."""
+    """A file, or a snapshot of it, that cannot be read; the message says why."""
 
 
 def of_simulation(sim: Any, *, forgotten: bool = False) -> Particles:
-    """Return what a simulation holds. One that is not synchronized is synchronized on a copy, and left as it is."""
+    """Return the content of a simulation. If it is not synchronized, a copy is; the simulation is not changed."""
     if not sim.is_synchronized:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of functions that the copy does not have
@@ -119,7 +119,7 @@ def of_simulation(sim: Any, *, forgotten: bool = False) -> Particles:
 
 
 def of_archive(archive: Any, *, index: int = -1, time: float | None = None) -> Particles:
-    """Return a snapshot of an opened Simulationarchive. Raises UnreadableError for one that is not there or damaged."""
+    """Return a snapshot of an opened Simulationarchive. Raises UnreadableError if it is missing or damaged."""
     times = np.ctypeslib.as_array(archive.t, (len(archive),))
     if time is not None:
         index = _at(times, time)
@@ -139,7 +139,7 @@ def of_opened(archive: Any, *, index: int = -1, time: float | None = None) -> Pa
 
 
 def all_of_opened(archive: Any) -> tuple[Particles, Array, Array, Array]:
-    """Return what `all_of_archive` does: from its file, if it has one, which may have grown since it was opened."""
+    """Return `all_of_archive` of an archive of the caller: from its file, if it has one, which may have grown."""
     path = _file_of(archive)
     if path is None:
         return all_of_archive(archive)
@@ -151,7 +151,7 @@ def all_of_opened(archive: Any) -> tuple[Particles, Array, Array, Array]:
 def all_of_archive(archive: Any) -> tuple[Particles, Array, Array, Array]:
     """Return the first snapshot, and times (n,), positions and velocities (n, particles, 3) of all.
 
-    Raises UnreadableError where particles are not those of the first, or times do not go one way.
+    Raises UnreadableError if particles differ from those of the first snapshot, or times are not monotonic.
     """
     first = of_archive(archive, index=0)
     times = np.ctypeslib.as_array(archive.t, (len(archive),)).copy()
@@ -173,12 +173,12 @@ def all_of_archive(archive: Any) -> tuple[Particles, Array, Array, Array]:
 
 
 def of_file(path: str | os.PathLike[str], *, index: int = -1, time: float | None = None) -> Particles:
-    """Return a snapshot of a file, opened in a child process. Raises UnreadableError, in words."""
+    """Return a snapshot of a file, which is opened in a child process. Raises UnreadableError."""
     return _by_child(path, {"index": index, "time": time})[0]
 
 
 def all_of_file(path: str | os.PathLike[str]) -> tuple[Particles, Array, Array, Array]:
-    """Return what `all_of_archive` does of a file, opened in a child process. Raises UnreadableError, in words."""
+    """Return `all_of_archive` of a file, which is opened in a child process. Raises UnreadableError."""
     first, found = _by_child(path, None)
     return first, found["all_t"], found["all_q"], found["all_v"]
 
@@ -220,11 +220,11 @@ def _by_child(path: str | os.PathLike[str], which: dict[str, Any] | None) -> tup
 
 
 def _loaded(archive: Any, index: int) -> Any:
-    """Return a snapshot as a simulation whose names can be trusted.
+    """Return a snapshot as a simulation with reliable names.
 
-    REBOUND 5.2 restores names one by one by the addresses that they had in the process that saved them, and takes one
-    for another when a new one comes to lie at such an address. While a simulation is kept, the next one lies elsewhere:
-    two in succession that agree are believed.
+    REBOUND 5.2 restores names by the addresses that they had in the process that saved them, and confuses two if a new
+    name happens to be at such an address. As long as a simulation is kept, the next one has other addresses, so two
+    successive ones that agree are correct.
     """
     kept = [archive[index]]
     for _ in range(ATTEMPTS):
@@ -259,7 +259,7 @@ def _name(particle: Any) -> str | None:
 
 @contextlib.contextmanager
 def _messages() -> Iterator[list[str]]:
-    """Collect what REBOUND warns about; raise UnreadableError for damage."""
+    """Collect REBOUND's warnings. Raises UnreadableError for damage."""
     said: list[str] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
@@ -280,7 +280,7 @@ def _messages() -> Iterator[list[str]]:
 
 
 def _child(path: str, result: str, which: str) -> None:
-    """Read a snapshot and leave it in a file; the parent waits for it."""
+    """Read a snapshot and write it to a file for the parent process."""
     with contextlib.suppress(ImportError):
         import resource
 

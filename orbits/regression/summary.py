@@ -1,4 +1,4 @@
-"""Many errors in a few numbers."""
+"""A summary of many errors in a few numbers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def summarize(positions: Mapping[str, float], names: Sequence[str]) -> dict[str, Any]:
-    """Median, 99th percentile and worst of the errors of `names`, with the name of the worst."""
+    """Return median, 99th percentile and maximum of the errors of `names`, with the name of the maximum."""
     values = np.array([positions[name] for name in names])
     worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
     return {

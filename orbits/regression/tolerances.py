@@ -1,4 +1,4 @@
-"""What a comparison demands of our methods: checked before anything runs, judged after."""
+"""The tolerances of a comparison for our methods: validated before the runs, and judged afterwards."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ KEYS = (*_SCALARS, *_POSITIONS)
 class Bounds:
     """The tolerances of one method.
 
-    scalars : bound by key, "energy" and "angular_momentum"
-    positions : bound by body, in the unit in which positions are reported
+    scalars : bounds by key, "energy" and "angular_momentum"
+    positions : bounds by body, in the unit of reported positions
     """
 
     scalars: Mapping[str, float] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Bounds:
         reference_errors: Mapping[str, float],
         unit: str,
     ) -> tuple[str, ...]:
-        """Every bound that is not kept, in words. What could not be measured (NaN, or absent) keeps no bound."""
+        """Return every exceeded bound, in words. Values that were not measured (NaN, or absent) exceed any bound."""
         found = [
             f"{_SCALARS[key]} = {reached.get(key, math.nan):.2e} exceeds {bound:.2e}"
             for key, bound in self.scalars.items()
@@ -65,15 +65,15 @@ def parse(
     units: UnitSystem,
     unit_of_report: float,
 ) -> list[Bounds]:
-    """The bounds of each of our methods, in their order.
+    """Return the bounds of each of our methods, in their order.
 
     tolerances : by key, for all methods: "energy" and "angular_momentum" (largest relative errors), "position_km"
-        (kilometres) or "position" (a length; a plain number is in the system's unit). A position may be one length for
-        all bodies or a mapping from body, "massive" or "particles" to lengths. A key that is a method's name or label
-        holds such a mapping for that method alone, which goes before the general one.
+        (kilometres) or "position" (a length; a plain number is in the system's unit). A position bound is one length
+        for all bodies, or a mapping from body, "massive" or "particles" to lengths. The name or label of a method as a
+        key has such a mapping for this method, which takes precedence.
     methods : (name, label) of each of our methods
-    unit_of_report : the system's length unit in the unit in which positions are reported
-    Raises InputError or UnknownNameError with what is wrong and what there is.
+    unit_of_report : the system's unit of length in the unit of reported positions
+    Raises InputError or UnknownNameError, with the problem and the valid names.
     """
     if tolerances is None:
         tolerances = {}

@@ -1,13 +1,13 @@
-"""Scenarios: a system, one or more runs, what must hold, what to draw. One file each, runnable three ways.
+"""Scenarios: a system, one or more runs, checks and pictures, in one file each that can be run in three ways.
 
-definition   the values: `Scenario`, `Check`, and what a run of one gives, `Outcome`
-study        the same for an experiment that is not a system and its runs: `Study`, `StudyResult`, `Table`
-loading      find a scenario by path or by the name of a bundled one
-performing   integrate, compare, check, draw, and write the results folder
-certifying   the methods of a scenario, measured on its own problems
-typed        quantities and methods as they are typed on a command line
-files        which files of a results folder may be replaced
-command      the options of `orbits run`, which are those of `python scenarios/NAME.py`; errors as single lines
+definition    the values: `Scenario`, `Check`, and the result of a run, `Outcome`
+study         the same for other numerical experiments: `Study`, `StudyResult`, `Table`
+loading       find a scenario by path, or by the name of a bundled one
+performing    integrate, compare, check, draw, and write the results folder
+certificates  certify the methods of a scenario on its own problems
+typed         read quantities and methods as typed on a command line
+files         which files of a results folder may be replaced
+command       the options of `orbits run` and of `python scenarios/NAME.py`; errors as single lines
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ __all__ = [
 
 
 def main(self: Scenario | Study) -> None:
-    """Run as a command line of its own, with the options of `orbits run`; ends the process with its exit code."""
+    """Run as a program with the options of `orbits run`; ends the process with its exit code."""
     from orbits.scenario import command
 
     command.main(self)
 
 
-# A scenario knows nothing of the command line; what leads there is put on it here.
+# `definition` does not import the command line, so `main` is attached here.
 Scenario.main = Study.main = main  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""The options of `orbits run`, which are those of `python scenarios/NAME.py`; and errors as single lines."""
+"""The options of `orbits run` and of `python scenarios/NAME.py`; errors as single lines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from orbits.scenario.typed import quantity
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orbits.scenario.certifying import CertifyOutcome
+    from orbits.scenario.certificates import CertifyOutcome
 
 Dt = Annotated[str | None, typer.Option(help="Step: '6 d', or a number in the system's unit of time.", metavar="TIME")]
 Duration = Annotated[str | None, typer.Option(help="How far: '100 yr'; negative for backwards.", metavar="TIME")]
@@ -34,14 +34,14 @@ NoPlot = Annotated[bool, typer.Option("--no-plot", help="Draw nothing.", metavar
 
 
 def stderr() -> Console:
-    """Return the console for what people read while a machine reads standard output."""
+    """Return the console for messages to people, while standard output is for results."""
     from rich.console import Console
 
     return Console(stderr=True, highlight=False)
 
 
 def stdout() -> Console:
-    """Return the console for results: as wide as the terminal, or 100 columns in a file."""
+    """Return the console for results: as wide as the terminal, or 100 columns otherwise."""
     from rich.console import Console
 
     console = Console(highlight=False)
@@ -50,7 +50,7 @@ def stdout() -> Console:
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """End the process as promised: errors as one line, exit code 2 for a wrong use, 1 for a failure."""
+    """End the process with errors on one line, and exit code 2 for wrong use, 1 for a failure."""
     try:
         yield
         sys.stdout.flush()
@@ -61,7 +61,7 @@ def guarded() -> Iterator[None]:
         stderr().print("[bold red]error:[/] stopped by Ctrl-C.")
         raise SystemExit(Interrupted.exit_code) from None
     except BrokenPipeError:
-        # The reader, such as `head`, has seen enough; Python would complain once more while it closes the pipe.
+        # The reader, such as `head`, has closed the pipe; Python would report this again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(0) from None
     except MemoryError:
@@ -73,7 +73,7 @@ def guarded() -> Iterator[None]:
     except (typer.Exit, typer.Abort):
         raise
     except Exception as error:
-        what = f"{type(error).__name__}: {' '.join(str(error).split())}; a defect of orbits: please report it"
+        what = f"{type(error).__name__}: {' '.join(str(error).split())}; this is a bug in orbits: please report it"
         stderr().print(f"[bold red]error:[/] {_escaped(what)}", soft_wrap=True)
         raise SystemExit(1) from None
 
@@ -81,7 +81,7 @@ def guarded() -> Iterator[None]:
 def changed(
     scenario: Scenario | Study, dt: str | None, duration: str | None, integrator: str | None, samples: int | None
 ) -> Scenario | Study:
-    """Return the scenario with what was typed on the command line; a study takes nothing of it."""
+    """Return the scenario with the options of the command line. Raises InputError for a study, which takes none."""
     if isinstance(scenario, Study):
         typed = {"--dt": dt, "--duration": duration, "--integrator": integrator, "--samples": samples}
         refused = [option for option, value in typed.items() if value is not None]
@@ -102,7 +102,7 @@ def changed(
 
 
 def execute(scenario: Scenario | Study, *, out: Path | None, as_json: bool, no_plot: bool) -> int:
-    """Perform a scenario, print what it gave, and return the exit code."""
+    """Perform a scenario, print its outcome, and return the exit code."""
     from orbits.scenario.performing import perform, to_json
 
     console = stderr()
@@ -120,7 +120,7 @@ def certify(
 ) -> int:
     """Certify the methods of a scenario, print the tables, and return the exit code."""
     from orbits import integrators
-    from orbits.scenario.certifying import certify_scenario, to_record
+    from orbits.scenario.certificates import certify_scenario, to_record
 
     console = stderr()
     console.print(f"[bold]{_escaped(scenario.title)}[/]")
@@ -145,14 +145,15 @@ def show_certificates(outcome: CertifyOutcome) -> None:
         if each.case:
             console.print(f"[bold]{_escaped(each.case)}[/]")
         console.print(_escaped(each.certificate.table()), soft_wrap=True)
-        if each.foil:
-            console.print("  a foil, shown for comparison: it does not declare to be variational, and is not judged")
+        if each.control:
+            console.print("  a control, shown for comparison: it does not claim to be variational, and is not judged")
         console.print()
     console.print(f"wrote {_escaped(str(outcome.file))}", soft_wrap=True)
-    judged = [each for each in outcome.certified if not each.foil]
+    judged = [each for each in outcome.certified if not each.control]
     if outcome.ok:
-        foils = len(outcome.certified) - len(judged)
-        console.print(f"[bold green]ok:[/] {len(judged)} certified" + (f", {foils} foils not judged" if foils else ""))
+        controls = len(outcome.certified) - len(judged)
+        shown = f", {controls} control{'s' * (controls > 1)} not judged" if controls else ""
+        console.print(f"[bold green]ok:[/] {len(judged)} certified{shown}")
     for each in judged:
         if not each.ok:
             where = f"{each.case}: " if each.case else ""
@@ -181,7 +182,7 @@ def show(outcome: Outcome | StudyOutcome) -> None:
     for path in outcome.files:
         console.print(f"wrote {_escaped(str(path))}")
     if outcome.ok:
-        console.print("[bold green]ok:[/] all that this scenario demands holds")
+        console.print("[bold green]ok:[/] all requirements of this scenario hold")
     for failure in outcome.failures:
         console.print(f"[bold red]FAILED:[/] {_escaped(failure)}")
 
@@ -201,7 +202,7 @@ def _table(table: Table) -> Any:
 
 
 def main(scenario: Scenario | Study) -> None:
-    """Run a scenario as a program of its own; ends the process."""
+    """Run a scenario as a program; ends the process."""
 
     def run(
         dt: Dt = None,

@@ -1,4 +1,4 @@
-"""What a scenario is, and what performing one gives."""
+"""`Scenario` and `Outcome`: the definition of a scenario and the result of performing it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
+from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, shown
 
 if TYPE_CHECKING:
@@ -19,14 +20,14 @@ if TYPE_CHECKING:
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 ONLY = ""
-"""The name of the case of a scenario that has a single system."""
+"""The name of the only case of a scenario with a single system."""
 MIND = "mind: "
-"""What is said while a scenario runs begins with this where it is a warning, not what is being done."""
+"""Prefix of messages that are warnings, while a scenario runs; other messages tell its progress."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that a scenario demands beyond its tolerances: a claim, whether it held, and what was measured."""
+    """A requirement of a scenario beyond its tolerances: a claim, whether it holds, and the measured value."""
 
     claim: str
     ok: bool
@@ -34,12 +35,12 @@ class Check:
 
     @property
     def failure(self) -> str:
-        """The claim and what was measured, as a list of failures tells it."""
+        """The claim and the measured value, for a list of failures."""
         return f"{self.claim}: {self.measured}" if self.measured else self.claim
 
 
 def check_label(name: Any, title: Any) -> None:
-    """Raise InputError unless `name` can be a folder's name and `title` is one line of text."""
+    """Raise InputError unless `name` is suitable for a folder and `title` is one line of text."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise InputError(
             f"a scenario's name becomes a folder: letters, digits, '_', '-' and '.' only; got {shown(name)}."
@@ -50,24 +51,25 @@ def check_label(name: Any, title: Any) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A system, the methods to run it with, what must hold, and what to draw.
+    """A system, methods, tolerances, checks and pictures.
 
-    name : the name of the results folder and of the files in it; letters, digits, `_`, `-`, `.`
+    name : of the results folder and of the files in it; letters, digits, `_`, `-`, `.`
     title : one line for lists and pictures
-    system : a `System`, or a function without arguments that makes one; for several related problems a mapping from a
-        short name to a `System` (or a function that makes such a mapping): each is a *case*, run and judged alike
-    integrators : methods of this package; the first one's run goes into the archive
-    dt, duration : as `orbits.propagate` takes them; the sign of `duration` gives the direction
-    samples : how many, both ends included
-    against : peers to compare with, such as "whfast" and "ias15"; an empty sequence leaves the comparison out
-    tolerances : what the comparison demands, as in `orbits.compare`
-    checks : a function from the `Outcome` to the `Check`s it has to pass
-    draw : a function from the `Outcome` to a matplotlib Figure, or to several by name; by default the orbits, what is
-        conserved, and the comparison
+    system : a `System`, or a function without arguments that makes one. For several related problems, a mapping from
+        short names to Systems (or a function that makes such a mapping): each is a *case*, run and judged in the same
+        way
+    integrators : methods of this package; the run of the first one is archived
+    dt, duration : as in `orbits.propagate`; the sign of `duration` gives the direction
+    samples : number of samples, both ends included
+    against : peers to compare with, such as "whfast" and "ias15"; empty for no comparison
+    tolerances : of the comparison, as in `orbits.compare`
+    checks : a function from the `Outcome` to the `Check`s that it must pass
+    draw : a function from the `Outcome` to a matplotlib Figure, or to several by name; by default the orbits,
+        conserved quantities, and the comparison
 
-    Raises InputError for what can be seen to be wrong here; a system is made, and its times are read, when it runs.
+    Raises InputError for errors that can be detected here; systems are made, and times are read, when it runs.
 
-    The shortest whole scenario file:
+    A complete scenario file:
 
         import orbits
         from astropy import units as u
@@ -102,7 +104,7 @@ class Scenario:
         main: ClassVar[Callable[[], None]]
 
     def __post_init__(self) -> None:
-        from orbits.checks import whole_number  # with it comes NumPy, which the start of the command line does without
+        from orbits.checks import whole_number  # imports NumPy, which the start of the command line avoids
 
         check_label(self.name, self.title)
         peers = self.against if isinstance(self.against, Iterable) and not isinstance(self.against, str) else (None,)
@@ -134,9 +136,9 @@ class Scenario:
         object.__setattr__(self, "against", tuple(self.against))
 
     def cases(self) -> dict[str, System]:
-        """The systems to run, by the case's name; a scenario of one system has one case, named "".
+        """Return the systems to run, by case; a scenario with one system has one case, named "".
 
-        Raises InputError when `system` gives something else than systems.
+        Raises InputError if `system` does not give systems.
         """
         from orbits.system import System
 
@@ -158,13 +160,13 @@ class Scenario:
         return dict(cases)
 
     def with_changes(self, **changes: Any) -> Scenario:
-        """The same scenario with some fields replaced; None leaves a field as it is."""
+        """Return the scenario with some fields replaced; None leaves a field unchanged."""
         return replace(self, **{key: value for key, value in changes.items() if value is not None})
 
     def demands(self) -> dict[str, Any]:
-        """The tolerances without those that concern methods of this package that this scenario does not run.
+        """The tolerances, except those for methods of this package that the scenario does not run.
 
-        So that a scenario may be run with another method than its own.
+        This allows running a scenario with other methods than its own.
         """
         from orbits.integrators import registry
 
@@ -174,10 +176,10 @@ class Scenario:
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """What came out for one system.
+    """The results for one system.
 
     runs : by the integrator's label, in the scenario's order; the first one reads from the archive
-    report : the comparison with the peers, None where none was asked for
+    report : the comparison with the peers, None without one
     """
 
     name: str
@@ -193,12 +195,12 @@ class CaseOutcome:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What performing a scenario gave; `checks` and `draw` of a scenario are functions of it.
+    """The results of performing a scenario, which are passed to its `checks` and `draw`.
 
-    cases : by name; `run`, `runs` and `report` are short for those of the first case
-    folder : where the files are
-    files : what was written, in that order
-    complaints : what went wrong after the integration, in words, such as a picture that could not be drawn
+    cases : by name; `run`, `runs` and `report` are those of the first case
+    folder : of the files
+    files : the files written, in order
+    complaints : problems after the integration, in words, such as a picture that could not be drawn
     """
 
     scenario: Scenario
@@ -210,7 +212,7 @@ class Outcome:
 
     @property
     def case(self) -> CaseOutcome:
-        """The first, often the only case."""
+        """The first case, often the only one."""
         return next(iter(self.cases.values()))
 
     @property
@@ -230,7 +232,7 @@ class Outcome:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """All that the scenario demands and did not get, in words; empty when all holds."""
+        """All requirements that do not hold, in words."""
         exceeded = [
             f"{case.name}: {failure}" if case.name else failure
             for case in self.cases.values()
@@ -240,29 +242,37 @@ class Outcome:
 
     @property
     def ok(self) -> bool:
-        """Whether all that the scenario demands holds."""
+        """Whether all requirements of the scenario hold."""
         return not self.failures
 
 
 def angular_momentum_checks(
-    runs: Mapping[str, Trajectory], *, bound: float, foils: bool = True, case: str = ""
+    runs: Mapping[str, Trajectory],
+    *,
+    bound: float,
+    controls: bool = True,
+    case: str = "",
+    **others: Unpack[NoOthers],
 ) -> Iterator[Check]:
-    """Yield a check for each run: angular momentum kept where the method declares its momentum maps, lost where not.
+    """Yield a check for each run: angular momentum is kept by methods that declare it, and lost by the others.
 
-    runs : by the integrator's label; bound : largest relative change that counts as kept; ten times it counts as lost
-    foils : whether methods that declare nothing must be seen to lose it; at short steps they may take long to. It is
-        not demanded of a run that is shorter than a step
-    case : heads the claims of a scenario with several cases
+    runs : by the integrator's label
+    bound : the largest relative change that counts as kept; ten times as much counts as lost
+    controls : whether the non-symplectic controls must be seen to lose it. At short steps that may take them long; a
+        run shorter than one step is never held to it
+    case : prefix of the claims, for a scenario with several cases
     """
+    if others:
+        raise unknown_argument(angular_momentum_checks, next(iter(others)))
     for label, run in runs.items():
         change = run.drift().angular_momentum.max_fraction
         head = f"{case}: {label}" if case else label
         if "momentum maps" in run.integrator.declares:
             yield Check(f"{head} keeps angular momentum", change < bound, f"{change:.1e}")
-        elif foils and not abs(run.times[-1]) <= 0.99 * abs(run.step):  # dt was rounded
+        elif controls and not abs(run.times[-1]) <= 0.99 * abs(run.step):  # dt was rounded
             yield Check(f"{head} loses angular momentum", change > 10 * bound, f"{change:.1e}")
 
 
 def slug(case: str) -> str:
-    """A case's name as part of a file name: `e = 0.9` gives `e-0.9`."""
+    """Return a case's name in the form used in file names: `e = 0.9` gives `e-0.9`."""
     return re.sub(r"[^A-Za-z0-9_.]+", "-", case).strip("-.")

@@ -1,4 +1,4 @@
-"""Which files of a results folder may be replaced: those that this package wrote, and no others."""
+"""Files of a results folder: only those that this package wrote are replaced."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from orbits.errors import InputError, StorageError
 
 
 def results_folder(path: Path) -> Path:
-    """Make the folder if it is not there. Raises InputError where that cannot be."""
+    """Make the folder if it does not exist. Raises InputError if that fails."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
@@ -20,14 +20,14 @@ def results_folder(path: Path) -> Path:
 
 
 def replaceable(path: Path) -> Path:
-    """Return `path` if nothing is there, or something that this package wrote; raise InputError otherwise."""
+    """Return `path` if it does not exist, or was written by this package. Raises InputError otherwise."""
     if path.is_dir() or (path.exists() and not _is_ours(path)):
         raise InputError(f"{path} is there already and was not written by orbits; move it away, or give another --out.")
     return path
 
 
 def picture_path(path: Path) -> Path:
-    """Return `path` if a PNG can be written there; raise InputError otherwise."""
+    """Return `path` if a PNG can be written there. Raises InputError otherwise."""
     if path.suffix.lower() != ".png":
         raise InputError(f"{path} does not end in .png; pictures are written as PNG.")
     if not path.absolute().parent.is_dir():
@@ -36,7 +36,7 @@ def picture_path(path: Path) -> Path:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a text file. Raises StorageError where the device does not take it."""
+    """Write a text file. Raises StorageError if that fails."""
     try:
         replaceable(path).write_text(text, encoding="utf-8")
     except OSError as error:

@@ -20,7 +20,7 @@ from orbits.scenario.study import Study
 
 @dataclass(frozen=True)
 class Listed:
-    """A bundled scenario as a list shows it: its name, the first line of its file, and the file."""
+    """A bundled scenario for lists: its name, the first line of its file, and the file."""
 
     name: str
     summary: str
@@ -28,7 +28,7 @@ class Listed:
 
 
 def bundled() -> tuple[Listed, ...]:
-    """The bundled scenarios in alphabetic order, read from their files without running them."""
+    """Return the bundled scenarios in alphabetical order, read from their files without running them."""
     return tuple(
         Listed(path.stem, _summary(path), path)
         for path in sorted(resources.scenarios_dir().glob("*.py"))
@@ -37,11 +37,11 @@ def bundled() -> tuple[Listed, ...]:
 
 
 def load(what: str) -> Scenario | Study:
-    """The scenario that a path or the name of a bundled one stands for.
+    """Return the scenario in a file, or the bundled one of this name.
 
-    A path ends in `.py` or has a folder in it. The file is run once, with its own folder importable, and must define
-    `scenario`. Raises UnknownNameError (no such bundled scenario; the message has the nearest names) and InputError
-    (no such file, or a file that does not run: the message has the file and the line).
+    A path ends in `.py` or contains a folder. The file is run once, with its own folder importable, and must define
+    `scenario`. Raises UnknownNameError if there is no such bundled scenario, with close matches, and InputError if the
+    file does not exist or does not run, with the file and the line.
     """
     path = Path(what).expanduser()
     if path.suffix != ".py" and len(path.parts) == 1:
@@ -54,7 +54,7 @@ def load(what: str) -> Scenario | Study:
 
 
 def load_file(path: Path) -> Scenario | Study:
-    """The `scenario` that the Python file at `path` defines; raises InputError with file and line otherwise."""
+    """Return the `scenario` defined by the Python file at `path`. Raises InputError, with file and line."""
     name = f"_orbits_scenario_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -75,10 +75,10 @@ def load_file(path: Path) -> Scenario | Study:
 
 @contextmanager
 def located(path: Path | None = None) -> Iterator[None]:
-    """Turn whatever the code of a scenario raises into an InputError that names the file and the line.
+    """Turn any error of a scenario's code into an InputError that names the file and the line.
 
-    path : the scenario's file; without it the innermost line outside this package is named. Errors of this package
-    pass unchanged: they say it better.
+    path : the scenario's file; without it the innermost line outside this package is named
+    Errors of this package pass unchanged, as their messages are better.
     """
     try:
         yield
@@ -135,7 +135,7 @@ def _summary(path: Path) -> str:
 
 @contextmanager
 def _importable(folder: Path) -> Iterator[None]:
-    """As Python does for a script: what lies beside it can be imported."""
+    """Make the files beside a script importable, as Python does."""
     sys.path.insert(0, str(folder))
     try:
         yield

@@ -1,4 +1,4 @@
-"""Performing a scenario: integrate, compare, check, draw, and write the results folder."""
+"""Perform a scenario: integrate, compare, check, draw, and write the results folder."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def perform(
     progress: bool | None = None,
     say: Say = lambda text: None,
 ) -> Outcome | StudyOutcome:
-    """Run all that a scenario asks for and write what it gives.
+    """Run a scenario and write its results.
 
-    out : results folder, ./results/NAME by default. Files of an earlier run are replaced, files of others never; the
-        very same run, stopped half-way by Ctrl-C, is gone on with
+    out : results folder, ./results/NAME by default. Files of an earlier run are replaced, other files never. If the
+        same run was interrupted by Ctrl-C, it is continued
     plot : whether to draw
-    progress : as in `propagate`; say : is told what is going on, a line at a time
+    progress : as in `propagate`; say : receives messages about the progress, one line each
 
-    Raises InputError and its kin for a wrong use, IntegrationError for a run that fails, Interrupted after Ctrl-C. An
-    exceeded tolerance is no error: `outcome.ok` says so.
+    Raises InputError (or a subclass) for wrong use, IntegrationError for a run that fails, Interrupted after Ctrl-C. An
+    exceeded tolerance raises no error; it makes `outcome.ok` False.
     """
     folder = results_folder(out or Path("results") / scenario.name)
     if isinstance(scenario, Study):
@@ -101,7 +101,7 @@ def to_json(outcome: Outcome | StudyOutcome) -> str:
 
 
 def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
-    """Return an outcome as values that JSON can hold."""
+    """Return an outcome as values for JSON."""
     scenario = outcome.scenario
     record: dict[str, Any] = {
         "format": "orbits-scenario",
@@ -152,9 +152,9 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
 
 
 def _plain(value: Any) -> Any:
-    """Return a study's values as JSON can hold them: NumPy's as Python's, null for what is not finite.
+    """Return a study's values for JSON: NumPy's converted to Python's, null for numbers that are not finite.
 
-    Raises InputError for anything that JSON has no word for.
+    Raises InputError for values that JSON cannot represent.
     """
     if hasattr(value, "tolist"):
         value = value.tolist()
@@ -185,7 +185,7 @@ def _runs(
     say: Say,
     failures: list[str],
 ) -> Mapping[str, Trajectory]:
-    """Run every method; one whose step fails is told in `failures` and keeps the samples before."""
+    """Run every method. One whose step fails is listed in `failures` and keeps the samples before."""
     from orbits.propagation.run import propagated, resume
 
     runs: dict[str, Trajectory] = {}
@@ -217,7 +217,7 @@ def _runs(
 
 @contextmanager
 def _minding(say: Say) -> Iterator[None]:
-    """Say the warnings of a run, of one that fails too."""
+    """Pass on the warnings of a run, even if it fails."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", StepWarning)
         warnings.simplefilter("always", RetiredWarning)
@@ -229,7 +229,7 @@ def _minding(say: Say) -> Iterator[None]:
 
 
 def _interrupted(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> bool:
-    """Whether `path` holds this very run, stopped half-way, so that going on gives the bits of an undisturbed one."""
+    """Whether `path` has this same run, interrupted, so that continuing it gives the bits of an uninterrupted run."""
     from orbits import integrators
     from orbits.archive import Archive
     from orbits.propagation.binding import differences

@@ -1,4 +1,4 @@
-"""Studies: scenarios that are a numerical experiment of their own rather than a system and its runs."""
+"""Studies: scenarios that are general numerical experiments instead of a system and its runs."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a study: a title, the columns' heads, and rows of text, whole numbers and floats.
+    """A table of a study: a title, column heads, and rows of text, whole numbers and floats.
 
-    Raises InputError for a row of another length than the heads.
+    Raises InputError for a row whose length differs from the number of columns.
     """
 
     title: str
@@ -35,7 +35,7 @@ class Table:
                 )
 
     def _repr_html_(self) -> str:
-        from orbits.export import html_table  # with it comes astropy, which the start of the command line does without
+        from orbits.export import html_table  # imports astropy, which the start of the command line avoids
 
         text = [all(isinstance(row[k], str | None) for row in self.rows) for k in range(len(self.columns))]
         words = text.index(False) if False in text else len(text)
@@ -43,7 +43,7 @@ class Table:
 
 
 def cell(value: Any) -> str:
-    """Return a value as a table shows it."""
+    """Return a value as text for a table."""
     if value is None:
         return ""
     if isinstance(value, float):
@@ -53,12 +53,12 @@ def cell(value: Any) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class StudyResult:
-    """What the experiment of a study gave.
+    """The result of a study's experiment.
 
-    tables : to be printed, and kept in report.json
-    checks : what had to hold, each with what was measured
-    figures : by file name; each a function that makes a matplotlib Figure, called only where pictures are wanted
-    record : more for report.json, as values that JSON can hold
+    tables : to print, and to store in report.json
+    checks : the requirements, with measured values
+    figures : functions that make matplotlib Figures, by file name; called only if pictures are drawn
+    record : further values for report.json
     """
 
     tables: Sequence[Table] = ()
@@ -72,14 +72,14 @@ class StudyResult:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """A numerical experiment that is run, judged and drawn as scenarios are.
+    """A numerical experiment that is run, judged and drawn like a scenario.
 
-    name, title : as those of a `Scenario`
-    experiment : a function of `say`, which tells the reader what is going on, to a `StudyResult`
-    certifies : what `orbits certify` measures: tuples (Lagrangian or System, integrator, dt) or, for a Lagrangian,
-        (Lagrangian, integrator, dt, q, v) with a start q, v of shape (d,)
+    name, title : as in `Scenario`
+    experiment : a function of `say`, which prints a message about the progress, that returns a `StudyResult`
+    certifies : the problems for `orbits certify`: tuples (Lagrangian or System, integrator, dt) or, for a Lagrangian,
+        (Lagrangian, integrator, dt, q, v) with initial q, v of shape (d,)
 
-    Raises InputError for what can be seen to be wrong here; the experiment is done when the study runs.
+    Raises InputError for errors that can be detected here; the experiment is performed when the study runs.
 
         def experiment(say):
             path = orbits.march(orbits.lagrangians.pendulum, orbits.StormerVerlet(), dt=0.1, steps=10_000)
@@ -117,7 +117,7 @@ class Study:
 
 @dataclass(frozen=True)
 class StudyOutcome:
-    """What performing a study gave: its result, the files written, and what went wrong after the experiment."""
+    """The outcome of performing a study: its result, the files written, and problems after the experiment."""
 
     scenario: Study
     folder: Path
@@ -132,10 +132,10 @@ class StudyOutcome:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """All that the study demands and did not get, in words; empty when all holds."""
+        """All requirements that do not hold, in words."""
         return (*(check.failure for check in self.checks if not check.ok), *self.complaints)
 
     @property
     def ok(self) -> bool:
-        """Whether all that the study demands holds."""
+        """Whether all requirements of the study hold."""
         return not self.failures

@@ -1,4 +1,4 @@
-"""Quantities and files as they are typed on a command line."""
+"""Quantities as typed on a command line."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def quantity(text: str, option: str) -> Any:
-    """Return "6 d" as a Quantity and "6" as a number, which stands for the system's own unit of time.
+    """Return "6 d" as a Quantity and "6" as a number, meaning the system's unit of time.
 
     Raises InputError, naming the option, for anything else.
     """
@@ -20,7 +20,7 @@ def quantity(text: str, option: str) -> Any:
 
 
 def number_or_text(text: str) -> float | str:
-    """Return "6" as a number, which stands for the system's own unit of time, and any other text as it is."""
+    """Return "6" as a number, meaning the system's unit of time, and any other text unchanged."""
     try:
         return float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Runs as SPK kernels, the ephemeris files of NASA's SPICE, which jplephem, Skyfield and astropy read too."""
+"""Runs as SPK kernels: ephemeris files for NASA's SPICE, jplephem, Skyfield and astropy."""
 
 from orbits.spk.writing import SpkFile, write
 

@@ -10,23 +10,23 @@ from orbits.checks import is_whole
 from orbits.errors import InputError, UnknownNameError, shown
 
 PLANETS = dict(zip(ephemeris.BODIES, (10, 1, 2, 3, 399, 301, 4, 5, 6, 7, 8, 9), strict=True))
-"""Of the Sun, the Earth, the Moon, and for all others of the barycentre of the planet with its moons."""
+"""Numbers of the Sun, the Earth, the Moon, and of the barycentres of the other planets with their moons."""
 
 WITHOUT_MOONS = {1: 199, 2: 299}
-"""Mercury and Venus are at the barycentres that stand for them; ephemerides have both numbers."""
+"""Mercury and Venus coincide with their barycentres; ephemerides have both numbers."""
 
 ASTEROIDS = 2_000_000
 MANY_ASTEROIDS = 20_000_000
-"""Added to an asteroid's number; the second from number 1,000,000 on."""
+"""Added to the number of an asteroid; the second one from number 1,000,000 on."""
 
 SOLAR_SYSTEM_BARYCENTRE = 0
 
 
 def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, int]:
-    """Return the number of each body: as given, of DE440's bodies, or of a numbered asteroid of the catalogue.
+    """Return the number of each body: as given, or known for DE440's bodies and numbered asteroids of the catalogue.
 
-    Raises InputError, naming the bodies, for those that have none and for a number that two have; UnknownNameError for
-    a name in `given` that no body has.
+    Raises InputError, naming the bodies, if a body has no number or two have the same; UnknownNameError for a name in
+    `given` that no body has.
     """
     if given is not None and not isinstance(given, Mapping):
         raise InputError(f"ids is {shown(given)}; expected numbers by name, such as {{'probe': -1001}}.")
@@ -42,7 +42,7 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
         elif not is_whole(number) or not -(2**31) < number < 2**31 or number == 0:
             raise InputError(
                 f"ids[{name!r}] is {shown(number)}; expected a whole number of 32 bits, such as -1001, and not 0, "
-                "which is the barycentre of the Solar System."
+                "the Solar System barycentre."
             )
         elif number in found.values():
             other = next(body for body in found if found[body] == number)
@@ -51,8 +51,8 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
             found[name] = number
     if missing:
         raise InputError(
-            f"no NAIF number is known of {few(missing)}; expected a body of DE440, a numbered asteroid of the "
-            f"catalogue, or a number of yours: ids={{{missing[0]!r}: -1001}}, or bodies=[...] without them."
+            f"no NAIF number is known for {few(missing)}; expected a body of DE440 or a numbered asteroid of the "
+            f"catalogue. Give numbers, ids={{{missing[0]!r}: -1001}}, or leave them out: bodies=[...]."
         )
     return found
 

@@ -1,8 +1,8 @@
-"""Chebyshev polynomials through positions and velocities, and how much is lost when they are cut short.
+"""Chebyshev polynomials through positions and velocities, and a bound on their truncation error.
 
 A record of half-length r about t0 holds x(t0 + r s) = sum_k c_k T_k(s), -1 <= s <= 1. Positions and velocities at NODES
-points determine DEGREE_OF_FIT + 1 coefficients; the first DEGREE + 1 are kept. |T_k| <= 1, so the sum of the others
-bounds what that changes.
+points determine DEGREE_OF_FIT + 1 coefficients, of which the first DEGREE + 1 are kept. As |T_k| <= 1, the sum of the
+others bounds the truncation error.
 Source: Newhall (1989), Celestial Mechanics 45, 305 (positions and velocities fitted together).
 """
 
@@ -23,7 +23,7 @@ DEGREE = 13
 
 @cache
 def nodes() -> Array:
-    """Return the points of a record where it is sampled, ascending in (-1, 1), shape (NODES,)."""
+    """Return the points at which a record is sampled, ascending in (-1, 1), shape (NODES,)."""
     return np.polynomial.chebyshev.chebpts1(NODES)
 
 
@@ -38,7 +38,7 @@ def _from_states() -> Array:
 
 @cache
 def _of_pairs() -> Array:
-    """Return the matrix from the kept coefficients of two neighbours to those of both in one, (2, 2, DEGREE...).
+    """Return the matrix from the kept coefficients of two neighbouring records to those of the joined record.
 
     Shape (DEGREE_OF_FIT + 1, 2, DEGREE + 1).
     """
@@ -55,15 +55,15 @@ def _of_pairs() -> Array:
 def fitted(q: Array, v: Array, half_length: float) -> tuple[Array, Array]:
     """Return (coefficients, lost) of records.
 
-    q, v : (records, NODES, bodies, 3) at the nodes, any length and that length per unit of `half_length`
-    coefficients : (records, DEGREE + 1, bodies, 3);  lost : (records, bodies), the bound on what was cut off
+    q, v : (records, NODES, bodies, 3) at the nodes, in any unit of length, and that unit per unit of `half_length`
+    coefficients : (records, DEGREE + 1, bodies, 3);  lost : (records, bodies), the bound on the truncation error
     """
     data = np.concatenate([q, v * half_length], axis=1)
     return _cut(np.einsum("kj,rjbc->rkbc", _from_states(), data))
 
 
 def merged(coefficients: Array) -> tuple[Array, Array]:
-    """Return (coefficients, lost) of records of twice the length; `coefficients` of an even number of records."""
+    """Return (coefficients, lost) of records of twice the length, from those of an even number of records."""
     pairs = coefficients.reshape(-1, 2, *coefficients.shape[1:])
     return _cut(np.einsum("ksj,rsjbc->rkbc", _of_pairs(), pairs))
 

@@ -1,4 +1,4 @@
-"""SPK files: a DAF with segments of type 2, Chebyshev polynomials of the positions in records of one length.
+"""SPK files: a DAF with segments of type 2, Chebyshev polynomials of positions in records of equal length.
 
 Source: NAIF's "DAF Required Reading" and "SPK Required Reading".
 """
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 RECORD = 1024
 COMMENT = 1000
-"""Characters of comment in a record; lines end in NUL, the whole in EOT."""
+"""Characters of comment in a record. Lines end in NUL, the comment in EOT."""
 
 J2000_FRAME = 1
 TYPE_2 = 2
@@ -24,11 +24,11 @@ FTP_TEST = b"FTPSTR:\r:\n:\r\n:\r\x00:\x81:\x10\xce:ENDFTP"
 
 @dataclass(frozen=True)
 class Segment:
-    """One body about one centre.
+    """The positions of one body relative to a centre.
 
     name : up to 40 characters;  target, centre : NAIF's numbers
-    start, end : what is covered, TDB seconds past J2000
-    initial, length : start of the first record and length of all of them, seconds
+    start, end : the interval covered, TDB seconds past J2000
+    initial, length : start of the first record and length of each record, seconds
     coefficients : (records, degree + 1, 3), km
     """
 
@@ -42,7 +42,7 @@ class Segment:
     coefficients: NDArray[np.float64]
 
     def words(self) -> NDArray[np.float64]:
-        """Return the segment as it stands in the file: records of MID, RADIUS, x, y, z, and four numbers about them."""
+        """Return the segment as stored in the file: records of MID, RADIUS, x, y, z, then four numbers about them."""
         count, terms, _ = self.coefficients.shape
         size = 2 + 3 * terms
         records = np.empty((count, size))

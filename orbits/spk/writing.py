@@ -1,7 +1,8 @@
-"""From a run to an SPK file: the run is marched again, sampled inside its steps and fitted to a tolerance.
+"""From a run to an SPK file: the run is integrated again, sampled within its steps, and fitted to a tolerance.
 
-Each body has one segment of records of one length, as long as the tolerance allows. Records of all bodies begin as
-eight steps and are halved until the fastest body keeps the tolerance; then those of each body are joined in pairs.
+Each body has one segment with records of equal length, as long as the tolerance allows. Records of all bodies start
+with a length of eight steps and are halved until the fastest body meets the tolerance; then the records of each body
+are joined in pairs.
 """
 
 from __future__ import annotations
@@ -38,13 +39,13 @@ Array = NDArray[np.float64]
 J2000 = 2451545
 DAY = 86400
 
-# Where records begin, in parts of a second: exact in binary for millions of years, whatever their number.
+# Records begin at multiples of this fraction of a second, which are exact in binary for millions of years.
 PARTS = 1024
 SHORTEST = 0.125
-"""Seconds; records that would have to be shorter are refused."""
+"""The shortest record, in seconds; runs that need shorter ones are refused."""
 
 JOINABLE = 32
-"""Records come in multiples of this, so that five times two neighbours can be joined."""
+"""The number of records is a multiple of this, so that neighbours can be joined five times."""
 
 LONGEST_IN_STEPS, SHORTEST_IN_STEPS = 8.0, 0.25
 
@@ -57,13 +58,13 @@ BLOCK = 4096
 
 @dataclass(frozen=True)
 class SpkFile:
-    """What was written.
+    """A description of the written file.
 
     path : of the file
-    ids : NAIF's number of each body;  centre : that of the centre of all segments
-    record_days : length of a body's records
-    error_km : how far a body's polynomials may be from the run, km: the bound on what the fit left out, or the largest
-        distance to the run's own samples where that is larger
+    ids : NAIF's number of each body;  centre : NAIF's number of the centre of all segments
+    record_days : length of a body's records, days
+    error_km : bound on the distance of a body's polynomials from the run, km: the truncation error of the fit, or the
+        largest distance from the run's own samples if that is larger
     """
 
     path: Path
@@ -83,25 +84,25 @@ def write(
     centre: str | None = None,
     overwrite: bool = False,
 ) -> SpkFile:
-    """Write a run as an SPK file, type 2 (Chebyshev polynomials of the positions), and say how exact it is.
+    """Write a run as an SPK file of type 2 (Chebyshev polynomials of the positions), and return its accuracy.
 
-    run : with physical units and an epoch; the integration is repeated from the initial state to sample it within steps
+    run : with physical units and an epoch; it is integrated again from its initial state, to be sampled within steps
     path : of the file, usually `.bsp`;  overwrite : whether an existing file may be replaced
-    tolerance_km : how far the polynomials may be from the run; velocities are their derivatives. Readers count time in
-        seconds past J2000 as one float64, which resolves 60 ns in this century and 4 us after a thousand years
-    ids : NAIF numbers by name, for bodies without one and instead of the usual ones: of DE440's bodies 10 (Sun), 1 to 9
-        (a planet with its moons; Mercury and Venus are found as 199 and 299, too), 399 and 301 (Earth and Moon, each
-        about the centre, not about their barycentre as in JPL's files, so that astropy does not find them by name), of
-        numbered asteroids of the catalogue by their names 2000000 + number, 20000000 + number from 1,000,000 on
-    bodies : those to write, by default all
-    centre : a body of the run that all positions are relative to. By default it is the origin of the system, labelled
-        0, the barycentre of the Solar System: `System.solar_system` puts the barycentre of the bodies chosen there,
-        which is not that of DE440, unless it is asked for with origin="ssb"
+    tolerance_km : largest distance of the polynomials from the run; velocities are their derivatives. Readers count
+        time in seconds past J2000 as one float64, which resolves 60 ns in this century and 4 us after a thousand years
+    ids : NAIF numbers by name, for bodies without a number or to replace the usual ones. DE440's bodies have 10 (Sun),
+        1 to 9 (a planet with its moons; Mercury and Venus are also found as 199 and 299), 399 and 301 (Earth and Moon,
+        each relative to the centre, not to their barycentre as in JPL's files, so astropy does not find them by name).
+        Numbered asteroids of the catalogue have 2000000 + number, or 20000000 + number from 1,000,000 on
+    bodies : the bodies to write, by default all
+    centre : the body of the run that positions are relative to. By default the origin of the system, labelled 0, the
+        Solar System barycentre. With `System.solar_system` the origin is the barycentre of the selected bodies, which
+        is not DE440's barycentre unless the system was made with origin="ssb"
 
     Axes are those of the system, labelled J2000 (ICRF).
-    Raises InputError, and its kin, for bodies without a number, a run in pure numbers, without an epoch or of a single
-    sample, one that is not smooth to the tolerance or not of its own method, a path that cannot be written;
-    ArchiveError for a file that is there; IntegrationError as `propagate` does.
+    Raises InputError (or a subclass) for bodies without a number, a run without units, epoch or a second sample, a run
+    that is not smooth to the tolerance or does not agree with its method, and a path that cannot be written;
+    ArchiveError for a file that exists; IntegrationError as `propagate` does.
     Source: NAIF, "SPK Required Reading".
     """
     target = _target(path, overwrite)
@@ -110,11 +111,11 @@ def write(
     names = tuple(np.array(run.names, dtype=object)[chosen(run.names, bodies)])
     places = [run.names.index(name) for name in names if name != centre]
     if not places:
-        raise InputError(f"bodies = {list(names)!r} leaves nothing to write; expected at least one besides the centre.")
+        raise InputError(f"bodies = {list(names)!r} leaves nothing to write; expected a body besides the centre.")
     _check(run, tolerance_km)
     wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
     _refuse_retired(run, wanted)
-    if isinstance(ids, Mapping):  # numbers of bodies that are not written do no harm
+    if isinstance(ids, Mapping):  # ignore numbers of bodies that are not written
         places_of_ids = {name: place_of(name, run.names) for name in ids}
         ids = {name if at is None else run.names[at]: ids[name] for name, at in places_of_ids.items()}
         ids = {name: number for name, number in ids.items() if name in wanted or name not in run.names}
@@ -129,8 +130,8 @@ def write(
         seen = _largest_distance_to_samples(run, i, about, own, grid._replace(length=length))
         if seen > 2.0 * tolerance_km:
             raise InputError(
-                f"the samples of {name!r} are up to {seen:.3g} km from where {run.integrator.label} with dt = {run.dt} "
-                "takes it; expected a run as orbits.propagate made it. Propagate it again."
+                f"the samples of {name!r} are up to {seen:.3g} km from the motion that {run.integrator.label} with "
+                f"dt = {run.dt} computes; expected an unchanged run of orbits.propagate. Propagate it again."
             )
         errors[name], records[name] = max(error, seen), length / DAY
         segments.append(
@@ -142,9 +143,9 @@ def write(
 
 
 class _Grid(NamedTuple):
-    """Records of a run in TDB seconds past J2000: where the first begins, their length and number, what is covered.
+    """Records of a run in TDB seconds past J2000: start of the first, length, number, and the interval covered.
 
-    offset : of the first record since the run's epoch, in its unit of time;  seconds : in that unit
+    offset : time of the first record since the run's epoch, in its unit of time;  seconds : seconds in that unit
     """
 
     initial: float
@@ -170,16 +171,16 @@ class _Grid(NamedTuple):
 
 
 class _TooLongError(Exception):
-    """Records that lose more than the tolerance; carries how much."""
+    """Records whose truncation error, the argument, exceeds the tolerance."""
 
 
 def _check(run: Trajectory, tolerance_km: float) -> None:
     if not run.system.units.is_physical:
         raise InputError("a run in pure numbers has no kilometres and seconds; expected a system with physical units.")
     if run.system.epoch is None:
-        raise EpochError("the system has no epoch, so an SPK file has no dates for it; give System(..., epoch=...).")
+        raise EpochError("the system has no epoch, but an SPK file needs dates; use System(..., epoch=...).")
     if len(run) < 2:
-        raise InputError(f"{run!r} covers no span of time; expected a run with at least two samples.")
+        raise InputError(f"{run!r} covers no interval of time; expected a run with at least two samples.")
     positive_number(tolerance_km, "tolerance_km")
 
 
@@ -198,7 +199,7 @@ def _refuse_retired(run: Trajectory, wanted: Sequence[str]) -> None:
 def _fitted(
     run: Trajectory, places: Sequence[int], about: int | None, tolerance_km: float
 ) -> tuple[_Grid, Array, Array]:
-    """Return the grid of records that keep the tolerance, coefficients (records, degree + 1, bodies, 3), and losses."""
+    """Return the grid of records that meet the tolerance, coefficients (records, degree + 1, bodies, 3), and errors."""
     typical, shortest = abs(run.step), SHORTEST_IN_STEPS
     if run.clock.changes:
         shortest = 0.0
@@ -221,16 +222,16 @@ def _fitted(
             reached = loss.args[0]
             length = min(length, grid.length) / 2.0
     raise InputError(
-        f"{run.made_by} is not smooth to {tolerance_km:g} km: its own error in a step "
-        f"shows as {reached:.2g} km that records of {2 * length / DAY:.3g} d cannot hold. Give a larger tolerance_km, "
-        "or propagate with a smaller dt or a method of higher order."
+        f"{run.made_by} is not smooth to {tolerance_km:g} km: because of its own error in a step, records of "
+        f"{2 * length / DAY:.3g} d deviate by {reached:.2g} km. Use a larger tolerance_km, or propagate with a smaller "
+        "dt or a method of higher order."
     )
 
 
 def _coefficients(
     run: Trajectory, places: Sequence[int], about: int | None, grid: _Grid, tolerance_km: float
 ) -> tuple[Array, Array]:
-    """March through all records; raise _TooLongError as soon as a block of them loses more than the tolerance."""
+    """March through all records. Raises _TooLongError as soon as a block of them misses the tolerance."""
     units = run.system.units
     km, kms = float(units.length.to(u.km)), float(units.speed.to(u.km / u.s))
     march = run.begun()
@@ -258,9 +259,9 @@ def _coefficients(
 
 
 def _visits(grid: _Grid, record: int, clock: Clock) -> list[tuple[int, Place]]:
-    """Return a record's nodes and where they lie, in the order in which a march by this clock meets them.
+    """Return a record's nodes and their places, in the order in which a march by this clock reaches them.
 
-    The end of the record that comes first is found exactly; what is left is no longer than a record.
+    The end of the record that is reached first is computed exactly; the remainder is at most as long as a record.
     """
     nodes = chebyshev.nodes()
     length = float(Fraction(grid.length) / grid.seconds)
@@ -276,7 +277,7 @@ def _visits(grid: _Grid, record: int, clock: Clock) -> list[tuple[int, Place]]:
 
 
 def _joined(coefficients: Array, lost: float, length: float, tolerance_km: float) -> tuple[Array, float, float]:
-    """Return a body's (coefficients (records, degree + 1, 3), loss, length) with records as long as may be."""
+    """Return a body's coefficients (records, degree + 1, 3), error and length, with records as long as possible."""
     while len(coefficients) % 2 == 0:
         longer, more = chebyshev.merged(coefficients)
         if lost + float(more.max()) > tolerance_km:
@@ -286,7 +287,7 @@ def _joined(coefficients: Array, lost: float, length: float, tolerance_km: float
 
 
 def _largest_distance_to_samples(run: Trajectory, body: int, about: int | None, fit: Array, grid: _Grid) -> float:
-    """Return how far the polynomials are from the run's samples, km."""
+    """Return the largest distance of the polynomials from the run's samples, km."""
     km = float(run.system.units.length.to(u.km))
     farthest = 0.0
     for first in range(0, len(run), BLOCK):
@@ -303,7 +304,7 @@ def _largest_distance_to_samples(run: Trajectory, body: int, about: int | None, 
 
 
 def _planets_at_their_barycentres(numbers: Mapping[str, int], grid: _Grid) -> list[daf.Segment]:
-    """Return segments that say so of Mercury and Venus, where they are written by the numbers of barycentres."""
+    """Return segments that place Mercury and Venus at their barycentres, if these were written."""
     length = grid.length * grid.records
     return [
         daf.Segment(
@@ -323,10 +324,10 @@ def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, t
     ]
     if centre is None:
         lines += [
-            "The centre, labelled 0, is the origin of the system that was propagated, for",
-            "System.solar_system() the barycentre of the bodies chosen, which is not to the",
-            "last kilometre that of DE440: asteroids, for instance, are left out;",
-            "with origin='ssb' it is that of DE440 at the epoch.",
+            "The centre, labelled 0, is the origin of the system that was propagated. For",
+            "System.solar_system() that is the barycentre of the selected bodies, which",
+            "differs from DE440's by kilometres, as asteroids, for instance, are left out;",
+            "with origin='ssb' it is DE440's at the epoch.",
         ]
     return [*lines, "", *(f"{number:>12} {name}" for name, number in numbers.items())]
 
@@ -342,7 +343,7 @@ def _target(path: str | PathLike[str], overwrite: bool) -> Path:
 
 
 def _store(target: Path, comments: Sequence[str], segments: Sequence[daf.Segment]) -> None:
-    """Write beside the target and move it there whole: nobody ever reads half a file."""
+    """Write beside the target, then move the complete file there, so that no incomplete file is ever read."""
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
         try:

@@ -1,4 +1,4 @@
-"""The bodies of a system one by one, for a look at their numbers."""
+"""The bodies of a system one by one, with their values."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from orbits.errors import InputError, shown
 from orbits.export import html_pairs
 
 if TYPE_CHECKING:
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body:
-    """One body at the epoch of its system: what `system["Ceres"]` gives.
+    """One body at the epoch of its system, as returned by `system["Ceres"]`.
 
-    name : as the system has it
+    name : as in the system
     gm, mass : G times mass, and the mass with the G of the system's units; 0 for a massless particle
-    q, v : position and velocity, shape (3,), in the axes of the system and about its origin
-    radius : or None where no radii are known
+    q, v : position and velocity, shape (3,), in the axes of the system and relative to its origin
+    radius : None if the system has no radii
     """
 
     name: str
@@ -54,12 +54,12 @@ class Body:
 
 
 class Bodies:
-    """What `System` has for single bodies."""
+    """The methods of `System` for single bodies."""
 
     __slots__ = ()
 
     def __getitem__(self, key: str | int) -> Body:
-        """Return a body, by name or by number (negative ones from the end). Raises UnknownNameError, or IndexError."""
+        """Return a body by name or index (negative ones from the end). Raises UnknownNameError or IndexError."""
         system: System = self  # type: ignore[assignment]
         if isinstance(key, str):
             i = system.index(key)
@@ -68,7 +68,7 @@ class Bodies:
                 raise IndexError(f"body {key} of a system with {len(system)} bodies")
             i = int(key) % len(system)
         else:
-            raise InputError(f'system[{shown(key)}]: give a name, system["Sun"], or the number of a body, system[0].')
+            raise InputError(f'system[{shown(key)}]: expected a name, system["Sun"], or an index, system[0].')
         mass = u.Quantity(system.values.gm[i] / system.units.G, system.units.mass)
         radius = None if system.radii is None else system.radii[i]
         return Body(system.names[i], system.gm[i], mass, system.q[i], system.v[i], radius)

@@ -1,4 +1,4 @@
-"""Systems with the bodies of a catalogue: one call from a user's own download to Sun, planets and asteroids."""
+"""Systems with the bodies of a catalogue: one call from a downloaded file to Sun, planets and asteroids."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from orbits import ephemeris
 from orbits.body_names import few
 from orbits.checks import checked_flag
 from orbits.errors import EpochError, InputError, UnknownNameError
-from orbits.system.making import is_about_ssb
+from orbits.system.new_bodies import is_about_ssb
 from orbits.units import as_epoch
 
 if TYPE_CHECKING:
     from astropy.time import Time
 
     from orbits.catalogue import Catalogue
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 Floats = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ MJD_ZERO = 2400000.5
 
 
 class FromCatalogues:
-    """What `System` has for catalogues."""
+    """The methods of `System` for catalogues."""
 
     __slots__ = ()
 
@@ -50,22 +50,22 @@ class FromCatalogues:
 
             System.from_catalogue(orbits.asteroids(1000))
 
-        catalogue : what `asteroids`, `read_mpcorb` or `read_sbdb` return
-        bodies : as of `solar_system`, with "Sun" among them
-        epoch : of the system, if not that of the elements
-        propagate_to_epoch : carry elements of another epoch over, as `add_particles` does; without an epoch= to the one
-            that most of the catalogue has
-        massive : as of `add_particles`
-        origin : "barycentre", that of all bodies with mass, which rests there; or "ssb", that of the Solar System, as
-            of `solar_system`
+        catalogue : as returned by `asteroids`, `read_mpcorb` or `read_sbdb`
+        bodies : as in `solar_system`; "Sun" must be among them
+        epoch : of the system, by default the epoch of the elements
+        propagate_to_epoch : propagate elements of other epochs, as `add_particles` does; without epoch= to the most
+            common epoch of the catalogue
+        massive : as in `add_particles`
+        origin : "barycentre", the barycentre of all massive bodies, which is at rest; or "ssb", the Solar System
+            barycentre, as in `solar_system`
 
-        Raises EpochError where epochs differ and `propagate_to_epoch` does not allow it, or DE440 does not cover them;
-        InputError for an empty catalogue.
+        Raises EpochError if epochs differ and `propagate_to_epoch` is False, or DE440 does not cover them; InputError
+        for an empty catalogue.
         """
         _check(catalogue)
         propagate_to_epoch = checked_flag(propagate_to_epoch, "propagate_to_epoch")
         if not len(catalogue):
-            raise InputError("the catalogue has no bodies; expected at least one. Choose others, or none at all")
+            raise InputError("the catalogue has no bodies; expected at least one. Relax the selection")
         when = _common_epoch(catalogue, propagate_to_epoch) if epoch is None else as_epoch(epoch)
         planets: Any = cls.solar_system(epoch=when, bodies=bodies, origin=origin)  # type: ignore[attr-defined]
         system = planets.add_particles(catalogue, propagate_to_epoch=propagate_to_epoch, massive=massive)
@@ -87,8 +87,8 @@ class FromCatalogues:
 
             System.from_mpcorb("MPCORB.DAT.gz", brighter_than=12)
 
-        source, choice : what `read_mpcorb` takes: count, names, numbers, classes, brighter_than, errors
-        bodies, epoch, propagate_to_epoch, origin : as of `from_catalogue`
+        source, choice : arguments of `read_mpcorb`: count, names, numbers, classes, brighter_than, errors
+        bodies, epoch, propagate_to_epoch, origin : as in `from_catalogue`
 
         Raises as `read_mpcorb` and `from_catalogue` do.
         """
@@ -116,8 +116,8 @@ class FromCatalogues:
 
             System.from_sbdb("sbdb_query_results.csv")
 
-        source, choice : what `read_sbdb` takes: count, names, numbers, classes, brighter_than, errors
-        bodies, epoch, propagate_to_epoch, massive, origin : as of `from_catalogue`
+        source, choice : arguments of `read_sbdb`: count, names, numbers, classes, brighter_than, errors
+        bodies, epoch, propagate_to_epoch, massive, origin : as in `from_catalogue`
 
         Raises as `read_sbdb` and `from_catalogue` do.
         """
@@ -136,14 +136,13 @@ class FromCatalogues:
             system.add_particles(orbits.asteroids(1000))
             system.add_particles(orbits.read_mpcorb("MPCORB.DAT.gz", numbers=range(1, 101)), propagate_to_epoch=True)
 
-        propagate_to_epoch : carry elements of another epoch to that of the system along their two-body orbits, which
-            leaves out what the planets do in between
-        massive : give those bodies mass whose GM the catalogue has. Their elements are made with the GM of the Sun
-            alone all the same, as the Small-Body Database does it
+        propagate_to_epoch : propagate elements of other epochs to that of the system along two-body orbits, which
+            neglects the perturbations by the planets in between
+        massive : give a mass to bodies whose GM is in the catalogue. Their elements still refer to the GM of the Sun
+            alone, as in the Small-Body Database
 
-        Raises EpochError where epochs differ and `propagate_to_epoch` does not allow it, InputError for a system
-        without an epoch, or a catalogue without a single GM where they are to be massive, UnknownNameError for a system
-        without "Sun".
+        Raises EpochError if epochs differ and `propagate_to_epoch` is False, InputError for a system without an epoch,
+        and for massive=True with a catalogue without any GM, UnknownNameError for a system without "Sun".
         """
         system: Any = self
         _check(catalogue)
@@ -155,7 +154,7 @@ class FromCatalogues:
             gm = system.units.gm_value(catalogue.gm * (u.au**3 / u.day**2))
             if not (gm > 0.0).any():
                 raise InputError(
-                    f"no GM is known of {few(catalogue.names, 3)}; expected a catalogue with some. Ask the database "
+                    f"no GM is known for {few(catalogue.names, 3)}; expected a catalogue with GM. Ask the database "
                     "for the column GM, or leave out massive=True"
                 )
         radii = catalogue.radius * u.au if (catalogue.radius > 0.0).any() else None
@@ -166,7 +165,7 @@ def particle_states(system: System, catalogue: Catalogue, propagate_to_epoch: bo
     """Return positions and velocities of a catalogue's bodies in the system's axes and units."""
     units = system.units
     if system.epoch is None:
-        raise InputError("the system has no epoch, so the asteroids have no place in it. Make it with epoch=...")
+        raise InputError("the system has no epoch, so the positions of asteroids are undefined. Make it with epoch=...")
     if "Sun" not in system:
         raise UnknownNameError(
             f"the asteroids' elements are heliocentric, but there is no 'Sun' among {few(system.names)}."
@@ -179,8 +178,8 @@ def particle_states(system: System, catalogue: Catalogue, propagate_to_epoch: bo
         i = int(np.argmax(late))
         raise EpochError(
             f"the system's epoch is MJD {system.epoch.mjd:.9g} TDB, but the elements of {catalogue.names[i]!r} are "
-            f"of MJD {catalogue.epoch[i]:.9g} TDB. Make the system at that epoch, or say propagate_to_epoch=True "
-            "to carry them over along two-body orbits."
+            f"of MJD {catalogue.epoch[i]:.9g} TDB. Make the system at that epoch, or use propagate_to_epoch=True "
+            "to propagate them along two-body orbits."
         )
     q, v = _heliocentric(catalogue, gm)
     if late.any():
@@ -211,20 +210,20 @@ def _heliocentric(catalogue: Catalogue, gm: float) -> tuple[Floats, Floats]:
 def _check(catalogue: Any) -> None:
     if not isinstance(catalogue, ephemeris.Catalogue):
         raise InputError(
-            f"the catalogue is a {type(catalogue).__name__}; expected what orbits.asteroids, orbits.read_mpcorb or "
-            "orbits.read_sbdb return."
+            f"the catalogue is a {type(catalogue).__name__}; expected one from orbits.asteroids, orbits.read_mpcorb or "
+            "orbits.read_sbdb."
         )
 
 
 def _common_epoch(catalogue: Catalogue, propagate_to_epoch: bool) -> Time:
-    """Return the epoch of the elements, or of most of them; raise EpochError where they differ and may not."""
+    """Return the epoch of the elements, or of most of them. Raises EpochError if they differ without permission."""
     from astropy.time import Time
 
     epochs, counts = np.unique(catalogue.epoch, return_counts=True)
     if len(epochs) > 1 and not propagate_to_epoch:
         raise EpochError(
             f"the elements of {catalogue.source} are of {len(epochs)} epochs, MJD {epochs[0]:.9g} to {epochs[-1]:.9g} "
-            "TDB. Say propagate_to_epoch=True to carry them to the one that most of them have, or to epoch=..., along "
-            "two-body orbits; or choose bodies of one epoch"
+            "TDB. Use propagate_to_epoch=True to propagate them along two-body orbits to the most common epoch, or to "
+            "epoch=...; or choose bodies of one epoch"
         )
     return Time(MJD_ZERO, float(epochs[np.argmax(counts)]), format="jd", scale="tdb")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
     from orbits.lagrangians.base import Lagrangian
     from orbits.lagrangians.terms.base import SumOfTerms, Term
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 Array = NDArray[np.float64]
 

@@ -14,16 +14,16 @@ from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
 from orbits.system.model import to_json
 
 if TYPE_CHECKING:
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 Floats = NDArray[np.float64]
 
 NANOSECONDS = 9
-"""Digits of the seconds of an epoch: what astropy can write."""
+"""Decimal digits of the seconds of an epoch, as many as astropy can write."""
 
 
 def attributes(system: System) -> dict[str, str | float]:
-    """Return what holds for all bodies and times of a system, as strings and numbers."""
+    """Return the properties of a system that hold for all bodies and times, as strings and numbers."""
     known: dict[str, str | float] = {"unit_system": system.units.name, "G": system.units.G}
     if system.epoch is not None:
         moment = system.epoch
@@ -71,7 +71,7 @@ def labelled_run(
 
 
 def span(t: u.Quantity) -> str:
-    """Return in words from when to when times of shape (n,) reach."""
+    """Return the range of times of shape (n,) in words."""
     return f"t = {t[0].value:g} ... {t[-1].value:g} {t.unit}".rstrip() if len(t) else "no samples yet"
 
 

@@ -1,4 +1,4 @@
-"""What one asks of a single state: what is conserved, and the orbits that bodies osculate."""
+"""Derived quantities of a single state: conserved quantities and osculating elements."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING
 from astropy import units as u
 
 from orbits import diagnostics
-from orbits.system import making
+from orbits.system import new_bodies
 from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, whole
-from orbits.system.osculating import OrbitalElements, osculating
+from orbits.system.orbital_elements import OrbitalElements, osculating
 
 if TYPE_CHECKING:
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 
 class Questions:
-    """What `System` has for conserved quantities and elements."""
+    """The methods of `System` for conserved quantities and elements."""
 
     __slots__ = ()
 
     def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies, terms included. Source: `orbits.diagnostics.energy`, over G."""
+        """Return the energy of the massive bodies, including terms: `orbits.diagnostics.energy` divided by G."""
         system: System = self  # type: ignore[assignment]
         gm, q, v, softening = system.values
         value = whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v)
@@ -50,15 +50,15 @@ class Questions:
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies; see `OrbitalElements`.
 
-        primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi": each body goes around
-            the centre of mass of those before it. The two-body GM is that of the body and of all it goes around. May
-            be left out where only one body has mass
-        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `add`
+        primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi", the centre of mass of
+            the preceding bodies. The two-body GM is the sum of the body's and the primary's. Optional if only one body
+            has mass
+        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `add`
 
         Raises UnknownNameError for a primary or frame that does not exist, InputError, naming the body, for a state
-        without elements: at the primary's place, or moving straight towards or away from it.
+        without elements: at the position of the primary, or moving straight towards or away from it.
         """
         system: System = self  # type: ignore[assignment]
         gm, q, v, _ = system.values
-        primary = making.primary_name(system.names, gm, primary)
+        primary = new_bodies.primary_name(system.names, gm, primary)
         return osculating(system.names, gm, q, v, units=system.units, primary=primary, frame=frame, epoch=system.epoch)

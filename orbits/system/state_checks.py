@@ -1,4 +1,4 @@
-"""What a system must be: every check names the body and the value, and says what to do."""
+"""Checks of a system's values: every message names the body, the value and the remedy."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any, units: UnitSystem) -> PointMasses:
     """Return the floats of a system in `units`, read-only and C-contiguous.
 
-    Raises InputError for what cannot be one, naming body and value.
+    Raises InputError, naming the body and the value, for anything that cannot be a system.
     """
     values = PointMasses(
         gm=checked_array("gm", units.gm_value(gm, "gm"), names, None, units.gm),
@@ -37,7 +37,7 @@ def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any
 
 
 def checked_radii(names: Sequence[str], radii: Any, units: UnitSystem) -> Floats | None:
-    """Return radii as floats in `units`, or None; raise InputError, naming the body, for one that is negative."""
+    """Return radii as floats in `units`, or None. Raises InputError, naming the body, for a negative radius."""
     if radii is None:
         return None
     values = checked_array("radii", units.length_value(radii, "radii"), names, None, units.length)
@@ -46,21 +46,21 @@ def checked_radii(names: Sequence[str], radii: Any, units: UnitSystem) -> Floats
 
 
 def checked_units(units: Any) -> UnitSystem:
-    """Return a unit system as it was given. Raises InputError for anything else."""
+    """Return a unit system unchanged. Raises InputError for anything else."""
     if isinstance(units, UnitSystem):
         return units
     raise InputError(f"units is {shown(units)}; expected orbits.SOLAR, orbits.DIMENSIONLESS or a UnitSystem.")
 
 
 def scalar(value: Floats, what: str, unit: Any) -> float:
-    """Return a single finite float; raise InputError for an array or a number that is not finite."""
+    """Return a single finite float. Raises InputError for an array, or a number that is not finite."""
     if value.shape != () or not np.isfinite(value):
         raise InputError(f"{what} is {value.tolist()} {unit}; expected one finite number.")
     return float(value)
 
 
 def checked_array(what: str, values: Floats, names: Sequence[str], width: int | None, unit: Any) -> Floats:
-    """Return a read-only C-contiguous copy of shape (n,) or (n, width); raise InputError where it is not finite."""
+    """Return a read-only C-contiguous copy, (n,) or (n, width). Raises InputError for other shapes and nan or inf."""
     n = len(names)
     shape = (n,) if width is None else (n, width)
     if values.shape != shape:
@@ -78,7 +78,7 @@ def checked_array(what: str, values: Floats, names: Sequence[str], width: int | 
 
 
 def check_not_negative(what: str, values: Floats, names: Sequence[str], unit: Any) -> None:
-    """Raise InputError, naming the body, where a value is negative."""
+    """Raise InputError, naming the body, if a value is negative."""
     if (values < 0.0).any():
         i = int(np.argmax(values < 0.0))
         remedy = " A body without mass has gm = 0." if what == "gm" else ""
@@ -86,20 +86,21 @@ def check_not_negative(what: str, values: Floats, names: Sequence[str], unit: An
 
 
 def check_some_mass(gm: Floats, names: Sequence[str]) -> None:
-    """Raise InputError when there is no body, or none with mass."""
+    """Raise InputError if there are no bodies, or none with mass."""
     if not len(names):
-        raise InputError("a system without bodies; expected at least one with gm > 0.")
+        raise InputError("the system has no bodies; expected at least one with gm > 0.")
     if not (gm > 0.0).any():
-        raise InputError(f"gm of {few(names)} is 0; expected at least one body with gm > 0: nothing attracts here.")
+        raise InputError(f"gm of {few(names)} is 0; expected at least one body with gm > 0, to attract the others.")
 
 
 def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
-    """Raise InputError, naming both, when two bodies, one of them massive, are at the same place."""
+    """Raise InputError, naming both, if two bodies, one of them massive, are at the same position."""
     order = np.lexsort(q.T)
     same = (q[order[1:]] == q[order[:-1]]).all(axis=1)
     if not same.any():
         return
-    # Bodies at one place are neighbours in the sorted order: number the places and look for mass among company.
+    # Bodies at the same position are neighbours in the sorted order: number the positions, and look for shared ones
+    # with a massive body.
     place = np.concatenate([[0], np.cumsum(~same)])
     company, mass = np.bincount(place), np.bincount(place, weights=gm[order] > 0.0)
     wrong = np.flatnonzero((company > 1) & (mass > 0))
@@ -109,5 +110,5 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
         other = next(i for i in bodies if i != heavy)
         raise InputError(
             f"{names[min(heavy, other)]!r} and {names[max(heavy, other)]!r} are both at {q[heavy].tolist()} {unit}; "
-            "expected different places: at none the attraction is infinite. Move one, or give a softening length."
+            "expected different positions: at no distance the attraction is infinite. Move one, or set a softening."
         )

@@ -1,4 +1,4 @@
-"""Coefficients of Runge–Kutta methods from first principles, in forms that are exactly symplectic in binary floats."""
+"""Coefficients of Runge–Kutta methods from first principles, exactly symplectic in binary floats."""
 
 from orbits.tableaux.elementary import drift_kick, explicit_euler, kick_drift, runge_kutta_4
 from orbits.tableaux.gauss import gauss

@@ -1,15 +1,15 @@
-"""Schemes that raise the order of a method: a chain of its steps gamma_i h, or of kicks and drifts arranged anew.
+"""Schemes that raise the order of a method: a chain of its steps gamma_i h, or a new chain of kicks and drifts.
 
     composition    Phi(gamma_s h) ... Phi(gamma_1 h),  gamma_i = gamma_(s+1-i),  sum gamma_i = 1
     splitting      kick(k_s h) drift(d_s h) ... drift(d_1 h) kick(k_0 h),  both mirrored, sums 1
 
-Störmer–Verlet composed is a splitting with k_i = (gamma_i + gamma_(i+1)) / 2 and d_i = gamma_i. The two schemes that
-start from a symmetric method of any order p, and raise it by two, are
+A composition of Störmer–Verlet is a splitting with k_i = (gamma_i + gamma_(i+1)) / 2 and d_i = gamma_i. Two schemes
+raise the order p of any symmetric method by two:
 
     triple jump    gamma_1 = gamma_3 = 1 / (2 - 2^(1/(p+1))),  gamma_2 = 1 - 2 gamma_1
     suzuki         gamma_1 = gamma_2 = gamma_4 = gamma_5 = 1 / (4 - 4^(1/(p+1))),  gamma_3 = 1 - 4 gamma_1
 
-All others are numbers found by their authors for methods of order 2; see `published.py`.
+The other schemes were found numerically by their authors, for methods of order 2; see `published.py`.
 
 Source: Hairer, Lubich & Wanner (2006), sec. II.4, V.3; Yoshida (1990); Suzuki (1990); McLachlan (1995).
 """
@@ -27,6 +27,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
+from orbits.checks import is_whole
 from orbits.errors import InputError, shown
 from orbits.tableaux.partitioned import DIGITS, Array, Exact, PartitionedTableau
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
@@ -38,18 +39,18 @@ ANY_BASE = {
 """Schemes for symmetric methods of any order, with their sources."""
 
 NOTHING = 1e-50
-"""What is below this in a table of `DIGITS` digits is zero."""
+"""Numbers of `DIGITS` digits below this are zero."""
 
 HIGHEST = 8
-"""By how much an order may be raised: each two cost a factor of 3 or 5 in steps."""
+"""The most by which an order may be raised: each increase by two takes 3 or 5 times as many steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
-    """A scheme, to `DIGITS` digits.
+    """A composition or splitting scheme, to `DIGITS` digits.
 
-    name, order, source : which, the order of the whole, and where it is published
-    steps : gamma_1 ... gamma_s, mpmath numbers; empty where kicks and drifts are no chain of Störmer–Verlet steps
+    name, order, source : its name, the order of the composed method, and the publication
+    steps : gamma_1 ... gamma_s, mpmath numbers; empty if kicks and drifts are not a chain of Störmer–Verlet steps
     kicks, drifts : k_0 ... k_s and d_1 ... d_s, mpmath numbers
     """
 
@@ -61,7 +62,7 @@ class Scheme:
     drifts: Exact
 
     def binary_steps(self, h: float) -> Array:
-        """Return gamma h, (s,), rounded so that they are mirrored; their sum is h where h has 48 bits or fewer."""
+        """Return gamma h, (s,), rounded symmetrically; their sum is exactly h if h has at most 48 bits."""
         return _balanced(self.steps, h)
 
     def binary_kicks_and_drifts(self, h: float) -> tuple[Array, Array]:
@@ -72,7 +73,7 @@ class Scheme:
         return 0.5 * (np.append(d, 0.0) + np.append(0.0, d)), d
 
     def composed(self, base: PartitionedTableau) -> PartitionedTableau:
-        """Return the tableau of the scheme with a base method: its stages, one step after the other."""
+        """Return the tableau of the scheme with a base method: the stages of all steps in sequence."""
         with mpmath.workdps(DIGITS):
             zero = mpmath.mpf(0)
             a: list[Any] = []
@@ -88,7 +89,7 @@ class Scheme:
         return PartitionedTableau(f"{base.name}, {self.name}", tuple(a), tuple(a_bar), tuple(before), self.order)
 
     def split(self) -> PartitionedTableau:
-        """Return the tableau of the kicks and drifts: one stage for each symplectic Euler step that they consist of.
+        """Return the tableau of the kicks and drifts: one stage for each symplectic Euler step of the chain.
 
         kick-drift by b_1, drift-kick by b_2, kick-drift by b_3, ...: k_0 = b_1, d_1 = b_1 + b_2, k_1 = b_2 + b_3, ...
         """
@@ -110,17 +111,15 @@ class Scheme:
 
 
 def scheme_names(base_order: int, order: int, *, splittings: bool) -> list[str]:
-    """Return the names of the schemes that raise `base_order` to `order`; `splittings` : also those of kicks and
-    drifts.
-    """
+    """Return the names of schemes from `base_order` to `order`, with `splittings` also those of kicks and drifts."""
     published = [name for r, name in COMPOSITIONS if r == order and base_order == 2]
     published += [name for r, name in SPLITTINGS if r == order and splittings]
     return sorted([*ANY_BASE, *published])
 
 
 def require_order(base_order: int, order: Any) -> None:
-    """Raise InputError unless compositions raise a symmetric method of `base_order` to `order`."""
-    if isinstance(order, bool) or not isinstance(order, int) or order % 2 or not base_order < order:
+    """Raise InputError unless compositions can raise a symmetric method from `base_order` to `order`."""
+    if not is_whole(order) or order % 2 or not base_order < order:
         raise InputError(
             f"a composition of a symmetric method of order {base_order} has an even order above {base_order}, got "
             f"{shown(order)}; use e.g. order={base_order + 2}"
@@ -134,16 +133,16 @@ def require_order(base_order: int, order: Any) -> None:
 
 @lru_cache(maxsize=64, typed=True)
 def scheme(base_order: int, order: int, name: str, *, splittings: bool = False) -> Scheme:
-    """Return the scheme of that name that raises a symmetric method of `base_order` to `order`.
+    """Return the named scheme that raises a symmetric method from `base_order` to `order`.
 
-    Raises InputError for an order that is not even, not above that of the base, or far above it, and for a name that
-    is not known for it.
+    Raises InputError for an order that is odd, not above that of the base, or too far above it, and for a name that no
+    scheme for these orders has.
     """
     require_order(base_order, order)
     known = scheme_names(base_order, order, splittings=splittings)
     if name not in known:
         elsewhere = (order, name) in COMPOSITIONS or (order, name) in SPLITTINGS
-        reason = "is made for Störmer–Verlet or methods of order 2" if elsewhere else "is no scheme for this"
+        reason = "is made for Störmer–Verlet or methods of order 2" if elsewhere else "is not a scheme for these orders"
         raise InputError(f"{shown(name)} {reason}; order {order} from order {base_order} has {', '.join(known)}")
     with mpmath.workdps(DIGITS):
         if (order, name) in SPLITTINGS and splittings and name not in ANY_BASE:
@@ -178,7 +177,7 @@ def _recursive(name: str, base_order: int, order: int) -> Exact:
 
 
 def _balanced(values: Exact, h: float) -> Array:
-    """Return `values` times h rounded to a grid, mirrored, the one in the middle (or the two) making up for the sum."""
+    """Return `values` times h, rounded symmetrically to a grid; the middle value, or two, make the sum right."""
     n = len(values)
     bits = ceil(log2(2.0 * max(1.0, float(max(abs(x) for x in values)))))
     grid = Fraction(2) ** (frexp(h)[1] + bits - 53)

@@ -1,9 +1,9 @@
-"""Order conditions of compositions, in numbers of any precision.
+"""Order conditions of compositions, for numbers of any precision.
 
 A symmetric method of order p is the flow of h Y_1 + h^(p+1) Y_(p+1) + h^(p+3) Y_(p+3) + ... A composition of steps
 gamma_i h is the product of such exponentials with Y_k scaled by gamma_i^k. In the free algebra on the letters Y_k, of
-degree k, it has order r if and only if it agrees with exp(h Y_1) in every word of degree at most r. The words that are
-Lyndon words determine the others, and for a symmetric composition those of odd degree do.
+degree k, it has order r if and only if it agrees with exp(h Y_1) in every word of degree at most r. The Lyndon words
+determine the others, and for a symmetric composition the Lyndon words of odd degree suffice.
 
 For q'' = g(q), a chain of kicks and drifts is an explicit Runge–Kutta–Nyström method, and has order r if sum_i k_i
 Phi_i = 1 / gamma for every tree of at most r vertices in which each velocity has at most one force.
@@ -18,6 +18,8 @@ from itertools import combinations_with_replacement
 from math import factorial
 from typing import Any
 
+from orbits.tableaux.order import partitions
+
 Word = tuple[int, ...]
 
 
@@ -29,26 +31,26 @@ def words(base_order: int, order: int) -> list[Word]:
 
 
 def composition_defects(gammas: Sequence[Any], base_order: int, order: int) -> list[Any]:
-    """Return what each condition of `words` is missed by, for steps gamma_i h of a symmetric method of order p."""
+    """Return the defect of each condition of `words`, for steps gamma_i h of a symmetric method of order p."""
     letters = [1, *range(base_order + 1, order + 1, 2)]
     every = sorted(_all_words(letters, order), key=len, reverse=True)
     value: dict[Word, Any] = dict.fromkeys(every, gammas[0] * 0)
     value[()] = gammas[0] * 0 + 1
     for gamma in gammas:
         powers = [gamma**k for k in range(order + 1)]
-        for w in every:  # long words first: the short ones they are made of are still those before this factor
+        for w in every:  # long words first: the shorter ones they depend on must still be those before this factor
             value[w] = sum(value[w[:cut]] * powers[sum(w[cut:])] / factorial(len(w) - cut) for cut in range(len(w) + 1))
     return [value[w] - (gammas[0] * 0 + 1) ** 0 / factorial(len(w)) * (set(w) == {1}) for w in words(base_order, order)]
 
 
 def nystrom_defects(kicks: Sequence[Any], drifts: Sequence[Any], order: int) -> list[Any]:
-    """Return what each condition of a chain kick - drift - ... - kick is missed by; kicks are one more than drifts."""
+    """Return the defect of each condition of a chain kick - drift - ... - kick, with one kick more than drifts."""
     zero = kicks[0] * 0
     nodes = [zero]
     for d in drifts:
         nodes.append(nodes[-1] + d)
     s = range(len(kicks))
-    # A force is what it contributes to the velocity above it: (vertices, density, Phi seen from the force above that).
+    # A force is stored as its contribution to the velocity above it: (vertices, density, Phi seen from the next force).
     seen: dict[int, list[tuple[int, list[Any]]]] = {1: [(1, nodes)]}
     found = [nodes[-1] - 1]
     for size in range(1, order + 1):
@@ -64,7 +66,7 @@ def nystrom_defects(kicks: Sequence[Any], drifts: Sequence[Any], order: int) -> 
 
 def _all_words(letters: Sequence[int], degree: int) -> list[Word]:
     found: list[Word] = [()]
-    for w in found:  # grows while it is walked
+    for w in found:  # grows during the iteration
         found += [(*w, k) for k in letters if sum(w) + k <= degree]
     return found
 
@@ -74,9 +76,9 @@ def _is_lyndon(word: Word) -> bool:
 
 
 def _forests(total: int, seen: dict[int, list[tuple[int, list[Any]]]], one: list[Any]) -> list[tuple[int, list[Any]]]:
-    """All multisets of subtrees with `total` vertices: product of their densities and of their Phis."""
+    """Return the products of densities and of Phis for all multisets of subtrees with `total` vertices."""
     found = []
-    for partition in _partitions(total, total):
+    for partition in partitions(total):
         combined = [(1, one)]
         for size in sorted(set(partition)):
             pool = seen.get(size, [])
@@ -94,9 +96,3 @@ def _product(start: tuple[int, list[Any]], chosen: Sequence[tuple[int, list[Any]
     for density, factor in chosen:
         gamma, phi = gamma * density, [x * y for x, y in zip(phi, factor, strict=True)]
     return gamma, phi
-
-
-def _partitions(total: int, largest: int) -> list[list[int]]:
-    if total == 0:
-        return [[]]
-    return [[part, *rest] for part in range(min(total, largest), 0, -1) for rest in _partitions(total - part, part)]

@@ -16,13 +16,13 @@ from orbits.tableaux.symplectic import SymplecticTableau, symplectic
 
 @lru_cache(maxsize=1)
 def kick_drift() -> SymplecticTableau:
-    """Symplectic Euler of L_d = h L(q, (q+ - q)/h): the momenta first, then the positions with the new momenta."""
+    """Return symplectic Euler with L_d = h L(q, (q+ - q)/h): momenta first, then positions with the new momenta."""
     return symplectic("symplectic Euler, kick-drift", [[0]], [[1]], [1], 1)
 
 
 @lru_cache(maxsize=1)
 def drift_kick() -> SymplecticTableau:
-    """Symplectic Euler of L_d = h L(q+, (q+ - q)/h): the positions first, then the momenta at the new positions."""
+    """Return symplectic Euler with L_d = h L(q+, (q+ - q)/h): positions first, then momenta at the new positions."""
     return symplectic("symplectic Euler, drift-kick", [[1]], [[0]], [1], 1)
 
 
@@ -34,7 +34,7 @@ def explicit_euler() -> PartitionedTableau:
 
 @lru_cache(maxsize=1)
 def runge_kutta_4() -> PartitionedTableau:
-    """Return the classical method with four stages."""
+    """Return the classical Runge–Kutta method of four stages."""
     half, third, sixth = Fraction(1, 2), Fraction(1, 3), Fraction(1, 6)
     a = [[0, 0, 0, 0], [half, 0, 0, 0], [0, half, 0, 0], [0, 0, 1, 0]]
     return _unpartitioned("Runge-Kutta 4", a, [sixth, third, third, sixth], 4)

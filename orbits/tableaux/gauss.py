@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import mpmath
 
-from orbits.errors import InputError, shown
+from orbits.checks import whole_number
 from orbits.tableaux.interpolation import collocation, legendre_zeros
 from orbits.tableaux.partitioned import DIGITS
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
@@ -21,12 +21,9 @@ from orbits.tableaux.symplectic import SymplecticTableau, symplectic
 def gauss(stages: int) -> SymplecticTableau:
     """Return the Gauss method with `stages` >= 1 stages, order 2s.
 
-    Raises InputError if `stages` is not a positive integer.
+    Raises InputError unless `stages` is a whole number >= 1.
     """
-    if not isinstance(stages, int) or isinstance(stages, bool) or stages < 1:
-        raise InputError(
-            f"the number of stages must be a positive integer, got {shown(stages)}; use e.g. Gauss(stages=8)"
-        )
+    stages = whole_number(stages, "the number of stages")
     with mpmath.workdps(DIGITS + 10):
         a, b = collocation(legendre_zeros(stages))
         return symplectic(f"Gauss({stages})", a, a, b, 2 * stages)

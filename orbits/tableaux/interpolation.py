@@ -1,4 +1,4 @@
-"""Polynomials through nodes, in mpmath: what collocation tableaux are made of."""
+"""Polynomials through nodes, in mpmath, for collocation tableaux."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def integral(coefficients: list[Any], upper: Any) -> Any:
 
 
 def value(coefficients: list[Any], x: Any) -> Any:
-    """Return a polynomial at x."""
+    """Return the value of a polynomial at x."""
     return sum(c * x**m for m, c in enumerate(coefficients))
 
 

@@ -1,4 +1,4 @@
-"""Lobatto IIIA and IIIB: nodes at both ends and at the extrema of a Legendre polynomial; as a pair, order 2s - 2.
+"""Lobatto IIIA and IIIB: nodes at both ends and at the extrema of a Legendre polynomial; the pair has order 2s - 2.
 
     c_i : 0, 1 and the zeros of P'_{s-1}(2c - 1)
     IIIA: collocation at these nodes          IIIB: b_i a_bar_ij + b_j a_ji = b_i b_j
@@ -16,7 +16,7 @@ from typing import Any
 
 import mpmath
 
-from orbits.errors import InputError, shown
+from orbits.checks import whole_number
 from orbits.tableaux.interpolation import collocation, legendre
 from orbits.tableaux.partitioned import DIGITS
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
@@ -41,21 +41,20 @@ def _nodes(stages: int) -> list[Any]:
 
 @lru_cache(maxsize=64)
 def lobatto_iiia_iiib(stages: int) -> SymplecticTableau:
-    """Return the pair with IIIA for the positions and IIIB for the momenta; `stages` >= 2, order 2s - 2."""
+    """Return the pair with IIIA for positions and IIIB for momenta, order 2s - 2. Raises InputError below 2 stages."""
     a, a_bar, b = _pair(stages)
     return symplectic(f"LobattoIIIAB({stages})", a, a_bar, b, 2 * stages - 2)
 
 
 @lru_cache(maxsize=64)
 def lobatto_iiib_iiia(stages: int) -> SymplecticTableau:
-    """Return the pair with IIIB for the positions and IIIA for the momenta; `stages` >= 2, order 2s - 2."""
+    """Return the pair with IIIB for positions and IIIA for momenta, order 2s - 2. Raises InputError below 2 stages."""
     a, a_bar, b = _pair(stages)
     return symplectic(f"LobattoIIIBA({stages})", a_bar, a, b, 2 * stages - 2)
 
 
 def _pair(stages: int) -> tuple[Any, Any, Any]:
-    if not isinstance(stages, int) or isinstance(stages, bool) or stages < 2:
-        raise InputError(f"a Lobatto method needs a whole number of stages >= 2, got {shown(stages)}")
+    stages = whole_number(stages, "the number of stages of a Lobatto method", least=2)
     with mpmath.workdps(DIGITS + 10):
         a, b = collocation(_nodes(stages))
         s = range(stages)

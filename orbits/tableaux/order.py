@@ -1,8 +1,8 @@
-"""Order conditions of partitioned Runge–Kutta methods: one for each tree with vertices of two colours.
+"""Order conditions of partitioned Runge–Kutta methods: one for each rooted tree with vertices of two colours.
 
 A vertex stands for V (white: a derivative of q, integrated by a) or F (black: a derivative of p, integrated by a_bar).
-With Phi_i of a vertex the product over its children of sum_j a_ij Phi_j (white child) or sum_j a_bar_ij Phi_j (black
-child), a method has order r if sum_i b_i Phi_i(tree) = 1 / gamma(tree) for every tree with at most r vertices.
+Phi_i of a vertex is the product over its children of sum_j a_ij Phi_j (white child) or sum_j a_bar_ij Phi_j (black
+child). A method has order r if sum_i b_i Phi_i(tree) = 1 / gamma(tree) for every tree of at most r vertices.
 
 Source: Hairer, Lubich & Wanner (2006), sec. III.2.1.
 """
@@ -17,15 +17,15 @@ import numpy as np
 from orbits.tableaux.partitioned import PartitionedTableau
 
 HIGHEST = 6
-"""Orders are told apart up to this one: it has 916 trees of its own."""
+"""Orders are determined up to this one, which adds 916 trees."""
 
 TOLERANCE = 1e-13
-"""Float64 sums of at most eight terms of order one; the smallest violated condition differs by 1/720 or more."""
+"""For float64 sums of at most eight terms of order one. A violated condition is off by 1/720 or more."""
 
 
 def convergence_order(tableau: PartitionedTableau) -> int:
     """Return the order of the method for any Lagrangian, at most `HIGHEST`."""
-    # A tree is what it contributes to its parent: (number of vertices, gamma, Phi seen from the parent).
+    # A tree is stored as its contribution to its parent: (number of vertices, gamma, Phi seen from the parent).
     white: dict[int, list[tuple[int, np.ndarray[Any, Any]]]] = {}
     black: dict[int, list[tuple[int, np.ndarray[Any, Any]]]] = {}
     for size in range(1, HIGHEST + 1):
@@ -39,12 +39,12 @@ def convergence_order(tableau: PartitionedTableau) -> int:
 
 
 def _forests(total: int, white: Any, black: Any) -> list[tuple[int, Any]]:
-    """All multisets of coloured trees with `total` vertices: product of their gammas and of their Phis."""
+    """Return the products of gammas and of Phis for all multisets of coloured trees with `total` vertices."""
     if total == 0:
         return [(1, 1.0)]
     trees = [(size, *tree) for size in range(1, total + 1) for colour in (white, black) for tree in colour[size]]
     found = []
-    for partition in _partitions(total):
+    for partition in partitions(total):
         pools = []
         for size in sorted(set(partition)):
             of_size = [tree for tree in trees if tree[0] == size]
@@ -67,8 +67,9 @@ def _products(pools: list[list[Any]]) -> list[tuple[int, Any]]:
     return combined
 
 
-def _partitions(total: int, largest: int | None = None) -> list[list[int]]:
+def partitions(total: int, largest: int | None = None) -> list[list[int]]:
+    """Return the partitions of a whole number into parts of at most `largest`, in descending order."""
     largest = total if largest is None else largest
     if total == 0:
         return [[]]
-    return [[part, *rest] for part in range(min(total, largest), 0, -1) for rest in _partitions(total - part, part)]
+    return [[part, *rest] for part in range(min(total, largest), 0, -1) for rest in partitions(total - part, part)]

@@ -1,4 +1,4 @@
-"""Partitioned Runge–Kutta tableaux: a method (a, b) for q' = v and another one (a_bar, b) for p' = f, of equal weights.
+"""Partitioned Runge–Kutta tableaux: a method (a, b) for q' = v and a method (a_bar, b) for p' = f, with equal weights.
 
     Q_i = q + h sum_j a_ij V_j,         q+ = q + h sum_j b_j V_j
     P_i = p + h sum_j a_bar_ij F_j,     p+ = p + h sum_j b_j F_j
@@ -88,7 +88,7 @@ class PartitionedTableau:
 
 
 def exact(values: Any) -> Exact:
-    """Return numbers, `Fraction`s or mpmath numbers, or nested sequences of them, as nested tuples of mpmath's."""
+    """Return numbers, `Fraction`s, mpmath numbers, or nested sequences of them, as nested tuples of mpmath numbers."""
     from fractions import Fraction
 
     if isinstance(values, Fraction):

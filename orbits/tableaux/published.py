@@ -1,6 +1,6 @@
-"""Composition schemes to sixty digits, refined from the published ones; by scripts/build_schemes.py."""
+"""Composition schemes to sixty digits, refined from the published ones by scripts/build_schemes.py."""
 
-# (order, name): source, then the steps gamma of the first half up to the middle one, as texts
+# (order, name): source, then the steps gamma up to the middle one, as texts
 COMPOSITIONS: dict[tuple[int, str], tuple[str, tuple[str, ...]]] = {
     (6, "yoshida"): (
         "Yoshida (1990), Phys. Lett. A 150, 262, solution A",
@@ -168,7 +168,7 @@ COMPOSITIONS: dict[tuple[int, str], tuple[str, tuple[str, ...]]] = {
     ),
 }
 
-# (order, name): source, kicks and drifts from the beginning to the middle, and whether a kick is the middle
+# (order, name): source, kicks and drifts up to the middle, and whether a kick is in the middle
 SPLITTINGS: dict[tuple[int, str], tuple[str, tuple[str, ...], tuple[str, ...], bool]] = {
     (4, "blanes-moan"): (
         "Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, SRKN 6b",

@@ -1,18 +1,19 @@
-"""Symplectic tableaux in floats that are exactly symplectic.
+"""Symplectic tableaux whose floats are exactly symplectic.
 
-In the form of the stages' increments, K_j = h b_j V_j and L_j = h b_j F_j,
+Written with the increments of the stages, K_j = h b_j V_j and L_j = h b_j F_j,
 
     Q_i = q + sum_j mu_ij K_j,   P_i = p + sum_j mu_bar_ij L_j,   mu_ij = a_ij / b_j,   mu_bar_ij = a_bar_ij / b_j,
 
-the step is symplectic if and only if mu_bar_ij + mu_ji = 1. For q'' = g(q) it needs eta_ij = (a a_bar)_ij / b_j only,
-and is symplectic if and only if eta_ij - eta_ji = c_i - c_j.
+the step is symplectic if and only if mu_bar_ij + mu_ji = 1. For q'' = g(q) only eta_ij = (a a_bar)_ij / b_j is needed,
+and the step is symplectic if and only if eta_ij - eta_ji = c_i - c_j.
 
-Tables rounded to nearest miss this by about 1e-17, which shows as a secular drift of the energy. Here c and the lower
-triangle of eta are multiples of a power of two and the upper triangle is *formed* from the identity, so that it holds
-exactly; so does, for a symmetric method, c_{s+1-i} = 1 - c_i and eta_{s+1-i,s+1-j} = eta_ji. The same for mu.
+Coefficients rounded to nearest violate this by about 1e-17, which causes a secular drift of the energy. Here c and the
+lower triangle of eta are multiples of a power of two, and the upper triangle is *computed* from the identity, which
+therefore holds exactly. For a symmetric method so do c_{s+1-i} = 1 - c_i and eta_{s+1-i,s+1-j} = eta_ji. mu is rounded
+in the same way.
 
-Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1; Hairer, McLachlan & Razakarivony (2008) for why the rounding of
-the coefficients matters.
+Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1; Hairer, McLachlan & Razakarivony (2008) on the rounding of
+coefficients.
 """
 
 from __future__ import annotations
@@ -29,17 +30,16 @@ from orbits.tableaux.interpolation import lagrange_coefficients, value
 from orbits.tableaux.partitioned import DIGITS, Array, PartitionedTableau, exact
 
 TOLERANCE = 1e-50
-"""Defect of an identity, in numbers of 60 digits, below which it holds."""
-
-LARGEST = 1e6
-"""Size of coefficients that pairs are taken with."""
+"""An identity holds if its defect is below this, for numbers of 60 digits."""
 
 FLOAT_TOLERANCE = 2.0**-50
 """The same, for coefficients given as float64."""
 
+LARGEST = 1e6
+"""The largest coefficients that are accepted."""
 
 FAR = 1.5
-"""Up to how many times as long a step may be as the one before, for its stages to be guessed by its polynomial."""
+"""The largest ratio of a step to the one before at which the polynomial of that step is used to guess the stages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class SymplecticTableau(PartitionedTableau):
     nodes, one_minus_nodes : (s,) float64; the nodes c on a binary grid, with c_i + (1 - c_i) = 1 exactly
     eta : (s, s) float64, (a a_bar)_ij / b_j with eta_ij - eta_ji = c_i - c_j exactly
     mu, mu_bar : (s, s) float64, a_ij / b_j and a_bar_ij / b_j with mu_bar_ij + mu_ji = 1 exactly
-    continuation : (s, s) float64; continues stage values of one step, by the polynomial through them, to the next one
+    continuation : (s, s) float64; extrapolates stage values of one step to the next, by the polynomial through them
     symmetric : whether the method is its own adjoint
     """
 
@@ -64,7 +64,7 @@ class SymplecticTableau(PartitionedTableau):
     def continued(self, ratio: float) -> Array:
         """Return `continuation` for a next step that is `ratio` times as long, (s, s).
 
-        A polynomial says nothing far from its nodes: past `FAR` steps ahead the values themselves are the guess.
+        A polynomial is useless far from its nodes: for ratios beyond `FAR` the values themselves are the guess.
         """
         if ratio == 1.0:
             return self.continuation
@@ -82,8 +82,9 @@ class SymplecticTableau(PartitionedTableau):
         return worst
 
     def binary_asymmetry(self) -> Fraction:
-        """Return the largest defect, in exact arithmetic, of c_{s+1-i} = 1 - c_i, eta_{s+1-i,s+1-j} = eta_ji and
-        mu_ij + mu_{s+1-i,s+1-j} = 1.
+        """Return the largest defect of the mirror symmetries, in exact arithmetic.
+
+        They are c_{s+1-i} = 1 - c_i, eta_{s+1-i,s+1-j} = eta_ji and mu_ij + mu_{s+1-i,s+1-j} = 1.
         """
         s = range(self.stages)
         eta, mu, c = _fractions(self.eta), _fractions(self.mu), _fractions(self.nodes)
@@ -93,7 +94,7 @@ class SymplecticTableau(PartitionedTableau):
         return max(worst, mirrored)
 
     def rounding_residual(self) -> float:
-        """Return how far the floats lie from the true coefficients, in units of 2^-53."""
+        """Return how far the floats are from the true coefficients, in units of 2^-53."""
         s = range(self.stages)
         with mpmath.workdps(DIGITS):
             eta, mu = _eta(self), _mu(self)
@@ -103,7 +104,7 @@ class SymplecticTableau(PartitionedTableau):
             return float(worst * 2**53)
 
     def rounded_to_nearest(self) -> SymplecticTableau:
-        """Return the pair with each coefficient rounded to the nearest float: a foil that misses the identities."""
+        """Return the pair with each coefficient rounded to the nearest float: a control, not exactly symplectic."""
         with mpmath.workdps(DIGITS):
             eta, mu = (np.array([[float(x) for x in row] for row in table]) for table in (_eta(self), _mu(self)))
             bar = [[float(x / b) for x, b in zip(row, self.exact_b, strict=True)] for row in self.exact_a_bar]
@@ -112,11 +113,11 @@ class SymplecticTableau(PartitionedTableau):
 
 
 def symplectic(name: str, a: Any, a_bar: Any, b: Any, order: int, *, tolerance: float = TOLERANCE) -> SymplecticTableau:
-    """Return a symplectic pair with exactly symplectic floats; every identity that it promises is checked here.
+    """Return a symplectic pair with exactly symplectic floats, after checking every identity that it promises.
 
     a, a_bar : (s, s), b : (s,), of Fractions, mpmath numbers or floats
-    Raises InputError for shapes that do not fit, a weight that is zero, a pair that is not symplectic, and coefficients
-    beyond a million.
+    Raises InputError for shapes that do not fit, zero weights, a pair that is not symplectic, and coefficients above
+    a million.
     """
     with mpmath.workdps(DIGITS + 10):
         plain = PartitionedTableau(name, exact(a), exact(a_bar), exact(b), order)
@@ -127,8 +128,8 @@ def symplectic(name: str, a: Any, a_bar: Any, b: Any, order: int, *, tolerance: 
         size = max(1, *(abs(x) for row in (*exact_eta, plain.exact_c) for x in row))
         if size > LARGEST:
             raise InputError(
-                f"{name}: coefficients of size {float(size):.3g}; expected at most {LARGEST:.0f}: what two large ones "
-                "leave of each other would be rounding errors"
+                f"{name}: coefficients of size {float(size):.3g}; expected at most {LARGEST:.0f}: differences of "
+                "larger ones would be rounding errors"
             )
         grid = 53 - int(mpmath.ceil(mpmath.log(size, 2)))
         c = np.array([_on_grid(x, grid) for x in plain.exact_c])
@@ -177,18 +178,18 @@ def _require_pair(tableau: PartitionedTableau, tolerance: float) -> None:
         excess = mpmath.fsum(tableau.exact_b) - 1
     if abs(excess) > tolerance:
         raise InputError(
-            f"{tableau.name}: the weights b sum to {float(1 + excess):.17g}; expected 1, or no step has order 1"
+            f"{tableau.name}: the weights b sum to {float(1 + excess):.17g}; expected 1, for at least order 1"
         )
     defect = tableau.symplecticity_residual()
     if not defect <= tolerance:
         raise InputError(
-            f"{tableau.name} is not symplectic: b_i a_bar_ij + b_j a_ji = b_i b_j is missed by {defect:.3g}, expected "
-            f"at most {tolerance:.0e}. A pair is completed by a_bar_ij = b_j (1 - a_ji / b_i)."
+            f"{tableau.name} is not symplectic: b_i a_bar_ij + b_j a_ji = b_i b_j is violated by {defect:.3g}, "
+            f"expected at most {tolerance:.0e}. Complete the pair by a_bar_ij = b_j (1 - a_ji / b_i)."
         )
 
 
 def _binary_mu(plain: PartitionedTableau, exact_mu: list[list[Any]], symmetric: bool, tolerance: float) -> Array:
-    """Round mu so that the identities of an unpartitioned and of a symmetric method hold exactly as well."""
+    """Round mu so that the identities of unpartitioned and of symmetric methods hold exactly as well."""
     s = range(plain.stages)
     size = max(1, *(abs(x) for row in exact_mu for x in row), *(abs(1 - x) for row in exact_mu for x in row))
     grid = 52 - int(mpmath.floor(mpmath.log(size, 2)))
@@ -210,7 +211,7 @@ def _binary_mu(plain: PartitionedTableau, exact_mu: list[list[Any]], symmetric: 
 
 
 def _continuation(nodes: list[Any], ratio: float = 1.0) -> Array:
-    """Values at 1 + ratio c_i of the polynomial through values at c_j; where nodes coincide, the values themselves."""
+    """Extrapolate from c_j to 1 + ratio c_i by the polynomial through the values; identity where nodes coincide."""
     s = range(len(nodes))
     if len({mpmath.nstr(c, 30) for c in nodes}) < len(nodes):
         return np.eye(len(nodes))

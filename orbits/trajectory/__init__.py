@@ -1,4 +1,4 @@
-"""What a run returns."""
+"""Trajectories: the results of runs."""
 
 from orbits.trajectory.conservation import ConservedQuantities
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics

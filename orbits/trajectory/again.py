@@ -1,4 +1,4 @@
-"""What a run needs of those that can march it again: states between its samples, and what it passed."""
+"""Results that need the run to be integrated again: states between its samples, and close approaches."""
 
 from __future__ import annotations
 
@@ -22,54 +22,54 @@ Array = NDArray[np.float64]
 
 
 class March(Protocol):
-    """A march under way, from the initial state of a run, with its method and its step."""
+    """An integration from the initial state of a run, with its method and its step."""
 
     @property
     def step(self) -> int:
         """Whole steps taken."""
 
     def advance_to(self, place: Place) -> Any:
-        """Take all whole steps before a place that is not behind."""
+        """Take all whole steps before a place, which must not lie behind."""
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return q and v, (bodies, 3), at a place to which the march has advanced, which changes nothing."""
+        """Return q and v, (bodies, 3), at a place that the march has reached, without moving on."""
 
     def close(self) -> None:
-        """Give back what it holds."""
+        """Release its resources."""
 
 
 class MarchesAgain(Protocol):
-    """What marches a run again, handed to a `Trajectory` by what made it; `orbits.propagation` has one."""
+    """Integrates a run again. A `Trajectory` gets one from its maker; `orbits.propagation` implements it."""
 
     def begun(self, run: Trajectory) -> March:
-        """Return the march of the run from its initial state."""
+        """Return a march of the run from its initial state."""
 
     def at(self, run: Trajectory, t: Any) -> Any:
         """Return the state at a time, or the states at several; see `Trajectory.at`."""
 
     def closest_approaches(self, run: Trajectory) -> Approaches:
-        """Return how close bodies came to one another; see `Trajectory.closest_approaches`."""
+        """Return the closest approaches of bodies; see `Trajectory.closest_approaches`."""
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the passages that the step could not resolve; see `Trajectory.unresolved`."""
 
     def retired(self, run: Trajectory) -> RetiredParticles:
-        """Return the particles that the run in an archive retired."""
+        """Return the retired particles of a run in an archive."""
 
 
 class MarchedAgain:
-    """What `Trajectory` has for states between its samples, and for what bodies passed."""
+    """The methods of `Trajectory` for states between its samples and for close approaches."""
 
     marched_again_by: ClassVar[MarchesAgain | None] = None
-    """What marches those again that are opened or made by hand. `orbits.propagation`, which stands above this file,
-    sets it when it loads, as it does with `orbits.Trajectory`."""
+    """The default for trajectories that are opened or made by hand. `orbits.propagation`, an upper layer, sets it when
+    it is loaded, which `orbits.Trajectory` causes."""
 
     def at(self, t: Any) -> Any:
-        """Return the state at any time within the run, by the run's own method from the sample before it: a `System`;
-        or those at several times, a `Trajectory` with these as its samples, in the order given.
+        """Return the state at any time within the run, a `System`, or the states at several times, a `Trajectory`.
 
+        They are computed by the run's own method from the preceding samples, and are in the order of the times.
         t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
-            or an array or list of such; many at once take about a ninth of the time of as many single calls
+            or an array or list of these; many times at once take about a ninth of the time of single calls
         Raises InputError outside the samples.
         """
         run: Trajectory = self  # type: ignore[assignment]
@@ -77,21 +77,21 @@ class MarchedAgain:
         return self._marches_again("run.at").at(run, t)
 
     def closest_approaches(self) -> Approaches:
-        """Return how close bodies came to one another between the start and the last step, and when: a table of all
-        flybys within the reach of a body, each with the error that it causes by the end of the run.
+        """Return the closest approaches of bodies between the start and the last step.
 
+        They include all flybys within the reach of a body, each with the error it causes at the end of the run.
         Raises InputError for a trajectory that was not made by `propagate` or `resume`.
         """
         run: Trajectory = self  # type: ignore[assignment]
         return self._marches_again("run.closest_approaches").closest_approaches(run)
 
     def unresolved(self) -> list[Approach]:
-        """Return the close passages that the step could not resolve, worst first: what comes after is not to be
-        trusted. `propagate` warns of them.
+        """Return the close passages that the step did not resolve, worst first; `propagate` warns of them.
 
-        A passage counts if the position error at the end of the run that it causes (`.error`) is more than 1e-9 of the
-        distance from the primary and a hundred times what the method makes of an undisturbed orbit with this step in
-        this time; on an open orbit without a primary, if more than a tenth of its turn is wrong.
+        The motion after them is not reliable. A passage is listed if the position error that it causes at the end of
+        the run (`.error`) exceeds 1e-9 of the distance from the primary and is a hundred times the method's error on an
+        unperturbed orbit with this step and duration. On an open orbit without a primary it is listed if more than a
+        tenth of its deflection is wrong.
         """
         run: Trajectory = self  # type: ignore[assignment]
         return self._marches_again("run.unresolved").unresolved(run)
@@ -113,7 +113,7 @@ class MarchedAgain:
         run: Trajectory = self  # type: ignore[assignment]
         if run._again is None:
             raise InputError(
-                f"{what} marches the run again, and nothing was given that can; expected a run of orbits.propagate or "
+                f"{what} integrates the run again, which this trajectory cannot; expected a run of orbits.propagate or "
                 "orbits.Trajectory, or orbits.propagation imported before."
             )
         return run._again
@@ -122,6 +122,6 @@ class MarchedAgain:
         run: Trajectory = self  # type: ignore[assignment]
         if not hasattr(run.integrator, "declares"):
             raise InputError(
-                f"{what} marches from sample to sample with the run's own method, and {run.integrator.label} is none "
-                "of this package. Take a sample, run[k], or march from one: orbits.propagate(run[k], ...)."
+                f"{what} integrates from sample to sample with the run's own method, but {run.integrator.label} is not "
+                "a method of this package. Use a sample, run[k], or start from one: orbits.propagate(run[k], ...)."
             )

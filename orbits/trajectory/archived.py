@@ -1,4 +1,4 @@
-"""What an archive says of the run in it, and how a run is told from another one."""
+"""The method and certificate of an archived run, and the identity of runs."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
-    """Return the method that the run in an archive was made with, and what was measured of it before, if it was.
+    """Return the method of the run in an archive, and its certificate, if there is one.
 
-    Raises ArchiveError for a method that is not known, and for a certificate that is none.
+    Raises ArchiveError for an unknown method, and for an invalid certificate.
     """
     from orbits import integrators
     from orbits.certificate import Certificate
@@ -30,13 +30,13 @@ def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
         return integrators.build(archive.integrator), Certificate.from_record(json.loads(text)) if text else None
     except InputError as error:
         raise ArchiveError(
-            f"{archive.path}: {str(error).rstrip('.')}. Read the samples themselves with orbits.Archive.open(path), or "
-            "get a version of orbits that knows this method."
+            f"{archive.path}: {str(error).rstrip('.')}. Read the samples with orbits.Archive.open(path), or use a "
+            "version of orbits that knows this method."
         ) from error
 
 
 def identity_of(run: Trajectory, samples: int) -> str:
-    """Return a digest of what a run began from, how it was made, and its first so many times."""
+    """Return a digest of a run's initial state, method, step, and its first `samples` times."""
     values = run.system.values
     digest = hashlib.sha256(repr((run.names, run.integrator.label, run.step, values.softening)).encode())
     for array in (values.gm, values.q, values.v, run.times[:samples]):

@@ -1,4 +1,4 @@
-"""What gravity conserves, over all samples of a run, and how far it strays."""
+"""Conserved quantities over all samples of a run, and their drift."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 NONE = diagnostics.Drift(math.nan, math.nan, math.nan, math.nan)
-"""Of what is not conserved."""
+"""The drift of a quantity that is not conserved."""
 
 NOT_KEPT = "angular momentum is not conserved: terms have different poles"
 
 BLOCK_BYTES = 32 * 1024 * 1024
-"""How much of a run is in memory at a time while a quantity of all samples is computed."""
+"""The part of a run that is in memory at a time while a quantity of all samples is computed."""
 
 
 @dataclass(frozen=True)
 class ConservedQuantities:
-    """How far each quantity that gravity conserves strays from its first value; `diagnostics.Drift` values.
+    """The drifts of the conserved quantities from their first values, as `diagnostics.Drift`.
 
-    Energy is compared with its own size, angular momentum with the size of its vector (where these vanish by
-    cancellation, below a millionth of their terms: with sum m v^2 / 2 and sum m |q| |v|), linear momentum with
-    sum m |v| and the centre of mass, whose uniform motion is taken off, with the largest distance from it.
+    The scale of energy and angular momentum is their first value, or sum m v^2 / 2 and sum m |q| |v| where this
+    cancels to less than a millionth of its terms. The scale of linear momentum is sum m |v|; that of the centre of
+    mass, measured relative to its uniform motion, is the largest distance of a body from it.
 
-    Terms of the system are counted in: the energy is that of the whole Lagrangian, and where terms single out a `pole`,
-    a unit vector, the angular momentum is the component along it (zeros: terms with different poles keep none of it).
+    Terms of the system are included: the energy is that of the whole Lagrangian. If terms distinguish a `pole`, a unit
+    vector, the angular momentum is the component along it; zeros mean that terms with different poles conserve none.
 
-    massive : the bodies that these are the quantities of
-    particles : how many massless ones the run has, whose orbits nothing here judges
+    massive : the bodies that the quantities belong to
+    particles : number of massless particles in the run; these quantities say nothing about their orbits
     """
 
     energy: diagnostics.Drift
@@ -58,13 +58,13 @@ class ConservedQuantities:
 
     @property
     def covers(self) -> str:
-        """What these quantities are those of, in words, and what they say nothing of."""
+        """The bodies that these quantities cover and those that they do not, in words."""
         if not self.particles:
             return f"of {few(self.massive)}"
         some = "one massless particle" if self.particles == 1 else f"{self.particles:,} massless particles"
-        unseen = f"nothing here judges the orbits of the {some}"
+        unseen = f"this says nothing about the orbits of the {some}"
         if len(self.massive) == 1:
-            return f"of {self.massive[0]} alone, which nothing disturbs; {unseen}"
+            return f"of {self.massive[0]} alone, which nothing perturbs; {unseen}"
         return f"of {few(self.massive)} only; {unseen}"
 
     def __str__(self) -> str:
@@ -101,7 +101,7 @@ class ConservedQuantities:
 
 
 class Conservation:
-    """What `Trajectory` has for conserved quantities."""
+    """The methods of `Trajectory` for conserved quantities."""
 
     if TYPE_CHECKING:  # set by `Trajectory`
         system: System
@@ -137,12 +137,12 @@ class Conservation:
         return u.Quantity(values, self.system.units.length)
 
     def drift(self) -> ConservedQuantities:
-        """Return how far energy, momenta and centre of mass stray over the samples, as fractions and in ulps.
+        """Return the drifts of energy, momenta and centre of mass over the samples, as fractions and in ulps.
 
-        Terms of the system count in all of them. Where they single out an axis, the angular momentum is that about it:
-        the rest is exchanged with a spin that is not followed. What a term does not conserve at all is NaN, and said.
-        They are those of the massive bodies: a massless particle moves in their field and carries no charge of the
-        whole, so nothing here judges its orbit. Raises InputError for a run without samples.
+        They belong to the massive bodies, and include the terms of the system. If terms distinguish an axis, the
+        angular momentum is the component along it: the rest is exchanged with a spin that is not integrated. A quantity
+        that is not conserved at all is NaN. Massless particles do not contribute, so this says nothing about their
+        orbits. Raises InputError for a run without samples.
         """
         if not len(self):
             raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
@@ -180,7 +180,7 @@ class Conservation:
         return np.concatenate([function(nothing, nothing), *(function(q, v) for _, q, v in self.blocks())])
 
     def _drift(self, values: Array, terms: Callable[[Array, Array], Array], first: Any = None) -> diagnostics.Drift:
-        """The drift of a quantity; `terms` (of q and v) are the sizes of what it is the sum of, times G."""
+        """Return the drift of a quantity; `terms` (of q and v) is the sum of the sizes of its terms, times G."""
         start, massive, G = self.system.values, self.system.massive, self.system.units.G
         begin = float(terms(start.q[massive], start.v[massive])) / G
         scale = own_scale(

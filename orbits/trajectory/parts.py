@@ -1,4 +1,4 @@
-"""What a `Trajectory` is made of and gives out: samples, what a run cost, the path of one body."""
+"""Parts of a `Trajectory`: samples, the cost of a run, the trajectory of one body."""
 
 from __future__ import annotations
 
@@ -15,26 +15,24 @@ Array = NDArray[np.float64]
 
 
 class Samples(Protocol):
-    """States of shape (samples, bodies, 3): a NumPy array, or an archive's data set that is read where it is
-    indexed.
-    """
+    """States of shape (samples, bodies, 3): a NumPy array, or a data set of an archive that is read when indexed."""
 
     @property
     def shape(self) -> tuple[int, ...]:
         """(samples, bodies, 3)."""
 
     def __getitem__(self, index: Any) -> Array:
-        """Read some of it."""
+        """Return some of the samples."""
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """What a run cost.
+    """The cost of a run.
 
-    steps : whole steps taken since the epoch
-    evaluations : evaluations of the forces among the massive bodies; an implicit step evaluates once an iteration
-    particle_evaluations : evaluations of the field at massless particles, all particles together
-    wall_time : seconds from sample to sample, writing included; of the last call where a run was resumed
+    steps : whole steps since the epoch
+    evaluations : evaluations of the forces among the massive bodies; an implicit step has one for each iteration
+    particle_evaluations : evaluations of the field at massless particles, summed over the particles
+    wall_time : seconds for marching and writing; for a resumed run those of the last call
     compile_time : seconds for compiling the kernels, or loading them from the cache
     """
 
@@ -47,7 +45,7 @@ class Statistics:
 
 @dataclass(frozen=True, repr=False)
 class BodyTrajectory:
-    """One body's path: q and v of shape (samples, 3), t of shape (samples,), with units."""
+    """The trajectory of one body: q and v of shape (samples, 3), t of shape (samples,), with units."""
 
     name: str
     t: u.Quantity

@@ -1,4 +1,4 @@
-"""The massless particles that a run gave up alone: who, when, where and why; and the others without them."""
+"""Retired massless particles of a run: names, times, last states and reasons; and systems without them."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RetiredParticle:
-    """A massless particle that could not be stepped any further.
+    """A massless particle that could not be integrated any further.
 
-    name : of the body; reason : why, in words
-    step : how many steps of the run it took;  time : since the epoch, after these steps
-    date : the same as a Time (TDB), or None without an epoch
-    q, v : where it was then, (3,), its last state
+    name : of the body; reason : in words
+    step : number of steps it took in the run;  time : after these steps, since the epoch
+    date : the time as a Time (TDB), or None without an epoch
+    q, v : its last state, (3,), at that time
     """
 
     name: str
@@ -47,7 +47,7 @@ class RetiredParticle:
 
 
 class RetiredParticles(Sequence[RetiredParticle]):
-    """The particles that a run retired, in the order of its bodies; by number, or by name. Empty for most runs."""
+    """The retired particles of a run, in the order of its bodies, by index or name. Empty for most runs."""
 
     def __init__(self, particles: Iterable[RetiredParticle] = ()) -> None:
         self._particles = tuple(particles)
@@ -56,7 +56,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
     def of(
         cls, system: System, clock: Clock, rows: Iterable[tuple[int, int, str, Array, Array]]
     ) -> RetiredParticles:
-        """Return those of rows of (body, step, reason, q, v) in the units of the system, by the clock of the run."""
+        """Return particles from rows of (body, step, reason, q, v), in the units of the system, by the clock of the run."""
         units, epoch = system.units, system.epoch
         particles = []
         for body, step, reason, q, v in rows:
@@ -81,7 +81,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
     def __getitem__(self, key: slice) -> RetiredParticles: ...
 
     def __getitem__(self, key: int | str | slice) -> RetiredParticle | RetiredParticles:
-        """Return one by number or by name, or some by a slice. Raises UnknownNameError for one that is not retired."""
+        """Return one by index or name, or several by a slice. Raises UnknownNameError for one that is not retired."""
         if isinstance(key, slice):
             return RetiredParticles(self._particles[key])
         if isinstance(key, str):
@@ -92,7 +92,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
         return list(self.names)
 
     def to_table(self) -> QTable:
-        """Return an astropy QTable of body, date (TDB, where there is an epoch), time, step, q, v and reason."""
+        """Return an astropy QTable of body, date (TDB, if there is an epoch), time, step, q, v and reason."""
         from astropy.table import QTable
 
         columns: dict[str, Any] = {"body": np.array(self.names, dtype=str)}
@@ -107,7 +107,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
         return QTable(columns)
 
     def to_records(self) -> list[dict[str, Any]]:
-        """Return them as values that JSON can hold, times, places and velocities in the units of the system."""
+        """Return records for JSON, with times, positions and velocities in the units of the system."""
         return [
             {
                 "body": p.name,
@@ -149,13 +149,13 @@ class RetiredParticles(Sequence[RetiredParticle]):
 
 
 def absent(q: Array, v: Array, massive: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which bodies are massless and have nothing but NaN, (bodies,), as those do that were retired before."""
+    """Return which bodies are massless and all NaN, (bodies,), as particles are after their retirement."""
     nothing = np.isnan(q).all(axis=-1) & np.isnan(v).all(axis=-1)
     return np.asarray(nothing & ~massive)
 
 
 def without(system: System, gone: NDArray[np.bool_], q: Array, v: Array, epoch: Time | None) -> System:
-    """Return a system moved on, without the bodies that are gone, (bodies,)."""
+    """Return a system with a new state and epoch, without the bodies that are `gone`, (bodies,) bool."""
     if not gone.any():
         return system.replaced(q=q, v=v, epoch=epoch)
     names = {system.names[i] for i in np.flatnonzero(gone)}
@@ -165,7 +165,7 @@ def without(system: System, gone: NDArray[np.bool_], q: Array, v: Array, epoch: 
 
 
 def _on_others(force: Any, gone: set[str]) -> Any:
-    """Return a force on those of its bodies that are still there, None where it had no others."""
+    """Return a force on its remaining bodies, None if there are none."""
     if force.bodies is None:
         return force
     left = [name for name in force.bodies if name not in gone]

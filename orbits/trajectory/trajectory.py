@@ -13,13 +13,12 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
-from orbits.checks import is_whole
-from orbits.diagnostics.states import finite, numbers
+from orbits.checks import finite_numbers, is_whole
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.marching.clocks import Clock, clock_of
 from orbits.system import OrbitalElements, System, osculating
-from orbits.system.making import primary_name
+from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of, made_by
@@ -43,25 +42,25 @@ Array = NDArray[np.float64]
 class Trajectory(MarchedAgain, Conservation, Tabular):
     """The samples of a run.
 
-    system : the initial state, which also gives names, GM, units and epoch
+    system : the initial state, which also determines names, GM, units and epoch
     times : (n,) float64, since the epoch, in the system's unit of time
-    q, v : (n, bodies, 3) float64, in the system's units; arrays, or what an archive reads from
-    step : the signed step actually used, in the unit of time, or the clock of the steps; NaN of a method that chooses
-        its steps as it goes
-    integrator, statistics : how it was made and what it cost
-    complete : whether every sample that was asked for is there
-    path, archive : the archive it reads from, if it does
-    certificate : what was measured of the integrator before the run, if it was (see `orbits.certify`)
+    q, v : (n, bodies, 3) float64, in the system's units; arrays, or data sets of an archive
+    step : the signed step that was used, in the unit of time, or the clock of the steps; NaN for a method with adaptive
+        steps
+    integrator, statistics : the method and the cost of the run
+    complete : whether all requested samples are there
+    path, archive : the archive that samples are read from, or None
+    certificate : the certificate of the integrator, if it was measured before the run (see `orbits.certify`)
     stopped : why and where a condition or a callback ended the run, or None
-    record : what was seen of the passages on the way, for what marches it again
-    retired : the massless particles that it gave up alone; None for what its archive says
-    again : what marches it again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
+    record : the record of close passages during the run, for `again`
+    retired : the retired massless particles; None to read them from the archive
+    again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 
-    run.t, run.q, run.v have units; run["Ceres"] is one body's path, run[-1] the `System` at the last sample, run[10:20]
-    a `Trajectory` of some of the samples. Massless particles that could not be stepped any further are listed in
-    run.retired; from then on they are NaN in run.q and run.v, and absent from run[k].
-    Raises InputError for q and v of another shape, for times that are not finite, and for what is no system or method.
+    run.t, run.q, run.v have units; run["Ceres"] is the trajectory of one body, run[-1] the `System` at the last sample,
+    run[10:20] a `Trajectory` of some of the samples. Massless particles that could not be integrated any further are
+    listed in run.retired; from then on they are NaN in run.q and run.v, and absent from run[k].
+    Raises InputError for q and v of another shape, times that are not finite, and anything but a System and a method.
     """
 
     def __init__(
@@ -87,14 +86,14 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             raise InputError(f"system is {shown(system)}; expected the System at the start of the run.")
         if not hasattr(integrator, "label"):
             raise InputError(f"integrator is {shown(integrator)}; expected a method such as orbits.Gauss(stages=8).")
-        self.times = finite(numbers(times, "times"), "times")
+        self.times = finite_numbers(times, "times")
         if self.times.ndim != 1:
             raise InputError(f"times has shape {self.times.shape}; expected one time for each sample, shape (n,).")
         expected = (len(self.times), len(system), 3)
         shapes = tuple(getattr(x, "shape", None) for x in (q, v))
         if shapes != (expected, expected):
             raise InputError(
-                f"q and v have shapes {shapes[0]} and {shapes[1]}; {expected} fits these times and bodies."
+                f"q and v have shapes {shapes[0]} and {shapes[1]}; expected {expected} for these times and bodies."
             )
         self.system = system
         self.integrator = integrator
@@ -114,9 +113,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     @classmethod
     def open(cls, path: str | PathLike[str], *, statistics: Statistics | None = None) -> Trajectory:
-        """Return the trajectory in an archive, complete or not; it is read when it is asked for.
+        """Return the trajectory in an archive, complete or not; samples are read when they are used.
 
-        Raises ArchiveError for a file that is missing, truncated, foreign or newer, or of a method that is not known.
+        Raises ArchiveError for a file that is missing, truncated, foreign or newer, or has an unknown method.
         """
         from orbits.archive import Archive
 
@@ -131,10 +130,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         statistics: Statistics | None = None,
         again: MarchesAgain | None = None,
     ) -> Trajectory:
-        """Return the trajectory in an open archive, which is closed with it, or at once where this fails.
+        """Return the trajectory in an open archive, which is closed with it, or at once if this fails.
 
-        path : where it can be opened again, or None where it cannot; again : what marches it again
-        Raises ArchiveError for a method that is not known, and for a certificate that is none.
+        path : where it can be opened again, or None; again : as in `Trajectory`
+        Raises ArchiveError for an unknown method, and for an invalid certificate.
         """
         try:
             integrator, certificate = made_by(archive)
@@ -175,7 +174,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     @property
     def epochs(self) -> Time:
-        """Times as astropy Time (TDB), shape (n,), printed with as many digits as tell samples apart, to a nanosecond.
+        """Times as astropy Time (TDB), shape (n,), printed with enough digits to distinguish samples, to a nanosecond.
 
         Raises InputError for a system without an epoch.
         """
@@ -187,39 +186,40 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return moments
 
     def epoch_at(self, time: float) -> Time | None:
-        """Return the epoch `time` (a number in the unit of time) after the start, or None for a system without one."""
+        """Return the epoch plus `time` (a number in the unit of time), or None for a system without an epoch."""
         return None if self.system.epoch is None else self.system.epoch + u.Quantity(time, self.system.units.time)
 
     @property
     def step(self) -> float:
-        """The length of a step with the sign of the direction; NaN of a method that chooses its steps as it goes."""
+        """The length of a step with the sign of the direction; NaN for adaptive steps."""
         return self.clock.h
 
     @property
     def dt(self) -> u.Quantity:
-        """The step actually used, > 0: the one asked for, rounded to 24 bits.
+        """The step that was used, > 0: the requested step, rounded to 24 bits.
 
-        Raises InputError for a run of a method that chooses its steps as it goes.
+        Raises InputError for a run of a method with adaptive steps.
         """
         if math.isnan(self.step):
             whose = "the adaptive clock" if self.clock.changes else self.integrator.label
-            raise InputError(f"{whose} chooses its steps as it goes, so there is no dt of this run.")
+            raise InputError(f"{whose} has steps of different lengths, so this run has no dt.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
     @property
     def q(self) -> u.Quantity:
-        """Positions, shape (n, bodies, 3), read-only. From an archive they are read where they are used: run.q[-1]."""
+        """Positions, shape (n, bodies, 3), read-only. Those in an archive are read when they are used: run.q[-1]."""
         return u.Quantity(_as_array(self._q), self.system.units.length, copy=False)
 
     @property
     def v(self) -> u.Quantity:
-        """Velocities, shape (n, bodies, 3), read-only. From an archive they are read where they are used: run.v[-1]."""
+        """Velocities, shape (n, bodies, 3), read-only. Those in an archive are read when they are used: run.v[-1]."""
         return u.Quantity(_as_array(self._v), self.system.units.speed, copy=False)
 
     @property
     def retired(self) -> RetiredParticles:
-        """The massless particles that could not be stepped any further and were left out from then on: name, time,
-        last state and reason of each. Their q and v are NaN afterwards, and they are absent from `run[k]`.
+        """The massless particles that could not be integrated any further: name, time, last state and reason of each.
+
+        Afterwards their q and v are NaN, and they are absent from `run[k]`.
         """
         if self._retired is None:
             known = self.archive is not None and self._again is not None
@@ -228,7 +228,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     @property
     def made_by(self) -> str:
-        """The method, and its step where it has one, in words: Gauss(stages=8), dt = 6 d."""
+        """The method, and its step if it is constant, in words: Gauss(stages=8), dt = 6 d."""
         if self.clock.changes:
             return f"{self.integrator.label}, adaptive steps"
         if math.isnan(self.step):
@@ -240,10 +240,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return len(self.times)
 
     def __getitem__(self, key: str | int | slice) -> Any:
-        """Return the path of a body by name, the `System` at a sample by number (negative ones from the end), or a
-        `Trajectory` of the samples of a slice, whose times still count from the epoch of the run.
+        """Return the trajectory of a body by name, the `System` at a sample by index, or a `Trajectory` by a slice.
 
-        Raises UnknownNameError, or IndexError.
+        Negative indices count from the end. Times of a slice still count from the epoch of the run.
+        Raises UnknownNameError or IndexError, and InputError for other keys.
         """
         units = self.system.units
         if isinstance(key, str):
@@ -254,7 +254,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             return self._some(key)
         if not is_whole(key):
             raise InputError(
-                f'run[{shown(key)}]: give a name, run["Sun"], the number of a sample, run[-1], or a slice, run[10:20].'
+                f'run[{shown(key)}]: expected a name, run["Sun"], a sample, run[-1], or a slice, run[10:20].'
             )
         if not -len(self) <= key < len(self):
             raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
@@ -262,12 +262,12 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return self.system_of(self._q[k], self._v[k], float(self.times[k]))
 
     def system_of(self, q: Array, v: Array, time: float) -> System:
-        """Return the `System` of a state of this run, (bodies, 3) each, without the particles that are retired there.
+        """Return the `System` of a state of this run, (bodies, 3) each, without particles that are retired by then.
 
         Raises InputError for other states that are not finite.
         """
         gone = absent(q, v, self.system.massive)
-        # One may fail in the part of a step that leads to a sample, where the march does not come by.
+        # A particle may fail in the partial step to a sample, which the march itself does not take.
         if gone.any() and self.clock.place(time).rest == 0.0:
             gone &= np.isin(self.names, self.retired.names)
         return without(self.system, gone, q, v, self.epoch_at(time))
@@ -275,8 +275,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
 
-        primary : a body, "barycentre" or "jacobi"; may be left out where only one body has mass
-        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as of `System.add`
+        primary : a body, "barycentre" or "jacobi"; optional if only one body has mass
+        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `System.add`
+        Raises as `System.elements` does.
         """
         values = self.system.values
         primary = primary_name(self.names, values.gm, primary)
@@ -314,7 +315,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         )
 
     def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
-        """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), as floats."""
+        """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), floats."""
         return Trajectory(
             self.system,
             times,
@@ -336,14 +337,14 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
 
     def __reduce__(self) -> Any:
-        """Copy and pickle the samples in memory; of an archive its path, so that both read the same file."""
+        """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
         known = {"stopped": self.stopped, "record": self.record, "_again": self._again, "_retired": self.retired}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the open file behind: the samples themselves are copied where no path leads to it."""
+        """Leave out the open file; the samples themselves are copied if it has no path."""
         return {**vars(self), "_retired": self.retired, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
@@ -371,17 +372,17 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     def _epoch(self) -> None:
         if self.system.epoch is None:
-            raise InputError("this system has no epoch; give System(..., epoch=...) to have dates instead of times.")
+            raise InputError("this system has no epoch; use System(..., epoch=...) to get dates instead of times.")
 
 
 def _reopened(path: str, samples: int, statistics: Statistics | None, identity: str) -> Trajectory:
-    """Return the run in an archive where a copy of it is wanted, as it was with that many samples."""
+    """Return the run in an archive for a copy, checking that it still has these samples and this identity."""
     run = Trajectory.open(path, statistics=statistics)
     try:
         if len(run) < samples:
-            raise ArchiveError(f"{path} holds {len(run)} samples; expected the {samples} of the run that was copied.")
+            raise ArchiveError(f"{path} has {len(run)} samples; expected the {samples} of the run that was copied.")
         if identity_of(run, samples) != identity:
-            raise ArchiveError(f"{path} holds another run by now; expected the one that was copied.")
+            raise ArchiveError(f"{path} now has another run; expected the one that was copied.")
     except BaseException:
         run.close()
         raise
@@ -389,7 +390,7 @@ def _reopened(path: str, samples: int, statistics: Statistics | None, identity: 
 
 
 def _as_array(samples: Samples) -> Array:
-    """Return all samples as one read-only array; those in an archive are mapped, not read."""
+    """Return all samples as one read-only array; those in an archive are memory-mapped, not read."""
     mapped = getattr(samples, "mapped", None)
     array: Array = samples[:] if mapped is None else mapped()
     array.flags.writeable = False

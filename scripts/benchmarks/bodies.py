@@ -1,4 +1,4 @@
-"""Bodies: time and accuracy beside the peers."""
+"""Bodies: time and accuracy compared with the peers."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from orbits.marching.marcher import available_threads
 
 def part_ten_bodies(repetitions: int) -> dict[str, Any]:
     """Sun, planets and Pluto, Newtonian point masses, over 1,000 years: time, and RMS position error over rotated
-    starts, each against where that very start, rounded as it is, leads. What the model itself misses of the real Solar
-    System is [another matter](library.md#the-model).
+    initial states, each compared with the solution for exactly its rounded floats. The deviation of the model from the
+    real Solar System is [another matter](library.md#the-model).
     """
     gm, q, v, reference = ten_bodies_data()
     span = 1000 * YEAR
@@ -67,8 +67,8 @@ def part_ten_bodies(repetitions: int) -> dict[str, Any]:
 
 
 def part_particles(repetitions: int) -> dict[str, Any]:
-    """1,000 massless particles and ten bodies for five years: time, and error against Gauss at steps of one day, whose
-    own error is what 7 stages make of it.
+    """1,000 massless particles and ten bodies for five years: time, and error against Gauss with steps of one day,
+    whose own error is its difference from Gauss with 7 stages.
     """
     gm, q, v = belt(1000)
     span = 5 * YEAR
@@ -87,8 +87,8 @@ def part_particles(repetitions: int) -> dict[str, Any]:
             miss = AU_KM * np.linalg.norm(end - truth, axis=1)[10:]
             error[name] = {"median_km": float(np.median(miss)), "max_km": float(miss.max())}
     return {
-        "yardstick": "Gauss(stages=8), dt 1 d",
-        "yardstick_error_km": float(AU_KM * np.linalg.norm(check - truth, axis=1)[10:].max()),
+        "reference": "Gauss(stages=8), dt 1 d",
+        "reference_error_km": float(AU_KM * np.linalg.norm(check - truth, axis=1)[10:].max()),
         "rows": [
             {
                 "method": name,

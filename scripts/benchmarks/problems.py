@@ -1,4 +1,4 @@
-"""What is measured: problems, and runs of them by us and by the peers."""
+"""The benchmark problems, and runs of them by this package and by the peers."""
 
 from __future__ import annotations
 

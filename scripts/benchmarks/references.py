@@ -1,8 +1,8 @@
-"""Rotated starts, and where each of them leads: exactly, though a rotated start is rounded.
+"""Rotated initial states and their exact solutions, including the effect of rounding the rotated states.
 
-A start turned by a rotation R does not fit into float64; what is handed to a method is another problem, whose solution
-is not the rotated one. Over 1,000 years that rounding moves Jupiter by 1e-4 km, more than a good method's own error.
-So the difference of each rounded start from the one of the reference is followed too:
+An initial state rotated by R is not exact in float64; a method gets a slightly different problem, whose solution is not
+the rotated one. Over 1,000 years that rounding moves Jupiter by 1e-4 km, more than a good method's own error. The
+difference of each rounded state from the reference is therefore propagated as well:
 
     end(q + d) = end(q) + [end(q + s d) - end(q)] / s,    s = 2^22,
 

@@ -84,13 +84,13 @@ def test_what_is_not_packed_is_a_value_error_and_nothing_else(text: str) -> None
 
 @pytest.mark.parametrize("code", ["00000", "0001 ", "~00-0", "0000a", "", "A000", "é0001", "-0001"])
 def test_what_looks_like_a_number_is_refused(code: str) -> None:
-    with pytest.raises(ValueError, match="no packed number"):
+    with pytest.raises(ValueError, match="not a packed number"):
         packed.number(code)
 
 
 @pytest.mark.parametrize("code", ["K230B", "K22D1", "K232V", "H2211", "K2231B", "K 211", "K22-1", "K2211 "])
 def test_what_looks_like_a_date_is_refused(code: str) -> None:
-    with pytest.raises(ValueError, match="no packed date"):
+    with pytest.raises(ValueError, match="not a packed date"):
         packed.date(code)
 
 

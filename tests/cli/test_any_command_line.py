@@ -70,7 +70,7 @@ def call(arguments: list[str]) -> None:
     assert out.exit_code in (0, 1, 2), (arguments, out.exception)
     assert out.exception is None or isinstance(out.exception, SystemExit), (arguments, out.exception)
     assert "Traceback" not in out.output, arguments
-    assert "defect of orbits" not in out.output, (arguments, out.output)
+    assert "bug in orbits" not in out.output, (arguments, out.output)
 
 
 def takes_long(option: str, value: str) -> bool:

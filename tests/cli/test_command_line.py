@@ -127,16 +127,16 @@ def test_compare_takes_its_peers_from_the_command_line(tmp_path):
     assert json.loads((tmp_path / "comparison.json").read_text()) == record["cases"][""]
 
 
-def test_certify_judges_variational_methods_and_shows_foils(tmp_path):
+def test_certify_judges_variational_methods_and_shows_controls(tmp_path):
     out = call("certify", "pendulum", "--out", tmp_path)
     assert out.exit_code == 0, out.output
     text = " ".join(out.stdout.split())
     assert "StormerVerlet() on pendulum, dt = 0.1" in text
     assert "a variational integrator, as declared" in text
-    assert text.count("NOT CERTIFIED") == text.count("a foil, shown for comparison") == 2
-    assert "ok: 1 certified, 2 foils not judged" in text
+    assert text.count("NOT CERTIFIED") == text.count("a control, shown for comparison") == 2
+    assert "ok: 1 certified, 2 controls not judged" in text
     record = json.loads((tmp_path / "certificate.json").read_text())
-    assert [(c["foil"], c["certificate"]["ok"]) for c in record["certificates"]] == [
+    assert [(c["control"], c["certificate"]["ok"]) for c in record["certificates"]] == [
         (False, True),
         (True, False),
         (True, False),
@@ -166,12 +166,12 @@ def test_what_a_run_minds_is_said_in_sentences(tmp_path):
     assert "would resolve it. e = 0, comparing with whfast, ias15 ..." in said
 
 
-def test_certify_fails_a_foil_that_was_asked_for(tmp_path):
+def test_certify_fails_a_control_that_was_asked_for(tmp_path):
     out = call("certify", "pendulum", "--integrator", "runge-kutta-4", "--dt", "0.2", "--json", "--out", tmp_path)
     assert out.exit_code == 1, out.output
     record = json.loads(out.stdout)
     (entry,) = record["certificates"]
-    assert (record["ok"], entry["foil"], entry["certificate"]["dt"]) == (False, False, 0.2)
+    assert (record["ok"], entry["control"], entry["certificate"]["dt"]) == (False, False, 0.2)
     assert "symplecticity" in " ".join(entry["certificate"]["failures"])
 
 
@@ -247,8 +247,8 @@ def bad(tmp_path):
         (["run", "kepler", "--dt", "nan"], "dt must be finite and not zero"),
         (["run", "kepler", "--dt", "3 km"], "dt"),
         (["run", "kepler", "--dt", "soon"], "--dt = 'soon'"),
-        (["run", "kepler", "--dt", "3 days"], "'days' is no unit; did you mean day?"),
-        (["run", "kepler", "--dt", "3 d"], "as everywhere in DIMENSIONLESS: the number alone"),
+        (["run", "kepler", "--dt", "3 days"], "'days' is not a unit; did you mean day?"),
+        (["run", "kepler", "--dt", "3 d"], "a plain number, as DIMENSIONLESS has no units"),
         (["run", "kepler", "--duration", "inf"], "duration must be finite"),
         (["run", "kepler", "--duration", "0"], "duration is 0"),
         (["run", "kepler", "--integrator", "gaus"], "did you mean gauss"),

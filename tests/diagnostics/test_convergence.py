@@ -45,7 +45,7 @@ def test_a_plateau_alone_and_errors_that_do_not_fall_have_no_order():
 
 
 def test_a_fit_through_all_points_would_be_wrong():
-    """The foil of the cut: the plain slope misses order 8 by more than one, the window does not."""
+    """The cut is needed: the plain slope misses order 8 by more than one, the window does not."""
     h, errors = curve(8, plateau=1e-13, head=10.0)
     assert np.polyfit(np.log(h), np.log(errors), 1)[0] < 6.8
     assert abs(diagnostics.convergence(h, errors).order - 8) < 0.3

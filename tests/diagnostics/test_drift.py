@@ -39,7 +39,7 @@ def test_a_given_scale_replaces_the_first_value():
         ([], None, r"shape \(0,\)"),
         (np.zeros((2, 2, 3)), None, r"shape \(2, 2, 3\)"),
         ([1.0, 2.0, float("nan")], None, "at sample 2"),
-        ([1.0], float("inf"), "the scale is inf"),
+        ([1.0], float("inf"), "the scale must be finite, got inf"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_in_words(series, scale, words):

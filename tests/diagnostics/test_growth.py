@@ -5,7 +5,7 @@ import pytest
 
 import orbits
 from orbits import diagnostics
-from orbits.diagnostics.foils import NearestGauss
+from orbits.diagnostics.nearest_gauss import NearestGauss
 from orbits.diagnostics.stepping import Bodies, march
 from orbits.errors import InputError
 

@@ -6,7 +6,7 @@ import pytest
 import orbits
 from orbits import diagnostics
 from orbits.diagnostics.doubledouble import subtract
-from orbits.diagnostics.foils import NearestGauss
+from orbits.diagnostics.nearest_gauss import NearestGauss
 from orbits.diagnostics.stepping import Bodies, StepMap, turned
 from orbits.errors import InputError
 from orbits.integrators import registry
@@ -102,9 +102,9 @@ WRONG = [
     ({"integrator": 8}, "integrator must be a method"),
     ({"dt": 0.0}, "dt must be finite and not zero"),
     ({"dt": float("nan")}, "dt must be finite"),
-    ({"dt": "a"}, "dt must be finite"),
-    ({"dt": [0.1, 0.2]}, "dt must be finite"),
-    ({"softening": "soft"}, "softening is 'soft'"),
+    ({"dt": "a"}, "dt must be a real number, got 'a'"),
+    ({"dt": [0.1, 0.2]}, "dt must be a single number"),
+    ({"softening": "soft"}, "softening must be a real number, got 'soft'"),
     ({"gm": "a"}, "gm is 'a'; expected an array of real numbers"),
     ({"gm": [[1.0], 2.0]}, "expected an array of real numbers"),
     ({"q": None}, "q is None"),
@@ -137,7 +137,7 @@ def test_what_holds_no_numbers_cannot_be_fitted(measure, given):
 
 
 def test_no_steps_are_refused():
-    with pytest.raises(InputError, match="steps must be a positive whole number"):
+    with pytest.raises(InputError, match="steps must be a whole number >= 1"):
         diagnostics.reversibility(*three_bodies(particles=2), orbits.StormerVerlet(), 0.1, 0)
 
 

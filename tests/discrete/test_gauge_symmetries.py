@@ -191,7 +191,7 @@ def test_the_centre_of_mass_of_n_bodies_moves_uniformly_to_round_off(method):
 
 def test_a_symmetry_that_depends_on_time_asks_for_the_time():
     q = np.array([[0.3, -0.2], [0.4, 0.1]])
-    with pytest.raises(InputError, match=r"'boost' depends on time, and no time was given. Pass t="):
+    with pytest.raises(InputError, match=r"'boost' depends on time, but no time was given. Pass t="):
         discrete.momentum_map(boost([1.0, 0.0]), q, q)
     with pytest.raises(InputError, match="one for each point"):
         discrete.momentum_map(boost([1.0, 0.0]), q, q, [0.0, 1.0, 2.0])

@@ -97,7 +97,7 @@ def test_times_must_be_uniform_and_the_offender_is_named():
         discrete.euler_lagrange_residual(L_d, path, times)
     with pytest.raises(InputError, match="array of shape"):
         discrete.euler_lagrange_residual(L_d, path, times[:-1])
-    with pytest.raises(InputError, match="leave t0"):
+    with pytest.raises(InputError, match="leave out t0"):
         discrete.action(L_d, path, 0.1 * np.arange(6), 0.5)
     with pytest.raises(InputError, match="finite"):
         discrete.action(L_d, path, [0, 0.1, 0.2, np.nan, 0.4, 0.5])

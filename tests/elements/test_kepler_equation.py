@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from orbits.elements.kepler import (
+from orbits.elements.kepler_equation import (
     SERIES_BELOW,
     angle_minus_sine,
     barker_anomaly,

@@ -70,7 +70,7 @@ def test_units_of_any_size_give_the_same_digits() -> None:
 @pytest.mark.parametrize(
     ("q", "v", "gm", "dt", "message"),
     [
-        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "at the place of the attracting body"),
+        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "at the position of the attracting body"),
         ([1, 0, 0], [0, 1, 0], -1.0, 1.0, r"gm = -1.0 .* expected >= 0"),
         ([1, 0, 0], [0, 1, 0], 1.0, np.nan, "dt is nan"),
         ([1, 0, 0], [0, 1, 0], np.inf, 1.0, "gm is inf"),
@@ -79,8 +79,8 @@ def test_units_of_any_size_give_the_same_digits() -> None:
         ([[1, 0, 0], [2, 0, 0]], [0, 1, 0], [1.0, 1.0, 1.0], 1.0, "shapes do not fit"),
         ([1, 0, 0], [0, 1, 0], "one", 1.0, "gm is 'one'"),
         ([1, 0, 0], [0, 1j, 0], 1.0, 1.0, "v is .*got complex numbers"),
-        ([1, 0, 0] * u.au, [0, 1, 0], 1.0, 1.0, "v is without a unit, but q is in AU"),
-        ([1, 0, 0], [0, 1, 0], 1.0, 1.0 * u.day, "q is without a unit, but dt is in d"),
+        ([1, 0, 0] * u.au, [0, 1, 0], 1.0, 1.0, "v has no unit, but q is in AU"),
+        ([1, 0, 0], [0, 1, 0], 1.0, 1.0 * u.day, "q has no unit, but dt is in d"),
         ([1, 0, 0] * u.au, [0, 1, 0] * u.km, 1 * u.au**3 / u.day**2, 1 * u.day, "v is in km; expected velocity"),
         ([1, 0, 0] * u.au, [0, 1, 0] * u.km / u.s, 1 * u.kg, 1 * u.day, "gm is in kg; expected GM"),
         ([1, 0, 0] * u.day, [0, 1, 0] * u.km / u.s, 1 * u.kg, 1 * u.day, "q is in d; expected length, such as u.AU"),

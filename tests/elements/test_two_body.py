@@ -146,7 +146,7 @@ def test_one_state_and_many_times_give_an_orbit() -> None:
     ("q", "v", "gm", "dt", "message"),
     [
         ([1, 0, 0], [1, 0, 0], 1.0, 1.0, "Juno: moves straight towards"),
-        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "Juno: is at the place of the attracting body"),
+        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "Juno: is at the position of the attracting body"),
         ([1, 0, 0], [0, 1, 0], 0.0, 1.0, "Juno: gm = 0.0"),
         ([1, 0, 0], [0, 1, 0], 1.0, np.nan, "Juno: dt is nan"),
         ([1, np.inf, 0], [0, 1, 0], 1.0, 1.0, "Juno: position is"),

@@ -123,8 +123,8 @@ def test_classes_of_the_database_add_up_to_the_belt() -> None:
         ({"count": 2.5}, InputError, "count = 2.5"),
         ({"count": True}, InputError, "count = True"),
         ({"count": 5000}, InputError, "count = 5000, but there are only 2779"),
-        ({"names": [3]}, InputError, r"names holds 3; expected strings .*numbers= takes numbers"),
-        ({"numbers": ["Ceres"]}, InputError, "numbers holds 'Ceres'; expected whole numbers"),
+        ({"names": [3]}, InputError, r"names contains 3; expected strings .*numbers= takes numbers"),
+        ({"numbers": ["Ceres"]}, InputError, "numbers contains 'Ceres'; expected whole numbers"),
         ({"brighter_than": np.nan}, InputError, "brighter_than = nan; expected an absolute magnitude"),
     ],
 )

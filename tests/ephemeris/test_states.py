@@ -176,7 +176,7 @@ def test_unknown_names_are_refused_with_what_comes_close() -> None:
         states(["Sun", "Jupitr"], J2000)
     with pytest.raises(UnknownNameError, match=r"no body 'Ceres'\. It has"):
         gm(["Ceres"])
-    with pytest.raises(InputError, match="a body is called 3; expected a string"):
+    with pytest.raises(InputError, match="the name of a body is 3; expected a string"):
         canonical_name(3)  # type: ignore[arg-type]
 
 

@@ -14,7 +14,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.certificate.values import Certificate, Finding
+from orbits.certificate.certificate import Certificate, Finding
 from orbits.errors import ArchiveError, SingularityError
 from orbits.integrators import registry
 
@@ -123,11 +123,11 @@ def test_a_pickled_run_whose_archive_is_gone_or_shorter_says_so(tmp_path):
     orbits.propagate(
         run.system, run.integrator, dt=20, duration=20, samples=2, archive=run.path, overwrite=True
     ).close()
-    with pytest.raises(ArchiveError, match="holds 2 samples; expected the 5"):
+    with pytest.raises(ArchiveError, match="has 2 samples; expected the 5"):
         pickle.loads(pickled)
     other = short_run(systems()["solar"].replaced(q=1.001 * run.system.values.q), archive=run.path, overwrite=True)
     assert len(other) == 5
-    with pytest.raises(ArchiveError, match="holds another run by now"):
+    with pytest.raises(ArchiveError, match="now has another run"):
         pickle.loads(pickled)
     os.remove(run.path)
     with pytest.raises(ArchiveError, match="does not exist"):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.certificate.values import Certificate, Finding
+from orbits.certificate.certificate import Certificate, Finding
 from orbits.kernels.encounters import COLUMNS, DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.propagation.approaches import Approaches
 from orbits.propagation.passages_seen import Record, Seen

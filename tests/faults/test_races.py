@@ -53,7 +53,7 @@ def test_a_resume_that_is_stopped_after_it_looked_keeps_others_out_and_then_goes
     assert small.is_part_of_the_run(orbits.Trajectory.open(path))
 
 
-CROWD = """
+RESUME_WHEN_TOLD = """
 import orbits
 from orbits.propagation import sample_store
 sample_store.COMMIT_SECONDS = 0.0
@@ -71,21 +71,21 @@ except orbits.errors.ArchiveError as error:
 def test_resumes_stopped_and_continued_at_any_moment_leave_the_right_run(seed, originals, tmp_path):
     rng = np.random.default_rng(seed)
     path = Path(shutil.copy(originals["-"], tmp_path / "run.h5"))
-    crowd = [start(CROWD, path, stdin=-1) for _ in range(3)]
-    for process in crowd:
+    processes = [start(RESUME_WHEN_TOLD, path, stdin=-1) for _ in range(3)]
+    for process in processes:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
-    for process in crowd:
+    for process in processes:
         assert process.stdin is not None
         process.stdin.write("\n")
         process.stdin.flush()
     for _ in range(40):
-        process = crowd[int(rng.integers(len(crowd)))]
+        process = processes[int(rng.integers(len(processes)))]
         if process.poll() is None:
             os.kill(process.pid, signal.SIGSTOP)
             time.sleep(float(rng.exponential(0.01)))
             os.kill(process.pid, signal.SIGCONT)
-    outcomes = [ended(process) for process in crowd]
+    outcomes = [ended(process) for process in processes]
     assert all(status == 0 for status, _, _ in outcomes), outcomes
     said = {out.strip() for _, out, _ in outcomes}
     assert said <= {"refused", str(small.SAMPLES)}, outcomes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import orbits
-from orbits.elements.flow import kepler_flow
+from orbits.elements.kepler_flow import kepler_flow
 
 
 def about_a_star(bodies, times, *, units=orbits.DIMENSIONLESS, epoch=None, method=None):

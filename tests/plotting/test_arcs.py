@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.elements.flow import kepler_flow
+from orbits.elements.kepler_flow import kepler_flow
 from orbits.plotting import arcs, osculating_ellipse
 from tests.plotting.runs import about_a_star
 

@@ -14,7 +14,8 @@ from tests.regression.reports import NINE, make
 PLANETS = {"inner": {"a": 1.0, "e": 0.2}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0}}
 SPANS = {"an hour": 1 / 24, "a year": 365.25, "a century": 36525.0, "a century back": -36525.0, "1e6 years": 3.6525e8}
 LONG = {f"A planet with a name of forty characters{k}": {"a": 1.0 + k} for k in range(6)}
-CROWD = {**{f"{k} asteroid of some length": {"a": 2.0 + 0.01 * k, "M": 1.0 * k} for k in range(40)}, "far": {"a": 90.0}}
+FORTY = {f"{k} asteroid of some length": {"a": 2.0 + 0.01 * k, "M": 1.0 * k} for k in range(40)}
+MANY_ASTEROIDS = {**FORTY, "far": {"a": 90.0}}
 THIRTY = {f"planet {k}": {"a": 1.15**k, "M": 2.4 * k} for k in range(1, 30)}
 UNITS = {"an hour": "[min]", "a year": "[d]", "a century": "[yr]", "a century back": "[yr]", "1e6 years": "[Myr]"}
 
@@ -31,7 +32,7 @@ PICTURES = {
     "no units, long": lambda: about_a_star(PLANETS, np.linspace(0.0, 7e6, 50)).plot(),
     "metres": lambda: in_metres().plot(),
     "one body": lambda: alone().plot(),
-    "a crowd": lambda: about_a_star(CROWD, np.linspace(0.0, 60.0, 50)).plot(),
+    "many asteroids": lambda: about_a_star(MANY_ASTEROIDS, np.linspace(0.0, 60.0, 50)).plot(),
     "a system": lambda: orbits.System.solar_system().plot(),
     "a system of long names": lambda: about_a_star(LONG, [0.0, 1.0]).system.plot(),
     "a system of thirty": lambda: heavy_thirty().plot(),
@@ -123,7 +124,7 @@ def test_a_run_without_samples_is_refused_in_words():
 
 def test_the_dashed_line_of_a_run_and_the_ellipses_are_explained():
     told = " ".join(seen.texts(physical(365.25).plot())).replace("\n", " ")
-    for words in ("dashed: 2⁻⁵³, the rounding of one float64", "thin ellipses: the two-body", "discs: where bodies"):
+    for words in ("dashed: 2⁻⁵³, the rounding of one float64", "thin ellipses: the osculating", "discs: the bodies"):
         assert words in told
     assert "energy and angular momentum: of the massive bodies" in told  # the planets are massless here
 
@@ -141,7 +142,7 @@ def test_thirty_massive_bodies_have_thirty_colours_and_names():
     assert len({handle.get_color() for handle in legend.get_lines()}) == 30
 
 
-def test_planets_that_crowd_about_the_sun_have_a_map_of_their_own():
+def test_planets_close_about_the_sun_have_a_map_of_their_own():
     planets = {name: {"a": a} for name, a in (("a", 0.4), ("b", 0.7), ("c", 1.0), ("far", 30.0))}
     run = about_a_star(planets, np.linspace(0.0, 6.0, 50), units=orbits.SOLAR)
     for figure in (run.plot(), run.system.plot()):

@@ -55,12 +55,12 @@ def test_names_of_methods_are_understood_by_all_that_takes_one():
 @pytest.mark.parametrize(
     ("argument", "answer"),
     [
-        ("additional_forces", "what acts besides Newton's gravity belongs to the system: system.with_terms("),
+        ("additional_forces", "forces other than Newtonian gravity belong to the system: system.with_terms("),
         ("heartbeat", "callback=... is called after each sample"),
-        ("tmax", "how far to go is duration=..., or until=..."),
-        ("Nout", "what is kept is samples=..., a count or times"),
+        ("tmax", "the end of a run is duration=..., or until=..."),
+        ("Nout", "the samples to keep are samples=..., a count or times"),
         ("exit_max_distance", "stop=orbits.FartherThan(distance) ends a run"),
-        ("epsilon", "steps are constant: dt=..., chosen by no tolerance"),
+        ("epsilon", "steps are constant: dt=...; there is no tolerance"),
         ("sampels", "expected some of system, integrator, dt, duration, until, samples, archive"),
         ("sampels", "Did you mean samples?"),
     ],

@@ -92,7 +92,7 @@ def test_what_is_no_end_and_no_sample_is_refused_in_words(arguments, message):
     ],
 )
 def test_a_date_that_is_none_is_said_to_be_none(what, given):
-    with pytest.raises(EpochError, match=rf"^{what} is .*NaT.*\(NaT is no date\)\.$"):
+    with pytest.raises(EpochError, match=rf"^{what} is .*NaT.*\(NaT is not a date\)\.$"):
         times_since(system(), given, what.partition("\\")[0])
 
 

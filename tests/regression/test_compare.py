@@ -12,7 +12,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import ConvergenceError, InputError, UnknownNameError
-from orbits.regression.invariants import Invariants
+from orbits.regression.conserved_quantities import Invariants
 from orbits.regression.problem import Problem, Sampled
 
 from ..problems import FIGURE_EIGHT

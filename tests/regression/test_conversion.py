@@ -163,7 +163,7 @@ def without_gravity():
         (in_a_shearing_sheet, "'sei'"),
         (with_another_G_than_its_units, "G = 1.0, but G is 39.4"),
         (with_a_name_twice, "both called 'planet'"),
-        (rebound.Simulation, "without bodies"),
+        (rebound.Simulation, "the system has no bodies"),
     ],
 )
 def test_what_a_system_cannot_be_is_refused_in_words(make, message):

@@ -21,7 +21,7 @@ from orbits import integrators
 from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
 from orbits.propagation import sample_store
 from orbits.scenario import bundled, load, perform
-from orbits.scenario.certifying import certify_scenario
+from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity
 
 STUDIES = [
@@ -60,7 +60,7 @@ def test_the_bundled_scenarios_are_those_of_the_docs():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_each_bundled_scenario_shortened_gives_all_that_it_demands(name, tmp_path):
-    """Variational methods keep angular momentum, the foils lose it, tolerances hold, pictures and JSON are written."""
+    """Variational methods keep angular momentum, controls lose it, tolerances hold, pictures and JSON are written."""
     scenario = load(name).with_changes(**SHORT[name])
     outcome = perform(scenario, out=tmp_path)
     assert outcome.ok, outcome.failures
@@ -81,11 +81,16 @@ def test_each_bundled_scenario_shortened_gives_all_that_it_demands(name, tmp_pat
 @pytest.mark.parametrize("share", [0.01, -0.5, 1.0, 10.0])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_run_of_a_few_steps_or_less_than_one_is_no_failure(name, share, tmp_path):
-    """Foils are judged from one step on: what they lose in a part of one, which is less, need not show."""
+    """Controls are judged from one step on: in a part of a step they lose less, which need not show."""
     scenario = load(name)
     outcome = perform(scenario.with_changes(duration=share * scenario.dt, samples=3), out=tmp_path, plot=False)
     assert outcome.ok, outcome.failures
     assert any("loses" in check.claim for check in outcome.checks) is (share >= 1.0)
+
+
+def test_the_old_name_of_the_controls_says_the_new_one():
+    with pytest.raises(UnknownNameError, match="no argument 'foils': it is called controls now"):
+        next(orbits.scenario.angular_momentum_checks({}, bound=1e-14, foils=False))
 
 
 def test_a_scenario_file_runs_as_a_program_of_its_own(tmp_path):

@@ -15,7 +15,7 @@ import orbits
 from orbits.errors import InputError
 from orbits.lagrangians.pendulum import pendulum
 from orbits.scenario import Study, StudyResult, Table, bundled, load, perform
-from orbits.scenario.certifying import certify_scenario
+from orbits.scenario.certificates import certify_scenario
 
 STUDIES = ["arenstorf", "discrete_kepler", "liouville", "outer_solar_system", "pendulum", "pleiades"]
 
@@ -109,7 +109,7 @@ def test_work_and_precision_are_swept_down_to_round_off_and_show_the_order(monke
     assert any("order=10" in label for label in labels)
 
 
-def test_the_foils_of_the_pictures_are_judged_to_fail(tmp_path):
+def test_the_controls_of_the_pictures_are_judged_to_fail(tmp_path):
     """Euler and RK4 stand in the checks as what they are; the variational methods beside them hold."""
     claims = [
         c.claim for name in ("pendulum", "liouville") for c in perform(load(name), out=tmp_path, plot=False).checks
@@ -232,7 +232,7 @@ def test_certifying_a_study_takes_its_own_starts_and_one_method_on_each_problem_
     methods = [orbits.StormerVerlet(), orbits.ExplicitEuler()]
     made = study(certifies=[(pendulum, method, 0.1, (0.5,), (0.2,)) for method in methods])
     outcome = certify_scenario(made, out=tmp_path)
-    assert [each.foil for each in outcome.certified] == [False, True]
+    assert [each.control for each in outcome.certified] == [False, True]
     assert outcome.ok
     (one,) = certify_scenario(made, integrator=orbits.Gauss(stages=2), out=tmp_path).certified
     assert one.certificate.method == "Gauss(stages=2)"

@@ -121,7 +121,7 @@ def test_the_comments_say_how_it_was_made_and_what_the_centre_is(written):
         spiceypy.dafcls(handle)
     assert done
     assert "Gauss(stages=8), dt = 4.0 d" in lines[0]
-    assert any("barycentre of the bodies chosen" in line for line in lines)
+    assert any("barycentre of the selected bodies" in line for line in lines)
     assert lines[count - 1].split() == ["-1001", "Zo?"]
 
 
@@ -158,7 +158,7 @@ def test_numbers_of_bodies_are_naifs_or_ones_own(run, tmp_path):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({}, InputError, r"no NAIF number is known of Zoë; .* ids=\{'Zoë': -1001\}"),
+        ({}, InputError, r"no NAIF number is known for Zoë; .* ids=\{'Zoë': -1001\}"),
         ({"ids": {"Zoë": 10}}, InputError, "'Sun' and 'Zoë' both have the NAIF number 10"),
         ({"ids": {"Zoë": 0}}, InputError, r"ids\['Zoë'\] is 0"),
         ({"ids": {"Zoë": "7"}}, InputError, r"ids\['Zoë'\] is '7'"),
@@ -189,7 +189,7 @@ def test_samples_that_are_not_of_this_method_are_refused(run, tmp_path):
     other = orbits.Trajectory(
         run.system, run.times, run.q.value * (1 + 1e-9), run.v.value, step=run.step, integrator=METHOD
     )
-    with pytest.raises(InputError, match=r"'Neptune' are up to .* km from where"):
+    with pytest.raises(InputError, match=r"'Neptune' are up to .* km from the motion"):
         other.to_spk(tmp_path / "run.bsp", bodies=["Neptune"])
 
 

@@ -116,7 +116,7 @@ def test_each_oddity_is_taken_or_refused(use: str) -> None:
     ("use", "x", "message"),
     [
         ("bodies", 3, "bodies is 3; expected a sequence of names, such as"),
-        ("numbers", [10**400], "numbers holds one beyond 10"),
+        ("numbers", [10**400], "numbers contains one above 10"),
         ("brighter_than", "bright", "brighter_than = 'bright'; expected an absolute magnitude"),
         ("unit", 10**400, "expected an astropy unit such as u.km"),
         ("G", 10**400, "expected a number"),

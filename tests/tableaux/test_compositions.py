@@ -106,7 +106,7 @@ def test_what_does_not_fit_is_refused_with_a_remedy():
         orbits.Composition(gauss_2, order=6, scheme="kahan-li")
     with pytest.raises(InputError, match="made for Störmer–Verlet"):
         orbits.Composition(orbits.Gauss(stages=1), order=4, scheme="blanes-moan")
-    with pytest.raises(InputError, match=r"no scheme for this; order 4 from order 2 has blanes-moan, suzuki"):
+    with pytest.raises(InputError, match=r"a scheme for these orders; order 4 from order 2 has blanes-moan, suzuki"):
         orbits.Composition(verlet, order=4, scheme="ruth")
 
 

@@ -73,5 +73,5 @@ def test_the_nodes_are_both_ends_and_quadrature_has_degree_2s_minus_3(stages):
 @pytest.mark.parametrize("pair", PAIRS)
 @pytest.mark.parametrize("stages", [1, 0, -2, 3.0, True, "3", None])
 def test_a_wrong_number_of_stages_is_refused(pair, stages):
-    with pytest.raises(InputError, match=r"stages >= 2, got"):
+    with pytest.raises(InputError, match=r"stages of a Lobatto method must be a whole number >= 2, got"):
         pair(stages)

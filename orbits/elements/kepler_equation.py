@@ -5,9 +5,9 @@
     parabola:   M = D + D^3/3,  D = tan(f/2)         with M = sqrt(gm/(2 q^3)) (t - T):  Barker's equation
 
 In the forms on the right every term has the sign of M, so nothing cancels however close e is to 1, as long as
-E - sin E is not formed by subtraction. 1 - e may be given beside e: a float e holds it to 1.1e-16 only, while it is
-known better where pericentre distance and semi-major axis are. The hyperbola is solved for S: states need S and cosh F,
-and exponentiating F would multiply its rounding error by F.
+E - sin E is not computed by subtraction. 1 - e may be passed in addition to e: a float e determines it only to 1.1e-16,
+whereas pericentre distance and semi-major axis determine it to full precision. The hyperbola is solved for S, because
+states need S and cosh F, and exponentiating F would multiply its rounding error by F.
 
 Sources: Mikkola (1987), Celest. Mech. 40, 329 (starting values); Gooding & Odell (1988), Celest. Mech. 44, 267 (sinh F
 as the unknown); Battin (1999), 4.2 (Barker's equation).
@@ -23,17 +23,17 @@ from numpy.typing import NDArray
 Floats: TypeAlias = NDArray[np.float64]
 
 TWO_PI = 2.0 * np.pi
-# 2 pi = TWO_PI + TWO_PI_REST to 33 digits: reduces angles of many turns without losing what their floats still know.
+# 2 pi = TWO_PI + TWO_PI_REST to 33 digits, to reduce angles of many turns without losing digits.
 TWO_PI_REST = 2.4492935982947064e-16
-# Above this the number of turns is no float any more; sines know the angle all the same.
+# Above this, the number of turns is not a float any more, but sines are still exact.
 MOST_COUNTED = 2.0**53
 
-# Below this argument x - sin x and sinh x - x come from their series; above it, subtraction loses one bit at most.
+# Below this argument x - sin x and sinh x - x are computed by series; above it, subtraction loses at most one bit.
 SERIES_BELOW = 1.6
 # Twelve terms: the next one is 1.6**24 * 6 / 27!, less than 1e-22 of the sum.
 SERIES_TERMS = 12
 
-# The starting values are good to 0.5 %, and Halley's iteration cubes the error: two rounds reach the floor.
+# The starting values are good to 0.5 %, and Halley's iteration cubes the error: two rounds reach the round-off floor.
 HALLEY_ROUNDS = 3
 
 
@@ -84,9 +84,9 @@ def _mikkola_root(M: Floats, e: Floats, one_minus_e: Floats) -> Floats:
     alpha = np.abs(one_minus_e) / (4.0 * e + 0.5)
     beta = 0.5 * M / (4.0 * e + 0.5)
     root = np.sqrt(alpha)
-    # z >= root; said for an alpha whose power 3/2 underflows.
+    # z >= root always; enforced for an alpha whose power 3/2 underflows.
     z = np.maximum(np.cbrt(beta + np.hypot(beta, alpha * root)), root)
-    # The textbook's z - alpha/z, without its cancellation at small M.
+    # This is the textbook's z - alpha/z, without its cancellation at small M.
     return np.asarray(2.0 * beta / (z * z + alpha + (alpha / z) ** 2))
 
 
@@ -95,7 +95,7 @@ def eccentric_anomaly(M: Floats, e: Floats, one_minus_e: Floats | None = None) -
 
     M : mean anomaly, radians, any number of turns
     e : eccentricity, 0 <= e < 1
-    one_minus_e : 1 - e > 0 where it is known better than from e, which may then round to 1
+    one_minus_e : 1 - e > 0, if it is known better than from e, which may then round to 1
     All of one shape. Accurate to the floor set by the rounding of M and E.
     """
     one_minus_e = 1.0 - e if one_minus_e is None else one_minus_e
@@ -117,7 +117,7 @@ def sinh_anomaly(M: Floats, e: Floats, one_minus_e: Floats | None = None) -> Flo
 
     M : mean anomaly e sinh F - F, radians, any size
     e : eccentricity, e > 1
-    one_minus_e : 1 - e < 0 where it is known better than from e, which may then round to 1
+    one_minus_e : 1 - e < 0, if it is known better than from e, which may then round to 1
     All of one shape. Accurate to the floor set by the rounding of M and S.
     """
     e_minus_one = e - 1.0 if one_minus_e is None else -one_minus_e
@@ -137,5 +137,5 @@ def sinh_anomaly(M: Floats, e: Floats, one_minus_e: Floats | None = None) -> Flo
 def barker_anomaly(M: Floats) -> Floats:
     """Return D = tan(f/2) of a parabola, the root of D + D^3/3 = M, any shape and size."""
     D = 2.0 * np.sinh(np.arcsinh(1.5 * M) / 3.0)
-    # sinh multiplies the rounding of its argument by the argument, up to 200: one step of Newton's takes that back.
+    # sinh multiplies the rounding error of its argument by the argument, up to 200: one Newton step removes this.
     return np.asarray(D - (D * (1.0 + D * D / 3.0) - M) / (1.0 + D * D))

@@ -16,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, finite_number
+from orbits.checks import finite_number
+from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics
 from orbits.errors import InputError
 from orbits.lagrangians.base import show
 
 CONJUGATE = 1e-8
-"""Nearer than this to a whole number of half periods, the ends determine no motion, to half of all digits."""
+"""Nearer than this to a whole number of half periods, the ends determine the motion to less than half of all digits."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,7 +51,7 @@ class ExactLinear(DiscreteLagrangian):
         return own, mixed, own.copy()
 
     def guess(self, q: Array, p: Array, h: float, t: float) -> Array:
-        """Return the q1 that p leads to."""
+        """Return the exact q1 that p leads to."""
         x, y, phi = self.inverse @ q, self.modes.T @ p, self.omega * h
         moved: Array = self.modes @ (np.cos(phi) * x + h * np.sinc(phi / np.pi) * y)
         return moved
@@ -64,7 +65,7 @@ class ExactLinear(DiscreteLagrangian):
         if np.any(bad):
             raise InputError(
                 f"{self.name}: h = {h!r} is a whole number of half periods of the mode with omega = "
-                f"{show(self.omega[bad])}: q0 and q1 determine no motion then (conjugate points). Use another h."
+                f"{show(self.omega[bad])}: q0 and q1 do not determine a motion (conjugate points). Use another h."
             )
         moving = phi != 0.0
         safe = np.where(moving, phi, 1.0)
@@ -75,11 +76,14 @@ def exact_linear(mass: ArrayLike, stiffness: ArrayLike, *, lagrangian: Mechanics
     """Return the exact discrete Lagrangian of L = v.Mv/2 - q.Kq/2.
 
     mass : (d, d), symmetric, positive definite; stiffness : (d, d), symmetric, positive semi-definite
-    Refuses h at a whole number of half periods, where the ends determine no motion. Raises InputError.
+    Raises InputError for other matrices and, when it is used, for h at a whole number of half periods, where the ends
+    do not determine a motion.
     """
     M, K = np.asarray(mass, dtype=np.float64), np.asarray(stiffness, dtype=np.float64)
     if M.ndim != 2 or M.shape[0] != M.shape[1] or M.shape != K.shape or not np.all(np.isfinite([M, K])):
-        raise InputError(f"mass and stiffness are finite matrices of one shape (d, d); got {M.shape} and {K.shape}")
+        raise InputError(
+            f"mass and stiffness must be finite matrices of the same shape (d, d); got {M.shape} and {K.shape}"
+        )
     if np.any(M.T != M) or np.any(K.T != K):
         raise InputError("mass and stiffness must be symmetric matrices")
     try:
@@ -89,7 +93,7 @@ def exact_linear(mass: ArrayLike, stiffness: ArrayLike, *, lagrangian: Mechanics
     unit = np.linalg.inv(root)
     square, axes = np.linalg.eigh(unit @ K @ unit.T)
     if square[0] < -1e-14 * max(abs(square[0]), abs(square[-1])):
-        raise InputError(f"the stiffness {show(K)} is not positive semi-definite: its motion is no oscillation")
+        raise InputError(f"the stiffness {show(K)} is not positive semi-definite: the motion does not oscillate")
     name = "exact-harmonic-oscillator" if np.any(K) else "exact-free-particle"
     inverse = axes.T @ root.T
     return ExactLinear(name, lagrangian, unit.T @ axes, inverse, np.sqrt(np.maximum(square, 0.0)))

@@ -1,4 +1,4 @@
-"""Osculating elements with names and units, of one state or of all samples of a run at once."""
+"""Osculating elements with names and units, for one state or for all samples of a run at once."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from orbits import diagnostics
 from orbits.body_names import chosen, few, index_of
 from orbits.elements import default_frame, elements_from_state, to_frame
-from orbits.elements.kepler import positive_angle
+from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
 from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
-from orbits.system import making, presenting
+from orbits.system import new_bodies, presenting
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
@@ -30,16 +30,16 @@ Floats = NDArray[np.float64]
 class OrbitalElements(Tabular):
     """Osculating elements of k bodies: quantities of shape (k,) for one state, (samples, k) for a run.
 
-    names : the bodies, in the order of the last axis; the primary is not among them
-    primary : what the orbits are around: a body, "barycentre" (of the massive bodies) or "jacobi" (the centre of mass
-        of the bodies before each)
-    frame : what the angles refer to, "ecliptic" (of J2000) or "icrf" (the axes of the system itself)
-    t : time of the states since the epoch, of shape () or (samples,);  epoch : that epoch, a Time, or None
+    names : the bodies, in the order of the last axis, without the primary
+    primary : the centre of the orbits: a body, "barycentre" (of the massive bodies) or "jacobi" (the centre of mass of
+        the preceding bodies)
+    frame : the frame of the angles, "ecliptic" (of J2000) or "icrf" (the axes of the system itself)
+    t : time of the states since the epoch, shape () or (samples,);  epoch : a Time, or None
     a, e, q, inc, Omega, omega, pomega, M, E, f, u, l, theta, n, P, T, h, k, ix, iy : as defined for every conic in
         `orbits.elements.Elements`; angles in radians, T a time since the epoch
 
-    elements["Ceres"] is that body alone, without the last axis; elements["Ceres"].pal() are its a, l, h, k, ix, iy, as
-    `System.add` takes them.
+    elements["Ceres"] are the elements of one body, without the last axis; elements["Ceres"].pal() returns its a, l, h,
+    k, ix, iy for `System.add`.
     """
 
     names: tuple[str, ...]
@@ -73,12 +73,12 @@ class OrbitalElements(Tabular):
         return tuple(field.name for field in fields(self))[4:-1]
 
     def pal(self) -> dict[str, Quantity]:
-        """Return a, l, h, k, ix, iy; l is Omega + omega + M here, as Pal has it, retrograde orbits included."""
+        """Return a, l, h, k, ix, iy; here l is Omega + omega + M, as Pal defines it, also for retrograde orbits."""
         mean_longitude = Quantity(positive_angle((self.Omega + self.omega + self.M).to_value(u.rad)), u.rad)
         return {"a": self.a, "l": mean_longitude, "h": self.h, "k": self.k, "ix": self.ix, "iy": self.iy}
 
     def __getitem__(self, name: str) -> OrbitalElements:
-        """Return the elements of one body. Raises UnknownNameError, with the names that come close."""
+        """Return the elements of one body. Raises UnknownNameError, with close matches."""
         i = index_of(name, self.names, "orbit of")
         if self.a.ndim == 0:
             return self
@@ -88,7 +88,7 @@ class OrbitalElements(Tabular):
         )
 
     def blank(self, where: NDArray[np.bool_]) -> OrbitalElements:
-        """Return these elements with NaN where bodies are absent, (samples, k)."""
+        """Return these elements with NaN where `where`, (samples, k), is True."""
         kept = {key: getattr(self, key) for key in self.keys()}
         blanked = {key: u.Quantity(np.where(where, np.nan, x.value), x.unit, copy=False) for key, x in kept.items()}
         return OrbitalElements(
@@ -124,7 +124,7 @@ class OrbitalElements(Tabular):
         return f"{what}, lowest ... highest of {len(self.t):,} samples, {presenting.span(self.t)}"
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
-        """Return the head of a table, its first rows and how many more there are; of a run the ranges of a, e, inc."""
+        """Return the head of a table, its first rows and the number of others; for a run, ranges of a, e and inc."""
         units = {"a": self.a.unit, "e": "", "inc": u.deg}
         if not self.t.ndim:
             units |= dict.fromkeys(("Omega", "omega", "M"), u.deg)
@@ -135,7 +135,7 @@ class OrbitalElements(Tabular):
         return head, list(map(list, zip(self.names, *columns, strict=False))), max(0, len(self.names) - MOST_ROWS)
 
     def _cells(self, key: str, unit: Any) -> list[str]:
-        """Return an element of the first bodies as text, and of a run its range."""
+        """Return an element of the first bodies as text; for a run, its range."""
         values = getattr(self, key).reshape((*self.t.shape, len(self.names)))[..., :MOST_ROWS].to_value(unit)
         if values.ndim == 1:
             return [f"{x:.6g}" for x in values]
@@ -143,7 +143,7 @@ class OrbitalElements(Tabular):
 
 
 def _range(values: Floats) -> tuple[Floats, Floats]:
-    """Return the lowest and the highest value of each column, of those that are no NaN."""
+    """Return the lowest and the highest value of each column, ignoring NaN."""
     return np.fmin.reduce(values, axis=0), np.fmax.reduce(values, axis=0)
 
 
@@ -161,23 +161,23 @@ def osculating(
 ) -> OrbitalElements:
     """Return the osculating elements of all bodies but the primary.
 
-    gm (n,), q and v (..., n, 3), t (...) : floats in `units`; t is the time of the states and enters T alone
-    epoch : of t = 0, which is handed on
+    gm (n,), q and v (..., n, 3), t (...) : floats in `units`; t is the time of the states, used for T only
+    epoch : of t = 0, passed on to the result
     primary : a body, with the GM of both; "barycentre", the centre of mass of all massive bodies, with the GM of all;
-        or "jacobi": each body about the centre of mass of those before it, with the GM of these and its own
-    frame : "ecliptic", "icrf", or None for the ecliptic, and the system's axes where units are dimensionless
+        or "jacobi", the centre of mass of the preceding bodies, with their GM and the body's own
+    frame : "ecliptic", "icrf", or None for the ecliptic, or the system's axes if units are dimensionless
 
     Raises UnknownNameError for a primary or a frame that does not exist, InputError, naming the body, for a state
     without elements.
     """
     frame = default_frame(units) if frame is None else frame
-    around = making.centre_of_several(names, primary) or names[index_of(primary, names, "primary")]
-    if around in making.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
+    around = new_bodies.centre_of_several(names, primary) or names[index_of(primary, names, "primary")]
+    if around in new_bodies.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
-    if around == making.JACOBI:
+    if around == new_bodies.JACOBI:
         bodies, centre_gm, centre_q, centre_v = _before(names, gm, q, v)
         two_body_gm = centre_gm + gm[bodies]
-    elif around in making.BARYCENTRIC:
+    elif around in new_bodies.BARYCENTRIC:
         bodies = np.arange(len(names))
         two_body_gm = np.full(len(names), gm.sum())
         centre_q, centre_v = (diagnostics.centre_of_mass(gm, x)[..., None, :] for x in (q, v))
@@ -187,7 +187,7 @@ def osculating(
         two_body_gm = gm[bodies] + gm[place]
         centre_q, centre_v = q[..., [place], :], v[..., [place], :]
         if gm[place] == 0.0:
-            raise InputError(f"{around!r} has no mass, so nothing goes around it. Choose a body with mass as primary.")
+            raise InputError(f"{around!r} has no mass, so nothing can orbit it. Choose a massive body as primary.")
     chosen = tuple(names[i] for i in bodies)
     times = np.asarray(t, dtype=np.float64)
     found = elements_from_state(
@@ -212,9 +212,9 @@ def osculating(
 
 
 def _before(names: Sequence[str], gm: Floats, q: Floats, v: Floats) -> tuple[NDArray[np.intp], Floats, Floats, Floats]:
-    """Return the bodies from the second on, and GM, place and velocity of the centre of mass of those before each."""
+    """Return the bodies from the second on, and GM, position and velocity of the centres of mass before each."""
     if gm[0] == 0.0:
-        raise InputError(f"Jacobi elements start from the first body, but {names[0]!r} has no mass.")
+        raise InputError(f"Jacobi elements need a first body with mass, but {names[0]!r} has none.")
     bodies = np.arange(1, len(names))
     total = np.cumsum(gm)[:-1]
     centres = [np.cumsum(gm[:, None] * x, axis=-2)[..., :-1, :] / total[:, None] for x in (q, v)]

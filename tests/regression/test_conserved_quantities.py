@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orbits.point_masses import PointMasses
-from orbits.regression.invariants import Invariants
+from orbits.regression.conserved_quantities import Invariants
 
 GM = np.array([1.0, 0.5, 0.0])
 Q = np.array([[0.0, 0.1, 0.0], [1.0, 0.0, 0.2], [3.0, 0.0, 0.0]])

@@ -1,4 +1,4 @@
-"""How the states of new bodies come about: from elements, from DE440."""
+"""States of new bodies, from elements or from DE440."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from orbits.units import UnitSystem, as_epoch
 if TYPE_CHECKING:
     from astropy.time import Time
 
-    from orbits.system.value import System
+    from orbits.system.system import System
 
 Floats = NDArray[np.float64]
 State = tuple[Floats, Floats]
@@ -30,7 +30,7 @@ ANGLES = ("inc", "Omega", "omega", "pomega", "M", "f", "E", "u", "l", "theta")
 ELEMENTS = ("a", "P", "n", "q", "e", *ANGLES, "T", "h", "k", "ix", "iy")
 OF_A_BODY = ("gm", "mass", "radius")
 
-# What orbits may be around besides a body.
+# Centres of orbits that are not bodies.
 BARYCENTRIC = ("barycentre", "barycenter")
 JACOBI = "jacobi"
 
@@ -41,7 +41,7 @@ EXAMPLE = "System.from_elements({'Sun': dict(mass=1 * u.M_sun), 'Ceres': dict(a=
 
 
 def per_body(value: Floats, what: str, names: Sequence[str]) -> Floats:
-    """Return one value for each new body, shape (k,); raise InputError when there are not k, or one for all."""
+    """Return one value for each new body, shape (k,). Raises InputError unless there are k, or one for all."""
     if value.shape not in ((), (len(names),)):
         who = repr(names[0]) if len(names) == 1 else f"the {len(names)} bodies {few(names, 3)}"
         shapes = "one number" if len(names) == 1 else f"one number, or {len(names)}"
@@ -50,9 +50,9 @@ def per_body(value: Floats, what: str, names: Sequence[str]) -> Floats:
 
 
 def masses(names: Sequence[str], gm: Any, mass: Any, units: UnitSystem) -> Floats:
-    """Return GM of new bodies, shape (k,), from GM or mass; 0 where neither is given. Raises InputError for both.
+    """Return GM of new bodies, shape (k,), from GM or mass; 0 if neither is given.
 
-    And, naming the body, for what is not finite or negative.
+    Raises InputError if both are given, and, naming the body, for values that are negative or not finite.
     """
     who = few(names, 3)
     if gm is not None and mass is not None:
@@ -69,7 +69,7 @@ def masses(names: Sequence[str], gm: Any, mass: Any, units: UnitSystem) -> Float
 def extended_radii(
     radii: Floats | None, bodies: int, names: Sequence[str], radius: Any, units: UnitSystem
 ) -> Floats | None:
-    """Return the radii of a system with new bodies: 0 for those whose radius is not known, None when none is."""
+    """Return the radii of a system with new bodies: 0 for unknown radii, None if all are unknown."""
     if radii is None and radius is None:
         return None
     value = units.length_value(0.0 if radius is None else radius, f"radius of {few(names, 3)}")
@@ -77,10 +77,10 @@ def extended_radii(
 
 
 def split_mapping(bodies: Any) -> tuple[str, dict[str, Mapping[str, Any]]]:
-    """Return the name of the primary and the other entries of what `System.from_elements` is given, checked by key."""
+    """Return the name of the primary, and the other entries, of the argument of `System.from_elements`; checks keys."""
     if not isinstance(bodies, Mapping) or not bodies:
         raise InputError(
-            f"from_elements got {shown(bodies)}; expected names with what is known of each, as in {EXAMPLE}."
+            f"from_elements got {shown(bodies)}; expected a dict of bodies by name, as in {EXAMPLE}."
         )
     for name, given in bodies.items():
         if not isinstance(given, Mapping):
@@ -93,7 +93,7 @@ def split_mapping(bodies: Any) -> tuple[str, dict[str, Mapping[str, Any]]]:
         if key not in OF_A_BODY:
             raise InputError(
                 f"{first!r} is the first body and so the primary, but has {key!r}; expected only some of "
-                f"{', '.join(OF_A_BODY)}. Put the body that the others go around first."
+                f"{', '.join(OF_A_BODY)}. Put the body that the others orbit first."
             )
     for name in others:
         _check_keys(name, [key for key in bodies[name] if key not in (*OF_A_BODY, "primary", "frame", "v")])
@@ -101,13 +101,13 @@ def split_mapping(bodies: Any) -> tuple[str, dict[str, Mapping[str, Any]]]:
 
 
 def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[float, float | None]:
-    """Return GM and radius of the first body of `System.from_elements`. Raises InputError when it has no mass."""
+    """Return GM and radius of the first body of `System.from_elements`. Raises InputError if it has no mass."""
     if given.get("gm") is None and given.get("mass") is None:
         raise InputError(f"{name!r} is the primary and needs gm or mass, as in {EXAMPLE}.")
     gm = float(masses([name], given.get("gm"), given.get("mass"), units)[0])
     if gm == 0.0:
         raise InputError(
-            f"gm of {shown(name)} is {shown(gm)} {units.gm}; expected > 0: it is what the others go around."
+            f"gm of {shown(name)} is {shown(gm)} {units.gm}; expected > 0, as the other bodies orbit it."
         )
     if given.get("radius") is None:
         return gm, None
@@ -116,12 +116,12 @@ def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[flo
 
 
 def primary_name(names: Sequence[str], gm: Floats, name: str | None) -> str:
-    """Return `name`, or where it is None the only body with mass; raise InputError when there are several."""
+    """Return `name`, or if it is None the only massive body. Raises InputError if there are several."""
     if name is not None:
         return name
     heavy = _heavy(names, gm)
     if len(heavy) > 1:
-        raise InputError(f"around which body? Say primary=..., one of {few(heavy)}.")
+        raise InputError(f"several bodies have mass; choose the primary by primary=..., one of {few(heavy)}.")
     return heavy[0]
 
 
@@ -133,7 +133,7 @@ def new_states(
     frame: str | None,
     given: Mapping[str, Any],
 ) -> State:
-    """Return positions and velocities (k, 3) in the system's axes and units for what `System.add` is given."""
+    """Return positions and velocities (k, 3), in the system's axes and units, from the arguments of `System.add`."""
     units = system.units
     given = {key: value for key, value in given.items() if value is not None}
     if "v" in given:
@@ -148,13 +148,13 @@ def new_states(
 
 
 def centre_of_several(names: Sequence[str], around: str) -> str | None:
-    """Return "barycentre", "barycenter" or "jacobi" where that is what `around` says; None where it names a body."""
+    """Return "barycentre", "barycenter" or "jacobi" if `around` is one of these; None if it names a body."""
     known = isinstance(around, str) and around not in names and around.lower() in (*BARYCENTRIC, JACOBI)
     return around.lower() if known else None
 
 
 def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) -> Floats:
-    """Return GM of each new body and what it goes around, shape (k,)."""
+    """Return the total GM of each new body and its primary, shape (k,)."""
     several = centre_of_several(system.names, around)
     if several is not None:
         total = system.values.gm.sum()
@@ -162,14 +162,14 @@ def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) 
     place = system.index(around)
     if system.values.gm[place] == 0.0:
         raise InputError(
-            f"{few(names, 3)}: the primary {system.names[place]!r} has no mass, so nothing goes around it. "
+            f"{few(names, 3)}: the primary {system.names[place]!r} has no mass, so nothing can orbit it. "
             f"Choose one of {few(_heavy(system.names, system.values.gm))}."
         )
     return np.asarray(system.values.gm[place] + gm)
 
 
 def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> State:
-    """Return positions and velocities (k, 3) in the system for those of new bodies relative to what they go around."""
+    """Return positions and velocities (k, 3) in the system, from q and v relative to the primary."""
     here = system.values
     several = centre_of_several(system.names, around)
     if several is None:
@@ -177,18 +177,18 @@ def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> St
         return here.q[place] + q, here.v[place] + v
     total = here.gm.sum()
     if several == JACOBI:
-        # Each body shifts the centre that the next one goes around.
+        # Each body shifts the centre of mass that the next one orbits.
         share = (gm / (total + np.cumsum(gm)))[:, None]
         shifts = [np.cumsum(share * x, axis=0) - share * x for x in (q, v)]
     else:
-        # The centre of all: it lies off that of the old ones by the new ones' pull, relative to itself.
+        # q and v are relative to the centre of mass of all, which the new bodies shift from that of the old ones.
         shifts = [np.broadcast_to(gm @ x / total, x.shape) for x in (q, v)]
     centre = [diagnostics.centre_of_mass(here.gm, x) for x in (here.q, here.v)]
     return centre[0] + shifts[0] + q, centre[1] + shifts[1] + v
 
 
 def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
-    """Return the arguments of `System` for bodies of DE440, relative to the barycentre of the Solar System."""
+    """Return the arguments of `System` for bodies of DE440, relative to the Solar System barycentre."""
     if isinstance(bodies, str) or not isinstance(bodies, Iterable | None) or getattr(bodies, "shape", None) == ():
         example = bodies if isinstance(bodies, str) else "Sun"
         raise InputError(f"bodies is {shown(bodies)}; expected a sequence of names, such as [{example!r}].")
@@ -197,44 +197,45 @@ def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
     if 0 < len(pair & set(names)) < 2:
         (there,), (missing,) = pair & set(names), pair - set(names)
         raise InputError(
-            f"bodies has {there!r} without {missing!r}, but each bends the other's orbit. Name both, or "
-            "'Earth-Moon barycenter' for the two as one."
+            f"bodies has {there!r} without {missing!r}, but each perturbs the other strongly. Name both, or "
+            "'Earth-Moon barycenter' for the two as one body."
         )
     if "Earth" in names and "Earth-Moon barycenter" in names:
         raise InputError(
-            "bodies has 'Earth', 'Moon' and 'Earth-Moon barycenter'; the barycentre stands for the other two. Name "
-            "either the pair or the barycentre."
+            "bodies has 'Earth', 'Moon' and 'Earth-Moon barycenter'; the barycentre already represents the other two. "
+            "Name either the pair or the barycentre."
         )
     gm, q, v = ephemeris.states(names, epoch.jd1, epoch.jd2)
     return {"names": names, "gm": gm, "q": q, "v": v, "epoch": epoch}
 
 
 def is_about_ssb(origin: str) -> bool:
-    """Return whether an origin is the Solar System's barycentre, not that of the bodies chosen; UnknownNameError for
-    another.
-    """
+    """Return whether an origin is "ssb", and not the barycentre of the bodies. Raises UnknownNameError for others."""
     known = origin.lower() if isinstance(origin, str) else ""
     if known in BARYCENTRIC or known == SSB:
         return known == SSB
     raise UnknownNameError(
-        f"there is no origin {shown(origin)}; expected 'barycentre', that of the bodies chosen, or 'ssb', that of the "
-        "Solar System. For another, move the bodies: system.replaced(q=..., v=...)"
+        f"there is no origin {shown(origin)}; expected 'barycentre', of the selected bodies, or 'ssb', the Solar "
+        "System barycentre. For another, move the bodies: system.replaced(q=..., v=...)"
     )
 
 
 def united(one: System, other: System) -> dict[str, Any]:
-    """Return what changes when the bodies of `other` come to those of `one`; EpochError and InputError where they do
-    not go together.
+    """Return the changed arguments of `one` when the bodies of `other` are added to it.
+
+    Raises EpochError and InputError if the two systems do not match.
     """
     if one.units != other.units:
         raise InputError(f"the systems are in {one.units.name} and {other.units.name}; expected the same units.")
     here, there = one.epoch, other.epoch
     if (here is None) != (there is None):
-        raise EpochError("one of the systems has an epoch and the other none; give both, or none: replaced(epoch=...).")
+        raise EpochError(
+            "one system has an epoch and the other does not; expected both or neither: use replaced(epoch=...)."
+        )
     if here is not None and there is not None and abs((here - there).to_value(u.ns)) > SAME_EPOCH_NS:
         raise EpochError(
-            f"the systems are of {here.isot} and {there.isot} TDB; expected the same epoch. Propagate one to that of "
-            "the other: orbits.propagate(..., until=other.epoch)[-1]."
+            f"the epochs of the systems are {here.isot} and {there.isot} TDB; expected the same. Propagate one to the "
+            "epoch of the other: orbits.propagate(..., until=other.epoch)[-1]."
         )
     mine, theirs = one.values, other.values
     if mine.softening != theirs.softening:
@@ -253,8 +254,8 @@ def united(one: System, other: System) -> dict[str, Any]:
                 else ""
             )
             raise InputError(
-                f"both systems have {name!r}, {apart:.6g} apart; expected different names or the very same values: "
-                f"remove it from one of them.{remedy}"
+                f"both systems have {name!r}, {apart:.6g} apart; expected different names or exactly the same values. "
+                f"Remove it from one of them.{remedy}"
             )
     radii = None
     if one.radii is not None or other.radii is not None:
@@ -275,8 +276,8 @@ def _from_state(
     if set(given) != {"q", "v"} or frame is not None:
         extra = [*given, *(["frame"] if frame is not None else [])]
         raise InputError(
-            f"{few(names, 3)}: given are {', '.join(extra)}; expected q and v alone (position and velocity in "
-            "the system's axes), or elements without v."
+            f"{few(names, 3)}: got {', '.join(extra)}; expected only q and v (position and velocity in the system's "
+            "axes), or elements without v."
         )
     states = []
     shape = (len(names), 3)
@@ -299,7 +300,7 @@ def _check_keys(name: str, keys: Sequence[str]) -> None:
     for key in keys:
         if key not in ELEMENTS:
             raise UnknownNameError(
-                f"{name!r} has {key!r}, which is no element here; expected a, P, n or q (pericentre distance), e, inc, "
+                f"{name!r} has {key!r}, which is not an element; expected a, P, n or q (pericentre distance), e, inc, "
                 "Omega, omega or pomega, and one of M, f, E, u, l, theta or T; or Pal's h, k, ix, iy and l; or q with "
                 "v, a position and a velocity; besides gm or mass, radius, primary, frame."
             )
@@ -316,7 +317,9 @@ def _element(key: str, value: Any, names: Sequence[str], system: System) -> Floa
         return units.rate_value(value, what)
     if key == "T" and _is_moment(value):
         if system.epoch is None:
-            raise EpochError(f"{what} is {value}, but the system has no epoch. Give the system one, or T as a time.")
+            raise EpochError(
+                f"{what} is {value}, but the system has no epoch. Give the system an epoch, or T as a time span."
+            )
         return units.time_value((as_epoch(value, what) - system.epoch).to(u.day), what)
     if key in TIMES:
         return units.time_value(value, what)

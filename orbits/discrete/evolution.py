@@ -1,10 +1,10 @@
-"""A discrete Lagrangian as a marching rule: F on Q x Q, and the same map in positions and momenta.
+"""The evolution maps of a discrete Lagrangian: F on Q x Q, and F~ in positions and momenta.
 
     F: (q_{k-1}, q_k) -> (q_k, q_{k+1})    with    D2 L_d(q_{k-1}, q_k) + D1 L_d(q_k, q_{k+1}) = 0
     F~: (q_k, p_k) -> (q_{k+1}, p_{k+1})   with    p_k = -D1 L_d(q_k, q_{k+1}),   p_{k+1} = D2 L_d(q_k, q_{k+1})
 
-Each next point is found by Newton's method with D1D2 L_d, to the round-off floor. This serves any L_d and checks the
-integrators, which march the same maps fast.
+The next point is found by Newton's method with D1D2 L_d, to the round-off floor. This works for any L_d, and checks the
+integrators, which are fast implementations of the same maps.
 
 Source: Marsden & West (2001), sec. 1.3, 1.5.
 """
@@ -16,9 +16,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.discrete.base import Array, DiscreteLagrangian, finite_number, time_step
+from orbits.checks import finite_number, whole_number
+from orbits.discrete.base import Array, DiscreteLagrangian, time_step
 from orbits.discrete.newton import solve
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 from orbits.lagrangians.base import show
 
 SINGULAR = 1e-13
@@ -42,10 +43,10 @@ def march_pairs(
 ) -> Array:
     """Return the discrete trajectory that starts with q0, q1: F applied `steps` times, (steps + 2, ...).
 
-    q0, q1 : (d,) or (n, 3), as the points of the result; t : time at q0
+    q0, q1 : (d,) or (n, 3), like the points of the result; t : time at q0
+    Raises InputError and ConvergenceError as `advance` does.
     """
-    if isinstance(steps, bool | np.timedelta64) or not isinstance(steps, int | np.integer) or steps < 0:
-        raise InputError(f"steps must be a whole number >= 0; got {shown(steps)}")
+    steps = whole_number(steps, "steps", least=0)
     shape = np.shape(q1)
     path = [discrete.vector(q0, "q0"), discrete.vector(q1, "q1")]
     h, t = time_step(h), finite_number(t, "t")
@@ -67,7 +68,7 @@ def step(
 ) -> tuple[Array, Array]:
     """Return (q1, p1) with p = -D1 L_d(q, q1) and p1 = D2 L_d(q, q1), each (d,).
 
-    guess : where to start Newton's method for q1; by default where the momentum points
+    guess : where Newton's method for q1 starts; by default the point that the momentum leads to on a straight line
     Raises ConvergenceError if Newton's method fails, InputError if L_d is not regular.
     """
     x, y = discrete.vector(q, "q"), discrete.vector(p, "p")
@@ -77,11 +78,11 @@ def step(
 
 
 def start(discrete: DiscreteLagrangian, q: ArrayLike, v: ArrayLike, h: float, t: float = 0.0) -> tuple[Array, Array]:
-    """Return the pair (q0, q1) that position and velocity begin: p = dL/dv(q, v, t), then p = -D1 L_d(q0, q1)."""
+    """Return the pair (q0, q1) of a position and velocity: p = dL/dv(q, v, t), then p = -D1 L_d(q0, q1)."""
     if discrete.lagrangian is None:
         raise InputError(
-            f"{discrete.name} was made from numbers alone, so it cannot turn velocities into momenta. Pass lagrangian= "
-            "when you make it, or give the momentum to `step`."
+            f"{discrete.name} was made from numbers alone, so it cannot turn velocities into momenta. Make it with "
+            "lagrangian=, or pass the momentum to `step`."
         )
     x = discrete.vector(q, "q")
     return x, step(discrete, x, discrete.lagrangian.momentum(x, v, t), h, t)[0]
@@ -106,8 +107,8 @@ def _next(
 
 
 def invert(discrete: DiscreteLagrangian, matrix: Array, right: Array, q0: Array, q1: Array) -> Array:
-    """Return matrix^-1 right for D1D2 L_d, or its transpose; InputError where it has no inverse."""
-    # Rows and columns are brought to one size: bodies may have masses 1 and 1e-16.
+    """Return matrix^-1 right, the matrix being D1D2 L_d or its transpose. Raises InputError if it is singular."""
+    # Rows and columns are scaled to one size: bodies may have masses of 1 and 1e-16.
     rows = np.max(np.abs(matrix), axis=1)
     columns = np.max(np.abs(matrix / np.where(rows > 0.0, rows, 1.0)[:, None]), axis=0)
     even = matrix / np.where(rows > 0.0, rows, 1.0)[:, None] / np.where(columns > 0.0, columns, 1.0)

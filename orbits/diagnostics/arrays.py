@@ -1,4 +1,4 @@
-"""What every diagnostic does first: check the shapes, and leave the massless rows out."""
+"""What every diagnostic does first: check the shapes, leave the massless rows out, and scale against overflow."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import finite_numbers, real_numbers
 from orbits.diagnostics.doubledouble import Floats
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 
-# Elements of one intermediate array. About thirty are alive at once: 16k of them stay in the second-level cache.
 BLOCK = 16_384
+"""Elements of one intermediate array. About thirty such arrays are alive at once; they fit the second-level cache."""
 
 ORDINARY = 100
 """Powers of two up to which no product of three numbers overflows or loses digits."""
 
 
 def massive_rows(gm: ArrayLike, **arrays: ArrayLike) -> tuple[Floats, list[Floats]]:
-    """(gm > 0, and the rows of each array that belong to them), shapes (m,) and (..., m, 3), contiguous float64.
+    """Return the gm > 0, (m,), and the rows of each array for these bodies, (..., m, 3), as contiguous float64.
 
     Raises InputError, naming the array, where a shape does not fit, a value of a massive body is not finite, or a gm
-    is not finite or below 0.
+    is not finite or is below 0.
     """
-    gm_values = finite(numbers(gm, "gm"), "gm")
+    gm_values = finite_numbers(gm, "gm")
     if gm_values.ndim != 1:
         raise InputError(f"gm has shape {gm_values.shape}; expected one value for each body, shape (n,).")
     if (gm_values < 0.0).any():
@@ -32,7 +33,7 @@ def massive_rows(gm: ArrayLike, **arrays: ArrayLike) -> tuple[Floats, list[Float
     rows = []
     shape: tuple[int, ...] | None = None
     for name, array in arrays.items():
-        values = numbers(array, name)
+        values = real_numbers(array, name)
         if values.ndim < 2 or values.shape[-2:] != (len(gm_values), 3):
             raise InputError(
                 f"{name} has shape {values.shape}; expected (..., {len(gm_values)}, 3) for {len(gm_values)} bodies."
@@ -40,47 +41,25 @@ def massive_rows(gm: ArrayLike, **arrays: ArrayLike) -> tuple[Floats, list[Float
         if shape is not None and values.shape != shape:
             raise InputError(f"{name} has shape {values.shape}; expected {shape}, as the other arrays of this state.")
         shape = values.shape
-        rows.append(finite(np.ascontiguousarray(values if massive.all() else values[..., massive, :]), name))
+        rows.append(finite_numbers(np.ascontiguousarray(values if massive.all() else values[..., massive, :]), name))
     return gm_values[massive], rows
 
 
-def numbers(value: ArrayLike, what: str) -> Floats:
-    """Return an array as float64. Raises InputError, naming it, for what is no real numbers, or has a unit."""
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind in "biuf" and not hasattr(value, "unit") and not isinstance(value, np.ma.MaskedArray):
-            return np.asarray(array, dtype=np.float64)
-    # Whatever an object of the caller's raises when it is asked for its numbers.
-    except Exception:
-        pass
-    remedy = " Take the floats, such as system.values.q." if hasattr(value, "unit") else ""
-    raise InputError(f"{what} is {shown(value)}; expected an array of real numbers.{remedy}")
-
-
-def finite(values: Floats, what: str) -> Floats:
-    """Return the values. Raises InputError, naming them and the place, where one of them is not finite."""
-    bad = ~np.isfinite(values)
-    if bad.any():
-        place = [int(i) for i in np.argwhere(bad)[0]]
-        raise InputError(f"{what}{place if place else ''} is {values[bad][0]}; expected finite numbers.")
-    return values
-
-
 def scaled(x: Floats) -> tuple[Floats, int]:
-    """Return (x / 2^k, k): exact, and so that no product of three of its elements overflows.
+    """Return (x / 2^k, k), which is exact, with k such that no product of three elements overflows.
 
-    k is 0 for all that is measured in sensible units.
+    In sensible units k is 0.
     """
     k = int(np.frexp(np.max(np.abs(x), initial=0.0))[1])
     return (x, 0) if abs(k) < ORDINARY else (np.ldexp(x, -k), k)
 
 
 def balanced(gm: Floats, *arrays: Floats) -> tuple[Floats, list[Floats], int]:
-    """Return (weights, arrays, k), of which the products of a weight and components of the arrays are those of gm, over
-    2^k: exact, at most about 1, and none vanishes that counts beside the others.
+    """Return (weights, arrays, k): a weight times components of the arrays is the same product with gm, over 2^k.
 
     gm : (m,); arrays : (..., m, 3)
-    Each body is scaled on its own, by powers of two; nothing is where all is measured in sensible units.
+    The products are exact and at most about 1, and none that counts beside the others underflows. Each body is scaled
+    by a power of two of its own; in sensible units nothing is scaled.
     """
     sizes = [np.max(np.abs(x), axis=(*range(x.ndim - 2), x.ndim - 1), initial=0.0) for x in arrays]
     mantissas, power = np.frexp(gm)
@@ -95,7 +74,7 @@ def balanced(gm: Floats, *arrays: Floats) -> tuple[Floats, list[Floats], int]:
 
 
 def unscaled(values: Floats, k: int | NDArray[np.int64], what: str) -> Floats:
-    """Return values 2^k. Raises InputError where that, named `what`, is beyond the range of floats."""
+    """Return values 2^k. Raises InputError, naming `what`, where this is beyond the range of floats."""
     with np.errstate(over="ignore"):
         out = np.ldexp(values, k)
     if not np.isfinite(out).all():
@@ -107,7 +86,7 @@ def unscaled(values: Floats, k: int | NDArray[np.int64], what: str) -> Floats:
 
 
 def blocks(samples: int, width: int) -> Iterator[slice]:
-    """Slices over `samples` rows so that rows times `width` stays near BLOCK elements."""
+    """Yield slices over `samples` rows, each of about BLOCK elements for rows of `width`."""
     step = max(1, BLOCK // max(1, width))
     for start in range(0, samples, step):
         yield slice(start, min(start + step, samples))

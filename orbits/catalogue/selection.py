@@ -1,4 +1,4 @@
-"""What is to be taken of a catalogue that is read piece by piece."""
+"""The selection of bodies from a catalogue that is read piece by piece."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.catalogue.names import plain
-from orbits.catalogue.value import (
+from orbits.catalogue.catalogue import (
     checked_classes,
     checked_count,
     checked_magnitude,
     checked_numbers,
     checked_strings,
 )
+from orbits.catalogue.names import plain
 from orbits.errors import UnknownNameError
 
 Ways = tuple[str, ...]
-"""All that a body is called, as `plain` writes it."""
+"""All forms of a body's name, as returned by `plain`."""
 
 
-class Choice:
-    """The checked arguments of a reader, and what was found so far of the names and numbers asked for."""
+class Selection:
+    """The checked arguments of a reader, and which of the requested names and numbers have been found so far."""
 
     def __init__(self, count: Any, names: Any, numbers: Any, classes: Any, brighter_than: Any) -> None:
         self.count = checked_count(count)
@@ -38,13 +38,14 @@ class Choice:
 
     @property
     def is_complete(self) -> bool:
-        """Whether names or numbers were asked for, and all of them are found."""
+        """Whether names or numbers were requested and all of them have been found."""
         return self.is_by_name and not self._names_left and not self._numbers_left
 
     def rows(self, values: dict[str, Any], called: Sequence[Ways]) -> NDArray[np.int64]:
-        """Return which rows of a piece are chosen; the order of names and `count` are left for the end.
+        """Return the selected rows of a piece; the order of names and `count` are applied at the end.
 
-        values : "numbers", "classes" and "H";  called : the ways to call each body, needed where names are asked for
+        values : "numbers", "classes" and "H"
+        called : the forms of each body's name, needed if names were requested
         """
         numbers: NDArray[np.int64] = values["numbers"]
         keep = np.ones(len(numbers), dtype=bool)
@@ -63,7 +64,7 @@ class Choice:
         return np.flatnonzero(keep)
 
     def ordered(self, numbers: NDArray[np.int64], called: Sequence[Ways]) -> list[int]:
-        """Return the rows that are there in the order asked for: names first, then numbers; else as they come."""
+        """Return the rows in the requested order: names first, then numbers; else as they are."""
         if not self.is_by_name:
             return list(range(len(numbers)))
         by_number = {number: row for row, number in reversed(list(enumerate(numbers.tolist()))) if number}
@@ -72,11 +73,11 @@ class Choice:
         return list(dict.fromkeys(row for row in rows if row is not None))
 
     def check_found(self, where: str) -> None:
-        """Raise UnknownNameError where a name or number asked for is not there."""
+        """Raise UnknownNameError if a requested name or number was not found."""
         missing = [repr(name) for name in self._names_left.values()] + [str(n) for n in sorted(self._numbers_left)]
         if missing:
             shown = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
             raise UnknownNameError(
-                f"{shown}: not among {where}; expected names, numbers or designations that are. A body has its name "
-                "alone once it is named, and its provisional designation until then"
+                f"{shown}: not among {where}; expected names, numbers or designations of these. A body is listed by "
+                "its name once it has one, and by its provisional designation until then"
             )

@@ -1,7 +1,7 @@
 """Keplerian and Pal's elements to states.
 
-Every step is written so that nothing cancels: x = q - 2 a sin^2(E/2) for a (cos E - e), 1 + e cos f from half angles,
-Kepler's equation from 1 - e, and 1 - e from q/a where these are given.
+Every step is written so that nothing cancels: x = q - 2 a sin^2(E/2) instead of a (cos E - e), 1 + e cos f by half
+angles, Kepler's equation in terms of 1 - e, and 1 - e from q/a where these are given.
 Sources: Murray & Dermott (1999), Solar System Dynamics, 2.8; Battin (1999), An Introduction to the Mathematics and
 Methods of Astrodynamics, ch. 4; for h, k, ix, iy Pal (2009), MNRAS 396, 1737.
 """
@@ -14,15 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.elements.kepler import Floats, barker_anomaly, eccentric_anomaly, positive_angle, sinh_anomaly
+from orbits.elements.kepler_equation import Floats, barker_anomaly, eccentric_anomaly, positive_angle, sinh_anomaly
 from orbits.elements.naming import PAL, naming
 from orbits.elements.refusals import BEYOND, NO_MASS, broadcast, finite, named, numbers, refuse
 
 Plane = tuple[Floats, Floats, Floats, Floats]
 
-# r/|a| below which the term of a in every formula is less than half the last digit: the parabola is as good.
+# Below this r/|a|, the terms in 1/a are less than half the last digit, and a parabola is just as good.
 NO_CURVATURE = 2.0**-60
-# ix^2 + iy^2 = 4 is inc = pi, q = a a circle: so much more is rounding.
+# Rounding may push ix^2 + iy^2 this far above 4 (inc = pi), and q above a (a circle).
 ROUNDING = 8.0 * np.finfo(np.float64).eps
 
 
@@ -37,7 +37,7 @@ class Conic(NamedTuple):
 
     @property
     def parabola(self) -> NDArray[np.bool_]:
-        """Which are parabolas."""
+        """Which orbits are parabolas."""
         return np.isinf(self.a)
 
 
@@ -69,31 +69,31 @@ def state_from_elements(
 ) -> tuple[Floats, Floats]:
     """Return positions and velocities relative to the attracting body, each of shape (..., 3).
 
-    All arguments broadcast against each other. Units are consistent ones of the caller's, gm in length^3/time^2; angles
-    are in radians. The axes of the result are those that the angles refer to. What is left out is 0: without omega
-    pericentre is at the node, without Omega the node is on the x axis.
+    All arguments broadcast against each other. Units are any consistent ones, with gm in length^3/time^2; angles are in
+    radians. The result is in the axes to which the angles refer. Omitted elements are 0: without omega pericentre is at
+    the node, without Omega the node is on the x axis.
 
-    gm : G times the mass of both bodies together (of the attracting body alone for a massless one), > 0
+    gm : G times the total mass of both bodies (of the attracting body, for a massless one), > 0
     a, P, n or q : exactly one, besides e: semi-major axis (negative for a hyperbola), period (ellipses only), mean
-        motion, pericentre distance. Or q with a or P instead of e: next to e = 1, where a float e holds 1 - e to
-        1.1e-16 only, q and a keep all digits of the orbit. q with an infinite a is a parabola
-    e : eccentricity, >= 0. A parabola, e = 1 exactly, takes q or n, where n = sqrt(gm/(2 q^3))
+        motion, pericentre distance. Or q with a or P instead of e: near e = 1, where a float e determines 1 - e only to
+        1.1e-16, q and a keep all digits of the orbit. q with an infinite a is a parabola
+    e : eccentricity, >= 0. A parabola, e = 1 exactly, needs q, or n = sqrt(gm/(2 q^3))
     inc : inclination, 0 ... pi
     Omega : longitude of the ascending node
     omega or pomega : argument or longitude of pericentre; pomega = Omega + omega, or Omega - omega where inc > pi/2
-    M, f, E, u, l, theta or T : at most one; M = 0 where none is given. Mean anomaly (D + D^3/3 of a parabola); true
-        anomaly; eccentric anomaly (the hyperbolic one, F, where e > 1; D = tan(f/2) where e = 1); argument of latitude
+    M, f, E, u, l, theta or T : at most one; M = 0 by default. Mean anomaly (D + D^3/3 for a parabola); true anomaly;
+        eccentric anomaly (the hyperbolic anomaly F where e > 1; D = tan(f/2) where e = 1); argument of latitude
         omega + f; mean longitude pomega + M; true longitude pomega + f (pomega - M and pomega - f where inc > pi/2,
         pomega in 0 ... 2 pi); time of pericentre passage
-    h, k, ix, iy : instead of e, inc, Omega and omega Pal's elements e sin(Omega + omega), e cos(Omega + omega),
-        2 sin(inc/2) cos Omega, 2 sin(inc/2) sin Omega, of an ellipse; the place on the orbit is then l = Omega + omega
-        + M, whatever inc is. As e goes to 1 their digits go as those of 1 - h^2 - k^2, and as inc goes to pi as those
-        of 4 - ix^2 - iy^2: at pi itself half of them are left
-    t : the time of the state, for T alone: M = n (t - T)
+    h, k, ix, iy : for an ellipse, Pal's elements e sin(Omega + omega), e cos(Omega + omega), 2 sin(inc/2) cos Omega,
+        2 sin(inc/2) sin Omega instead of e, inc, Omega and omega; the position on the orbit is then l = Omega + omega
+        + M, for any inc. They lose digits as 1 - h^2 - k^2 does for e near 1, and as 4 - ix^2 - iy^2 does for inc near
+        pi; at pi itself, half of the digits are left
+    t : the time of the state, needed only for T: M = n (t - T)
     names : names of the bodies, for error messages
 
-    These are the conventions of Murray & Dermott and of REBOUND, retrograde orbits included.
-    Raises InputError, naming the body and the value or the combination, for anything that is not such an orbit.
+    These are the conventions of Murray & Dermott and of REBOUND, for retrograde orbits too.
+    Raises InputError, naming the body and the value or combination, for elements that do not determine an orbit.
     """
     given = {
         "a": a, "P": P, "n": n, "q": q, "e": e, "inc": inc, "Omega": Omega, "omega": omega, "pomega": pomega, "M": M,
@@ -114,7 +114,7 @@ def state_from_elements(
     if way.pal:
         floats |= _from_pal({key: floats.get(key, zero) for key in PAL}, names)
     inc_, Omega_ = floats.get("inc", zero), floats.get("Omega", zero)
-    wrong = "inc = {inc} rad; expected 0 ... pi. A negative inclination is the positive one with Omega turned by pi"
+    wrong = "inc = {inc} rad; expected 0 ... pi. A negative inclination is a positive one with Omega turned by pi"
     refuse((inc_ < 0.0) | (inc_ > np.pi), wrong, names, inc=inc_)
     conic = _conic(gm_, {key: floats[key] for key in way.sizes}, floats.get("e"), names)
     sense = np.where((inc_ <= 0.5 * np.pi) | way.pal, 1.0, -1.0)
@@ -153,7 +153,7 @@ def _from_pal(given: dict[str, Floats], names: Sequence[str] | None) -> dict[str
     """Return e, inc, Omega and pomega = Omega + omega, of any inclination, for Pal's elements."""
     h, k, ix, iy = (given[key] for key in PAL)
     e, half = np.hypot(h, k), 0.5 * np.hypot(ix, iy)
-    wrong = "h = {h}, k = {k} make e = {e}; expected h^2 + k^2 < 1: Pal's elements are those of ellipses. Give e itself"
+    wrong = "h = {h}, k = {k} make e = {e}; expected h^2 + k^2 < 1: Pal's elements are for ellipses. Give e itself"
     refuse(e >= 1.0, wrong, names, h=h, k=k, e=e)
     wrong = "ix = {ix}, iy = {iy}; expected ix^2 + iy^2 <= 4: they are 2 sin(inc/2) times a cosine and a sine"
     refuse(half > 1.0 + ROUNDING, wrong, names, ix=ix, iy=iy)
@@ -168,7 +168,7 @@ def _conic(gm: Floats, sizes: dict[str, Floats], e: Floats | None, names: Sequen
     for key, what in (("P", "period P"), ("n", "mean motion n"), ("q", "pericentre distance q")):
         if key in sizes:
             refuse(sizes[key] <= 0.0, what + " = {size}; expected > 0", names, size=sizes[key])
-    # By roots of each factor: no square of a huge or a tiny time.
+    # Take roots of each factor, so that no square of a huge or tiny time is computed.
     third = np.cbrt(gm) * np.cbrt(size / (2.0 * np.pi)) ** 2 if kind == "P" else size
     third = np.cbrt(gm) / np.cbrt(size) ** 2 if kind == "n" else third
     if len(sizes) == 2:
@@ -190,7 +190,7 @@ def _conic(gm: Floats, sizes: dict[str, Floats], e: Floats | None, names: Sequen
         wrong = (
             "e = 1 exactly: a parabola has no semi-major axis and no period. Give its pericentre distance q, or q and a"
         )
-        refuse(parabola, wrong + " without e for an orbit next to it", names)
+        refuse(parabola, wrong + " without e for a nearly parabolic orbit", names)
     if kind == "a":
         a = size
         refuse((e < 1.0) & (a <= 0.0), "a = {a} with e = {e}; expected a > 0 for an ellipse", names, a=a, e=e)
@@ -227,7 +227,7 @@ def _plane_from_mean_anomaly(conic: Conic, M: Floats) -> Plane:
 
 
 def _plane_from_eccentric_anomaly(conic: Conic, E: Floats) -> Plane:
-    """Return (x, y, vx, vy) from the eccentric anomaly, F of a hyperbola, tan(f/2) of a parabola."""
+    """Return (x, y, vx, vy) from the eccentric anomaly, F for a hyperbola, tan(f/2) for a parabola."""
     hyperbola = conic.a < 0.0
     with np.errstate(over="ignore"):
         return _plane(conic, np.where(hyperbola, np.sinh(np.where(hyperbola, E, 0.0)), E))
@@ -245,7 +245,7 @@ def _plane_from_time(conic: Conic, time: Floats) -> Plane:
 
 
 def _plane(conic: Conic, E: Floats) -> Plane:
-    """Return (x, y, vx, vy) from E of an ellipse, sinh F of a hyperbola, tan(f/2) of a parabola."""
+    """Return (x, y, vx, vy) from E for an ellipse, sinh F for a hyperbola, tan(f/2) for a parabola."""
     plane = np.empty((4, E.size))
     for kind, part in zip(_kinds(conic), (_on_ellipse, _on_hyperbola, _on_parabola), strict=True):
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
@@ -295,7 +295,7 @@ def _plane_from_true_anomaly(conic: Conic, f: Floats, names: Sequence[str] | Non
 
 
 def _turned_into_space(plane: Plane, inc: Floats, Omega: Floats, omega: Floats) -> tuple[Floats, Floats]:
-    """Return q and v from coordinates in the orbit's plane, by the rotations omega, inc, Omega."""
+    """Return q and v from coordinates in the orbital plane, by the rotations omega, inc, Omega."""
     x, y, vx, vy = plane
     cO, sO, co, so, ci, si = np.cos(Omega), np.sin(Omega), np.cos(omega), np.sin(omega), np.cos(inc), np.sin(inc)
     to_pericentre = np.stack([cO * co - sO * so * ci, sO * co + cO * so * ci, so * si], axis=-1)

@@ -1,4 +1,4 @@
-"""A method that is what it should be but for one thing, so that a diagnostic can be seen to find it."""
+"""A control for the diagnostics: a method with one known fault, which they must find."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from orbits.tableaux import SymplecticTableau, gauss
 
 @dataclass(frozen=True)
 class NearestGauss(Gauss):
-    """`Gauss` with every coefficient rounded to the nearest float64, as other packages have it.
+    """`Gauss` with every coefficient rounded to the nearest float64, as in other packages.
 
-    It is symplectic to 1e-16 a step, and no better: round-off no longer averages out, and the energy drifts.
+    It is symplectic only to about 1e-16 a step: its round-off has a bias, and the energy drifts.
     Source: Hairer, McLachlan & Razakarivony (2008), BIT 48, 231.
     """
 
     name: ClassVar[str] = "gauss-nearest"
-    summary: ClassVar[str] = "Gauss collocation with its coefficients rounded to nearest: a foil"
+    summary: ClassVar[str] = "Gauss collocation with its coefficients rounded to nearest: a control for diagnostics"
 
     @property
     def tableau(self) -> SymplecticTableau:
-        """Collocation at the zeros of a Legendre polynomial, the floats not completed to a symplectic pair."""
+        """Collocation at the zeros of a Legendre polynomial; the floats are not completed to a symplectic pair."""
         return _rounded(self.stages)
 
 

@@ -1,4 +1,4 @@
-"""The methods of a scenario, measured on its own problems."""
+"""Certificates for the methods of a scenario, measured on its own problems."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from orbits.time_grid import TimeGrid
 class Certified:
     """One method on one problem of a scenario.
 
-    case : which of the scenario's systems; "" where it has one, and for a study
-    foil : whether the method claims nothing (`Integrator.variational` is False) and is not judged
+    case : which of the scenario's systems; "" where there is only one, and for a study
+    control : whether the method is shown as a control (`Integrator.variational` is False) and is not judged
     """
 
     case: str
     certificate: Certificate
-    foil: bool
+    control: bool
 
     @property
     def ok(self) -> bool:
-        """Whether nothing is missing that was to be found."""
-        return self.foil or self.certificate.ok
+        """Whether the method is certified, or only a control."""
+        return self.control or self.certificate.ok
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class CertifyOutcome:
 
     @property
     def ok(self) -> bool:
-        """Whether every method that claims to be variational was found to be."""
+        """Whether every method that is judged is certified."""
         return all(each.ok for each in self.certified)
 
 
@@ -57,35 +57,34 @@ def certify_scenario(
     out: Path | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> CertifyOutcome:
-    """Certify every method of a scenario on every one of its systems, or what a study `certifies`.
+    """Certify every method of a scenario on all of its systems, or the entries of a study's `certifies`.
 
-    dt : another step than the scenario's; integrator : another method than the scenario's. Foils are not judged, unless
-    asked for by `integrator`.
+    dt, integrator : replace the scenario's own. Controls are not judged, unless `integrator` asks for one
     out : results folder, ./results/NAME by default; certificate.json is written there
 
-    Raises InputError for a study that names nothing to certify, and as `orbits.certify`.
+    Raises InputError for a study with nothing to certify, and as `orbits.certify` does.
     """
     file = replaceable(results_folder(out or Path("results") / scenario.name) / "certificate.json")
     certified = []
     for case, problem, method, step, start in _problems(scenario, integrator):
         say(f"{case + ', ' if case else ''}{method.label}: certifying")
-        foil = integrator is None and not method.variational
+        control = integrator is None and not method.variational
         certificate = certify(problem, method, step if dt is None else dt, **start)
-        certified.append(Certified(case, certificate, foil))
+        certified.append(Certified(case, certificate, control))
     outcome = CertifyOutcome(scenario, tuple(certified), file)
     write_text(file, json.dumps(to_record(outcome), indent=1, allow_nan=False) + "\n")
     return outcome
 
 
 def to_record(outcome: CertifyOutcome) -> dict[str, Any]:
-    """Return the certificates as values that JSON can hold."""
+    """Return the certificates as values for JSON."""
     return {
         "format": "orbits-certificates",
-        "version": 1,
+        "version": 2,  # in version 1 the key "control" was "foil"
         "scenario": outcome.scenario.name,
         "ok": outcome.ok,
         "certificates": [
-            {"case": each.case, "foil": each.foil, "certificate": each.certificate.to_record()}
+            {"case": each.case, "control": each.control, "certificate": each.certificate.to_record()}
             for each in outcome.certified
         ],
     }
@@ -97,7 +96,7 @@ def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str
             cases = scenario.cases()
         for case, system in cases.items():
             step = scenario.dt
-            if isinstance(step, str):  # in words, of this system
+            if isinstance(step, str):  # a text such as "P/100", which this system gives a meaning
                 step = TimeGrid.of(system, step, duration=scenario.duration, samples=2).dt
             for method in scenario.integrators if integrator is None else (integrator,):
                 yield case, system, method, step, {}

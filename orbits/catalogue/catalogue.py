@@ -1,4 +1,4 @@
-"""The Catalogue: heliocentric elements of many small bodies as arrays, and how one chooses among them."""
+"""The Catalogue: heliocentric elements of many small bodies as arrays, and the selection of bodies from it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from orbits.errors import InputError, UnknownNameError, shown
 
 Floats = NDArray[np.float64]
 
-# Beyond all numbers of bodies, and well within int64.
+# Above all numbers of bodies, and well within int64.
 MOST_NUMBER = 10**15
 
-# In the Catalogue itself these two stand for what was not said.
+# The default of fields that are computed from others.
 UNKNOWN: Any = None
 
 
@@ -29,22 +29,22 @@ UNKNOWN: Any = None
 class Catalogue:
     """Osculating heliocentric elements of asteroids and comets, one row each; arrays of shape (n,), read-only.
 
-    names : names, "Ceres", or the provisional designation where there is no name, "2000 SN209"
+    names : the name, "Ceres", or for bodies without one the provisional designation, "2000 SN209"
     numbers : int64; 0 for a body without a number
     a : semi-major axis, au; negative for a hyperbola, inf for a parabola;  e : eccentricity
     inc, Omega, omega, M : inclination, node, argument of perihelion, mean anomaly at the epoch, radians
     epoch : MJD, TDB
-    H : absolute magnitude, nan where there is none
+    H : absolute magnitude, nan if unknown
     classes : codes of the Small-Body Database, see `CLASSES`
-    frame : what the angles refer to, "ecliptic" for the ecliptic and equinox of J2000
+    frame : the frame of the angles, "ecliptic" for the ecliptic and equinox of J2000
     q : perihelion distance, au;  T : time of perihelion passage, MJD, TDB
-    by_perihelion : bool; True where q and T are what the source gave and what the orbit is made of: a and M follow
-    gm : GM, au^3/d^2;  radius : au; 0 where the source has none
-    details : the source's other columns, by name
-    skipped : how many entries of the source were left out because they could not be read
-    source : what it was read from, for messages
+    by_perihelion : bool; True where the source gave q and T and the orbit is made from them; a and M are derived
+    gm : GM, au^3/d^2;  radius : au; 0 if unknown
+    details : the other columns of the source, by name
+    skipped : number of entries of the source that were left out because they could not be read
+    source : where it was read from, for messages
 
-    catalogue[:100] and catalogue[catalogue.a > 3] are catalogues too; catalogue["Ceres"] is one of a single row.
+    catalogue[:100] and catalogue[catalogue.a > 3] are catalogues too; catalogue["Ceres"] has a single row.
     """
 
     names: tuple[str, ...]
@@ -85,7 +85,7 @@ class Catalogue:
         return len(self.names)
 
     def __getitem__(self, key: str | int | slice | Sequence[int] | NDArray[np.int64] | NDArray[np.bool_]) -> Self:
-        """Return the rows chosen by name, index, slice, mask or array of indices, in that order."""
+        """Return the rows selected by name, index, slice, mask or array of indices, in the order given."""
         if isinstance(key, str):
             return self[[row_of_name(key, {plain(name): row for row, name in enumerate(self.names)}, self)]]
         if isinstance(key, int | np.integer):
@@ -160,7 +160,7 @@ def choose(
     classes: str | Iterable[str] | None,
     brighter_than: float | None,
 ) -> Catalogue:
-    """Return what is chosen of a table, from `rows` unless names or numbers are given; see `asteroids`."""
+    """Return the selected rows of a table, from `rows` unless names or numbers are given; see `asteroids`."""
     if names is not None or numbers is not None:
         chosen = [row_of_name(name, rows_by_name, table) for name in checked_strings(names, "names")]
         chosen += [_row_of_number(number, table) for number in checked_numbers(numbers)]
@@ -175,14 +175,14 @@ def choose(
         if count > len(rows):  # type: ignore[operator]
             raise InputError(
                 f"count = {shown(count)}, but there are only {len(rows)} such asteroids in {table.source}. Ask for "
-                "fewer, or leave out count to have them all"
+                "fewer, or leave out count to get them all"
             )
         rows = sorted(rows, key=lambda row: _faintness(float(table.H[row])))[:count]
     return table if len(rows) == len(table) and rows == list(range(len(rows))) else table[rows]
 
 
 def joined(pieces: list[dict[str, Any]], source: str, skipped: int) -> Catalogue:
-    """Return the catalogue whose columns come in pieces, dicts of lists, arrays and of a dict, which are emptied."""
+    """Return the catalogue whose columns are given in pieces, dicts of lists, arrays and dicts, which are emptied."""
     whole: dict[str, Any] = {}
     for what, first in list(pieces[0].items()):
         parts = [piece.pop(what) for piece in pieces]
@@ -196,7 +196,7 @@ def joined(pieces: list[dict[str, Any]], source: str, skipped: int) -> Catalogue
 
 
 def checked_count(count: Any) -> int | None:
-    """Return a whole number of asteroids, or None; raise InputError for anything else."""
+    """Return a whole number of asteroids, or None. Raises InputError for anything else."""
     if count is None:
         return None
     if not is_whole(count) or count < 1:
@@ -205,7 +205,7 @@ def checked_count(count: Any) -> int | None:
 
 
 def checked_magnitude(brighter_than: Any) -> float | None:
-    """Return an absolute magnitude, or None; raise InputError for anything else."""
+    """Return an absolute magnitude, or None. Raises InputError for anything else."""
     if brighter_than is None:
         return None
     number = isinstance(brighter_than, int | float | np.integer | np.floating)
@@ -216,49 +216,49 @@ def checked_magnitude(brighter_than: Any) -> float | None:
 
 
 def checked_strings(given: Any, what: str) -> list[str]:
-    """Return None, one or several strings as a list; raise InputError for anything else."""
+    """Return one or several strings as a list, empty for None. Raises InputError for anything else."""
     if given is None:
         return []
     values = _listed(given)
     for value in values:
         if not isinstance(value, str):
             example = "'belt'" if what == "classes" else "'Ceres' (numbers= takes numbers)"
-            raise InputError(f"{what} holds {shown(value)}; expected strings such as {example}")
+            raise InputError(f"{what} contains {shown(value)}; expected strings such as {example}")
     return values
 
 
 def checked_numbers(numbers: Any) -> list[int]:
-    """Return None, one or several numbers of asteroids as a list; raise InputError for anything else."""
+    """Return one or several numbers of asteroids as a list, empty for None. Raises InputError for anything else."""
     if numbers is None:
         return []
     values = _listed(numbers)
     for number in values:
         if not is_whole(number):
             raise InputError(
-                f"numbers holds {shown(number)}; expected whole numbers such as 1 for Ceres (names= takes names)"
+                f"numbers contains {shown(number)}; expected whole numbers such as 1 for Ceres (names= takes names)"
             )
         if abs(int(number)) > MOST_NUMBER:
-            raise InputError("numbers holds one beyond 10^15; expected numbers of asteroids, such as 1 for Ceres")
+            raise InputError("numbers contains one above 10^15; expected numbers of asteroids, such as 1 for Ceres")
     return [int(number) for number in values]
 
 
 def _listed(given: Any) -> list[Any]:
-    """Return what may be iterated as a list, and a text or anything else as a list of one."""
+    """Return an iterable as a list, and a text or anything else as a list of one."""
     if isinstance(given, str):
         return [given]
     try:
         return list(given)
-    except TypeError:  # also arrays without dimensions, which look as if they could be iterated
+    except TypeError:  # includes arrays without dimensions, which only look iterable
         return [given]
 
 
 def checked_classes(classes: Any) -> set[str] | None:
-    """Return the codes of the Small-Body Database that classes and groups stand for, or None."""
+    """Return the codes of the Small-Body Database that classes and groups mean, or None."""
     return None if classes is None else {code for name in checked_strings(classes, "classes") for code in _codes(name)}
 
 
 def _codes(name: str) -> tuple[str, ...]:
-    # JFC and JFc are two classes: as written first, then whatever the case.
+    # JFC and JFc are two classes: an exact match comes first, then one ignoring case.
     found = [code for code in CLASSES if code == name] or [code for code in CLASSES if code.upper() == name.upper()]
     found = found or list(GROUPS.get(name.lower(), ()))
     if found:
@@ -270,7 +270,7 @@ def _codes(name: str) -> tuple[str, ...]:
 
 
 def row_of_name(name: str, rows: Mapping[str, int], table: Catalogue) -> int:
-    """Return rows[name], whatever the case; raise UnknownNameError with the names that come close."""
+    """Return rows[name], ignoring case. Raises UnknownNameError, with close matches."""
     key = plain(name)
     if key in rows:
         return rows[key]

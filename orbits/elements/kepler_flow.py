@@ -1,4 +1,4 @@
-"""The Kepler flow with units: the border between quantities and `two_body`."""
+"""The Kepler flow with units: where quantities become the floats of `two_body`."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from orbits.units import DIMENSIONLESS, UnitSystem
 
 
 def kepler_flow(q: Any, v: Any, gm: Any, dt: Any) -> tuple[Any, Any]:
-    """Return position and velocity after the time dt of bodies that each feel one attracting body alone: (q, v).
+    """Return position and velocity (q, v) after the time dt, for bodies that each move about one attracting body.
 
     q, v : (..., 3), position and velocity relative to the attracting body
-    gm : (...), G times the mass of both bodies together, >= 0
-    dt : (...), time, either sign, any number of periods
-    All broadcast: one state and an array of dt give an orbit. Plain numbers are in any consistent units and plain
-    arrays come back; quantities, all four of them, give quantities in the units of q and v.
+    gm : (...), G times the total mass of both bodies, >= 0
+    dt : (...), time, of either sign, any number of periods
+    All arguments broadcast: one state and an array of dt give an orbit. They are either plain numbers in consistent
+    units, and plain arrays are returned, or four quantities, and quantities in the units of q and v are returned.
 
-    Every conic, to a few times what rounding the input would do (see `orbits.kernels.kepler`); dt = 0 returns the state
-    to the bit. With gm = 0 motion is straight. Motion along a line through the centre is the limit of ever narrower
-    orbits: it comes back out of a collision the way it went in.
+    Valid for every conic, with an error of a few times the effect of rounding the input (see `orbits.kernels.kepler`).
+    dt = 0 returns the state exactly. With gm = 0 the motion is straight. Motion along a line through the centre is the
+    limit of ever narrower orbits: after a collision it returns the way it came.
 
-    Raises InputError for values that are not finite, shapes that do not fit, gm < 0, q = 0, units that do not fit, and
-    for a result beyond what floats can hold.
+    Raises InputError for values that are not finite, shapes or units that do not fit, gm < 0, q = 0, and results beyond
+    the range of floats.
     Source: Battin (1999), 4.5-4.6; Danby (1992), 6.9 (universal variables).
     """
     given = {"q": q, "v": v, "gm": gm, "dt": dt}
@@ -35,7 +35,7 @@ def kepler_flow(q: Any, v: Any, gm: Any, dt: Any) -> tuple[Any, Any]:
     if known and len(known) < len(given):
         bare = next(name for name, unit in units.items() if unit is None)
         raise InputError(
-            f"{bare} is without a unit, but {known[0]} is in {units[known[0]] or 'units'}; expected units for all of "
+            f"{bare} has no unit, but {known[0]} is in {units[known[0]] or 'units'}; expected units for all of "
             "q, v, gm and dt, or for none."
         )
     if not known:
@@ -55,7 +55,7 @@ def kepler_flow(q: Any, v: Any, gm: Any, dt: Any) -> tuple[Any, Any]:
 
 
 def _unit_of(x: Any) -> Any:
-    """Return the unit of a quantity, or of the first of a list of quantities; None where there is none."""
+    """Return the unit of a quantity, or of the first quantity in a list; None for plain numbers."""
     while isinstance(x, list | tuple) and len(x) > 0:
         x = x[0]
     return x.unit if isinstance(x, u.Quantity) else None

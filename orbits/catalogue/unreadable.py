@@ -1,4 +1,4 @@
-"""What becomes of entries that cannot be read: the first one is an error, or they are left out and counted aloud."""
+"""Entries that cannot be read: the first one raises an error, or all are left out, counted, and warned of."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ SHOWN = 3
 MOST = 100_000
 
 
-class Report:
-    """Raises InputError at the first bad entry (errors="raise"), or counts them and keeps the first few ("skip")."""
+class Unreadable:
+    """Raises InputError at the first bad entry (errors="raise"), or counts them and records the first few ("skip")."""
 
     def __init__(self, errors: Any, name: str) -> None:
         if not isinstance(errors, str) or errors not in ("raise", "skip"):
@@ -25,22 +25,22 @@ class Report:
         self._first: list[str] = []
 
     def bad(self, where: str, problem: str) -> None:
-        """Note a bad entry; raise InputError unless such entries are to be left out."""
+        """Record a bad entry. Raises InputError unless such entries are to be left out."""
         if not self.skips:
             raise InputError(
-                f"{self.name}, {where}: {problem}. Mend it, or say errors='skip' to leave such entries out"
+                f"{self.name}, {where}: {problem}. Correct it, or use errors='skip' to leave out such entries"
             )
         self.count += 1
         if self.count > MOST:
             raise InputError(
-                f"{self.name}: more than {MOST:,} entries cannot be read, so it is hardly such a catalogue at all. "
+                f"{self.name}: more than {MOST:,} entries cannot be read; this is probably another kind of file. "
                 f"{self._first[0]}"
             )
         if len(self._first) < SHOWN:
             self._first.append(f"{where}: {problem}")
 
     def close(self, read: int) -> None:
-        """Warn of what was left out; raise InputError where that was all there is."""
+        """Warn of entries that were left out. Raises InputError if no entry could be read."""
         if self.count and not read:
             raise InputError(f"{self.name}: none of its {self.count} entries can be read. {self._first[0]}")
         if self.count:
