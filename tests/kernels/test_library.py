@@ -69,6 +69,48 @@ def test_what_two_callees_call_is_copied_once_into_their_caller():
     assert [found for found in definitions(entry.library._final_module) if found.startswith(name)] == [name]
 
 
+def test_what_only_kernels_call_becomes_machine_code_in_its_callers_alone():
+    climbed_twice(0.5, 3)
+    (callee,) = climbed_here.callee.overloads.values()
+    assert not definitions(callee.library._final_module)
+    kept = definitions(callee.library._get_module_for_linking())
+    assert kept[callee.fndesc.llvm_func_name] == Linkage.linkonce_odr
+
+
+CALLED = """
+from orbits import kernel
+
+@kernel
+def squared(x):
+    return x * x - 0.1
+"""
+
+CALLING = """
+import sys
+from orbits import kernel
+from called import squared
+
+@kernel
+def {name}(x):
+    return squared(x) + squared(2.0 * x)
+
+print({name}(0.3).hex(), *squared.callee.stats.cache_hits.values(), "numba.np.arraymath" in sys.modules)
+"""
+
+
+def test_a_caller_compiled_later_copies_a_kernel_found_on_disk_and_what_is_loaded_needs_no_compiler(tmp_path):
+    """What Numba compiles with is a tenth of a second of imports; `arraymath` is one of them."""
+    (tmp_path / "called.py").write_text(CALLED)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    found = []
+    for name in ("one", "other", "one"):
+        (tmp_path / f"{name}.py").write_text(CALLING.format(name=name))
+        program = [sys.executable, "-c", f"import {name}"]
+        found.append(subprocess.run(program, env=environment, capture_output=True, text=True, check=True).stdout)
+    bits = found[0].split()[0]
+    assert [text.split() for text in found] == [[bits, "True"], [bits, "1", "True"], [bits, "False"]]
+
+
 IN_TURN = """
 from orbits import kernel
 
