@@ -29,7 +29,7 @@ orbits.propagate(s, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * u.day, sa
 FIRST_STEP_WITH_PARTICLES = """
 import orbits
 from astropy import units as u
-s = orbits.System.solar_system().add_particles(orbits.asteroids(37))
+s = orbits.System.solar_system().add_particles(orbits.asteroids(37), propagate_to_epoch=True)
 orbits.propagate(s, orbits.StormerVerlet(), dt=1 * u.day, duration=1 * u.day, samples=2, progress=False)
 """
 
