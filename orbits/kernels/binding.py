@@ -18,11 +18,9 @@ from numba import types
 from numba.core.datamodel.models import OpaqueModel
 from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
 
-from orbits.kernels.library import CalleeCompiler
-
 _KERNELS: dict[str, Mapping[str, Any]] = {}
 
-OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False, "pipeline_class": CalleeCompiler}
+OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
 """How what only leads to a kernel is compiled: into its caller. As functions of their own, they would pass registers
 through memory.
 """
