@@ -152,6 +152,18 @@ def test_import_takes_less_than_the_promised_time() -> None:
     assert min(float(in_a_fresh_process(code)) for _ in range(3)) < 0.7
 
 
+def test_a_run_with_kernels_from_disk_loads_nothing_that_compiles_archives_draws_or_compares() -> None:
+    # A third of what a run costs that takes one step; what is named of Numba stands for all that it compiles with.
+    code = (
+        "import sys, orbits; from astropy import units as u; s = orbits.System.solar_system();"
+        "orbits.propagate(s, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * u.day, samples=2, progress=False);"
+        "names = {'numba.np.arrayobj', 'numba.np.linalg', 'sympy', 'scipy', 'h5py', 'matplotlib', 'rebound', 'pandas'};"
+        "print(sorted(names & set(sys.modules)))"
+    )
+    in_a_fresh_process(code)  # whose kernels are on disk from here on
+    assert in_a_fresh_process(code) == "[]"
+
+
 def test_making_a_system_imports_neither_numba_nor_matplotlib_nor_rebound() -> None:
     # The first step and the first energy pay for compiling; looking at a system does not.
     code = (

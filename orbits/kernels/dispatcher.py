@@ -12,21 +12,24 @@ Private to Numba, as the cache; pyproject.toml pins the range in which tests hav
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import inspect
 import linecache
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from numba import types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
 from numba.core.registry import CPUDispatcher
 
 from orbits.errors import InputError
 from orbits.kernels.keeping import KernelCache
-from orbits.kernels.library import KernelCompiler
+from orbits.kernels.library import CalleeCompiler, KernelCompiler
 from orbits.kernels.stamp import is_covered
 
 NEEDS_RUNTIME = ("NRT required but not enabled", "Only accept returning of array passed into the function")
@@ -39,13 +42,19 @@ class _Compiled(CPUDispatcher):
     options : Numba's
     stamp : what cached code belongs to; None where nothing can be cached
     purpose : a word that tells its cache from others of the same function
+    compiler : what compiles it
     """
 
     def __init__(
-        self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None, purpose: str = ""
+        self,
+        function: Callable[..., Any],
+        options: Mapping[str, Any],
+        stamp: str | None,
+        purpose: str = "",
+        compiler: type[KernelCompiler] = KernelCompiler,
     ) -> None:
         target = {"nopython": True, "_nrt": False, "no_cfunc_wrapper": True, **options}
-        super().__init__(function, targetoptions=target, pipeline_class=KernelCompiler)
+        super().__init__(function, targetoptions=target, pipeline_class=compiler)
         self._options, self._stamp, self._purpose = options, stamp, purpose
         # The size and time of a file of somebody else's must be those that it had when it was read.
         self._covered = is_covered(inspect.getfile(function))
@@ -62,7 +71,8 @@ class _Compiled(CPUDispatcher):
         if self._stamp is not None:
             self._cache = self.cache
         try:
-            return super().compile(signature)
+            with global_compiler_lock, _garbage_left():
+                return super().compile(signature)
         except NumbaError as error:
             if any(sign in str(error) for sign in NEEDS_RUNTIME):
                 raise InputError(_allocates(self.py_func, str(error))) from error
@@ -75,15 +85,20 @@ class Kernel(_Compiled):
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> None:
         super().__init__(function, options, stamp)
         if not self._covered:
-            vars(self)["callee"] = self._made_callee()
+            vars(self)["callee"] = self._without_entry("callee", CalleeCompiler)
 
     @cached_property
     def callee(self) -> _Compiled:
-        """The same function for compiled callers. It has no entry for Python: calling it would end the process."""
-        return self._made_callee()
+        """The same function for compiled callers, which copy it. Calling it from Python would end the process."""
+        return self._without_entry("callee", CalleeCompiler)
 
-    def _made_callee(self) -> _Compiled:
-        return _Compiled(self.py_func, {**self._options, "no_cpython_wrapper": True}, self._stamp, "callee")
+    @cached_property
+    def addressed(self) -> _Compiled:
+        """The same function for those that call it by its address. Calling it from Python would end the process."""
+        return self._without_entry("addressed", KernelCompiler)
+
+    def _without_entry(self, purpose: str, compiler: type[KernelCompiler]) -> _Compiled:
+        return _Compiled(self.py_func, {**self._options, "no_cpython_wrapper": True}, self._stamp, purpose, compiler)
 
     def _reduce_states(self) -> dict[str, Any]:
         return {"function": self.py_func, "options": self._options, "stamp": self._stamp}
@@ -96,6 +111,22 @@ class Kernel(_Compiled):
     def _numba_type_(self) -> Any:
         """What compiled code takes this object for."""
         return types.Dispatcher(self.callee)
+
+
+@contextlib.contextmanager
+def _garbage_left() -> Iterator[None]:
+    """Leave garbage where it is until the end.
+
+    Compiling makes millions of objects, most of which stay for a while: to look for garbage among them again and again
+    took a seventh of the time.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _allocates(function: Callable[..., Any], report: str) -> str:

@@ -214,6 +214,15 @@ class KernelCache(caching.FunctionCache):
         self._cache_file._version = f"{self._cache_file._version} {stamp}"
         self._instructions = checksum(instructions(function.__code__).encode())
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the kept code of a signature, or None.
+
+        Numba would first bring all that it can compile up to date, a tenth of a second of imports. Code that is loaded
+        calls nothing of that, and a compilation begins with it anyway.
+        """
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         """Return what tells entries apart, those of functions of one name in one file among them."""
         captured = [cell.cell_contents for cell in self._py_func.__closure__ or ()]

@@ -14,9 +14,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite.binding import Linkage
-from numba.core.codegen import JITCodeLibrary
+from llvmlite.binding import Linkage, parse_assembly
+from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler import Compiler
+
+ENVIRONMENT = "_ZN08NumbaEnv"
+"""How the names of the variables begin by which Numba finds the constants of a function."""
 
 
 class KernelLibrary(JITCodeLibrary):
@@ -28,22 +31,61 @@ class KernelLibrary(JITCodeLibrary):
         Callers are given a module in which nothing is hidden, so that they hold one copy of a kernel, not one for each
         way that leads to it.
         """
-        self._shared_module = self._final_module.clone()
-        for function in self._shared_module.functions:
-            if not function.is_declaration and function.linkage == Linkage.external:
-                function.linkage = "linkonce_odr"
+        self._shared_module = _open(self._final_module.clone())
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
                 function.linkage = "internal"
         super()._finalize_final_module()
 
 
+class CalleeLibrary(KernelLibrary):
+    """A kernel that only kernels call: what they copy, without machine code of its own, which nobody would run.
+
+    Kernels that call each other go by addresses, and have machine code.
+    """
+
+    def _finalize_final_module(self) -> None:
+        """Keep the module for callers; what becomes machine code is that by which Numba finds its constants."""
+        variables = list(self._final_module.global_variables)
+        if any(variable.name.startswith(RuntimeLinker.PREFIX) for variable in variables):
+            super()._finalize_final_module()
+            return
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        whole = self._final_module
+        self._shared_module = _open(whole)
+        self._final_module = parse_assembly("\n".join(str(x) for x in variables if x.name.startswith(ENVIRONMENT)))
+        self._final_module.name, self._final_module.triple = whole.name, whole.triple
+        self._final_module.data_layout = whole.data_layout
+        JITCodeLibrary._finalize_final_module(self)
+
+    def get_llvm_str(self) -> str:
+        """Return what callers copy."""
+        return str(self._get_module_for_linking())
+
+
 class KernelCompiler(Compiler):
     """Numba's compiler, which writes into a `KernelLibrary`."""
+
+    library: type[KernelLibrary] = KernelLibrary
 
     def define_pipelines(self) -> Any:
         """Return Numba's passes. They make a library of Numba's own only where there is none."""
         if self.state.library is None:
-            self.state.library = KernelLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+            self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
             self.state.library.enable_object_caching()
         return super().define_pipelines()
+
+
+class CalleeCompiler(KernelCompiler):
+    """A compiler for what only kernels call."""
+
+    library = CalleeLibrary
+
+
+def _open(module: Any) -> Any:
+    """Return a module whose functions may stand in several libraries."""
+    for function in module.functions:
+        if not function.is_declaration and function.linkage == Linkage.external:
+            function.linkage = "linkonce_odr"
+    return module

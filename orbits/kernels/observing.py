@@ -51,9 +51,9 @@ def observer_address(kernel: Any, signature: Any = OBSERVER) -> int:
     """
     with _LOCK:
         if (kernel, signature) not in _KEPT:
-            callee = getattr(kernel, "callee", kernel)
-            callee.compile(signature.args)
-            compiled = callee.overloads[signature.args]
+            addressed = kernel.addressed
+            addressed.compile(signature.args)
+            compiled = addressed.overloads[signature.args]
             if compiled.signature.return_type != signature.return_type:
                 raise TypeError(
                     f"{kernel.__name__} returns {compiled.signature.return_type}, expected {signature.return_type}"

@@ -41,7 +41,6 @@ from numba.core import cgutils
 from numba.core.datamodel.models import PrimitiveModel
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, register_model
-from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from orbits.kernels.lanes import WIDTH
@@ -123,6 +122,8 @@ def _load_field(cx, builder, watch, value, name):
 
 def _made(cx, builder, kind, data, shape):
     """Return a contiguous array of 8-byte numbers that owns no memory."""
+    from numba.np.arrayobj import populate_array  # for compiling only: a process that loads its kernels goes without
+
     strides = [INT64(8)]
     for length in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], length))

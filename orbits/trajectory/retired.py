@@ -56,7 +56,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
     def of(
         cls, system: System, clock: Clock, rows: Iterable[tuple[int, int, str, Array, Array]]
     ) -> RetiredParticles:
-        """Return particles from rows of (body, step, reason, q, v), in the units of the system, by the clock of the run."""
+        """Return particles from rows of (body, step, reason, q, v), in the units of the system, by the run's clock."""
         units, epoch = system.units, system.epoch
         particles = []
         for body, step, reason, q, v in rows:

@@ -18,17 +18,25 @@ BUILD = f"{NO_NETWORK}; import sys; from sphinx.cmd.build import main; sys.exit(
 BUILDING = pytest.StashKey[tuple[subprocess.Popen[str], tempfile.TemporaryDirectory[str]]]()
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Begin to build the site, in a process of its own, where a test asks for it: what it takes is another core's."""
-    if session.config.option.collectonly or not any("site" in getattr(x, "fixturenames", ()) for x in session.items):
-        return
+def begin_building(config: pytest.Config) -> None:
+    """Begin to build the site in a process of its own."""
     out = tempfile.TemporaryDirectory(prefix="orbits-site-")
     command = [sys.executable, "-c", BUILD, "-q", "-E", "-W", "--keep-going", "docs", out.name]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
         command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
-    session.config.stash[BUILDING] = process, out
+    config.stash[BUILDING] = process, out
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Build the site where a test asks for it, on the core that the others leave idle.
+
+    Where workers share the tests no core is idle, and each of them has collected this one: the one that runs it builds.
+    """
+    wanted = any("site" in getattr(item, "fixturenames", ()) for item in session.items)
+    if wanted and not session.config.option.collectonly and not hasattr(session.config, "workerinput"):
+        begin_building(session.config)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -43,6 +51,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 @pytest.fixture(scope="session")
 def site(request: pytest.FixtureRequest) -> Path:
     """The folder of the site, built without a network; warnings are errors."""
+    if BUILDING not in request.config.stash:
+        begin_building(request.config)
     process, out = request.config.stash[BUILDING]
     _, errors = process.communicate(timeout=300)
     assert process.returncode == 0, errors

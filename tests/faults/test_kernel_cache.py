@@ -7,6 +7,7 @@ import py_compile
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -181,6 +182,35 @@ def test_a_cache_folder_that_others_may_write_is_not_used(kept, tmp_path):
     assert not (tmp_path / "executed").exists()
     assert str(path.parent) in done.stderr
     assert "0777" in done.stderr
+
+
+CROWDED = """
+import sys, time
+sys.path.insert(0, {folder!r})
+import kernels
+time.sleep(max(0.0, {begin} - time.time()))  # all begin to compile together
+for x in (0.25, 1)[:: {order}]:  # two signatures, whose entries share an index
+    print(repr(x), kernels.twice(x, 30).hex())
+"""
+
+
+def test_processes_that_compile_into_one_cache_at_once_give_the_same_bits_and_leave_it_whole(tmp_path):
+    """As workers of a test run do. Of two that write an index at once one may lose its entry, and compiles again."""
+    (tmp_path / "kernels.py").write_text(KERNELS)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def begun(order: int, begin: float) -> subprocess.Popen[str]:
+        program = CROWDED.format(folder=str(tmp_path), order=order, begin=begin)
+        return subprocess.Popen(
+            [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    crowd = [begun(order, time.time() + 1.5) for order in (1, -1)]
+    told = [process.communicate(timeout=120) for process in crowd]
+    later = begun(1, 0.0).communicate(timeout=120)
+    assert [errors for _, errors in (*told, later)] == [""] * 3
+    assert {tuple(sorted(out.splitlines())) for out, _ in (*told, later)} == {tuple(sorted(later[0].splitlines()))}
+    assert len(later[0].splitlines()) == 2
 
 
 def test_a_full_disk_costs_the_cache_and_not_the_result(kept, tmp_path):

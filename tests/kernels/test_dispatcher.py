@@ -108,11 +108,22 @@ def test_a_lagrangian_whose_kernel_allocates_is_refused_when_it_is_first_marched
     assert "numba" not in str(caught.value).lower()
 
 
-def test_only_what_python_calls_has_an_entry_for_python():
-    assert twice_the_middle(Q) == 6.0
-    (inner,) = middle.callee.overloads.values()
+def test_only_what_python_calls_has_an_entry_for_python(tmp_path, monkeypatch):
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))  # what is found on disk shows no functions
+
+    @kernel
+    def half(x):
+        return 0.5 * x
+
+    @kernel
+    def quarter(x):
+        return half(half(x))
+
+    assert quarter(6.0) == 1.5
+    (inner,) = half.callee.overloads.values()
+    assert f"@{inner.fndesc.llvm_func_name}" in inner.library.get_llvm_str()
     assert f"@{inner.fndesc.llvm_cpython_wrapper_name}" not in inner.library.get_llvm_str()
-    (outer,) = twice_the_middle.overloads.values()
+    (outer,) = quarter.overloads.values()
     assert f"@{outer.fndesc.llvm_cpython_wrapper_name}" in outer.library.get_llvm_str()
     for entry in (inner, outer):
         assert entry.fndesc.llvm_cfunc_wrapper_name not in entry.library.get_llvm_str()
