@@ -113,3 +113,7 @@ class Chain(Form):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """As for the base."""
         return self.base.scratch_shape(size)
+
+    def accounts(self, carry: Array) -> Array:
+        """As for the base."""
+        return self.base.accounts(carry)
