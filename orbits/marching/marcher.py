@@ -17,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, IntegrationError
+from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, coefficients_of, padded
+from orbits.kernels.acting import acted_on
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import NOT_CONVERGED, OK
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
@@ -64,6 +66,8 @@ class Marcher:
     stops : (conditions, 4), see `orbits.kernels.stopping`, rows counting bodies in the order of the caller
     energy_bound : relative energy error that ends the march, or None
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
+    forces : those without a Lagrangian, bound to these bodies
+    start : the time at which the march begins
 
     After `advance`, `met` tells (condition, row, body) that ended it, the condition -1 for the energy; else it is None.
     """
@@ -83,15 +87,18 @@ class Marcher:
         stops: Array | None = None,
         energy_bound: float | None = None,
         retire: bool = False,
+        forces: Sequence[BoundForce] = (),
+        start: float = 0.0,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
-        self.model = parameters
+        self.model, self._forces = parameters, tuple(forces)
+        self._tag, self._vectors = lagrangian.tag, parameters
         self.parameters = np.ascontiguousarray(parameters[0] if isinstance(parameters, tuple) else parameters)
         self.h = float(h)
         self.names = tuple(names)
         self.step = 0
-        self._start = 0.0
+        self._start = float(start)
         self.evaluations = 0
         self.particle_evaluations = 0
         self._massive = np.asarray(massive).nonzero()[0]
@@ -99,7 +106,10 @@ class Marcher:
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._form = form_of_bodies(integrator, lagrangian, with_particles=m > 0)
+        names_of_forces = [force.name for force in forces]
+        self._form = form_of_bodies(integrator, lagrangian, with_particles=m > 0, forces=names_of_forces)
+        if forces or SEPARABLE not in lagrangian.traits:
+            self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         self._coefficients = {self.h: coefficients_of(self._form, self.h)}
         self._backup: dict[str, Array] = {}
         shape = self._form.stages_shape(3 * n)
@@ -288,9 +298,9 @@ class Marcher:
         q, v = self.state()
         gone = self._particles[self._retired.gone()]
         q[gone], v[gone] = NOWHERE, 0.0
-        options: dict[str, Any] = {"names": self.names, "retire": self._retire}
+        options: dict[str, Any] = {"names": self.names, "retire": self._retire, "forces": self._forces}
+        options["start"] = self._start + self.step * self.h
         part = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, offset, **options)
-        part._start = self._start + self.step * self.h
         part._retired.take(self._retired)
         part.advance(1)
         return part
@@ -327,6 +337,12 @@ class Marcher:
         q, v = self._state["particle_q"], self._state["particle_v"]
         return retirements(self._retired.table(), q, v, self._particles)
 
+    def accounts(self) -> Array:
+        """Return what each force did to the massive bodies up to now, (forces, 7): work, torque about the origin and
+        impulse, times G.
+        """
+        return self._form.accounts(self._state["memory"])
+
     @property
     def dominant(self) -> int:
         """The row, in the kernels' order, of the body that dominates the others, or -1."""
@@ -345,7 +361,7 @@ class Marcher:
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
-        kind = (self._form.tag.name, self.lagrangian.tag.name, bool(self._tasks), self._parallel is None)
+        kind = (self._form.tag.name, self._tag.name, bool(self._tasks), self._parallel is None)
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
             listed = self._passages.passages, self._passages.left_out
@@ -364,7 +380,7 @@ class Marcher:
         if h not in self._coefficients:
             self._coefficients = {self.h: self._coefficients[self.h], h: coefficients_of(self._form, h)}
         clock = (self._start, self.step, h) if h == self.h else (self._start + self.step * self.h, 0, h)
-        bound = (self._form.tag, self._coefficients[h], self.lagrangian.tag, self.model, *clock)
+        bound = (self._form.tag, self._coefficients[h], self._tag, self._vectors, *clock)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)
