@@ -69,7 +69,10 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         if marcher is None or before[k] != begun:
             begun = int(before[k])
             state = (trajectory._q[begun], trajectory._v[begun])
-            marcher = bound(trajectory.system, trajectory.integrator, trajectory.step, threads=1, state=state)
+            begin = float(trajectory.times[begun])
+            marcher = bound(
+                trajectory.system, trajectory.integrator, trajectory.step, threads=1, state=state, start=begin
+            )
         marcher.advance(int(steps[k]) - marcher.step)
         q[k], v[k] = marcher.state_after(float(rests[k]))
     whole, _ = split(times, trajectory.step)

@@ -65,10 +65,10 @@ class _Walk:
         self._bodies = np.flatnonzero(wanted)
         (step,), (rest,) = split(np.array([time]), h)
         self.step = int(step) + (rest != 0.0)
-        self._integrator, self._values, self._model = trajectory.integrator, system.values, model(system)
-        self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
+        self._integrator, self._system = trajectory.integrator, system
+        self.marcher = self._bound(self._bodies, q[wanted], v[wanted], time)
         if rest != 0.0:
-            self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))
+            self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest), self.step * h)
 
     def to(self, step: int) -> None:
         """March on to a step that is not behind."""
@@ -84,12 +84,12 @@ class _Walk:
         there = wanted[self._bodies]
         q, v = self.marcher.state()
         bodies = self._bodies[there]
-        return _Pair(self._bound(bodies, q[there], v[there]), bodies)
+        return _Pair(self._bound(bodies, q[there], v[there], self.step * self._h), bodies)
 
-    def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array) -> Marcher:
+    def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array, start: float) -> Marcher:
         # All massive bodies are among them, so that the model is that of the run.
-        values = self._values._replace(gm=self._values.gm[bodies], q=q, v=v)
-        return march_of(values, self._integrator, self._h, self._model)
+        values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
+        return march_of(values, self._integrator, self._h, model(self._system, bodies), start=start)
 
 
 class _Pair:
