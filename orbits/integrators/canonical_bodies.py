@@ -440,6 +440,10 @@ class CanonicalBodies(Form):
         rows = padded(size)
         return 6 * rows + 8 * rows // WIDTH, WIDTH
 
+    def forget(self, carry: Array) -> None:
+        """Take away the velocities of the stages; what forces did stays."""
+        carry[: len(carry) - 2 * self.forces] = 0.0
+
     def accounts(self, carry: Array) -> Array:
         """Return what each force did up to here, (forces, 7): work, torque and impulse, times G."""
         books = carry[len(carry) - 2 * self.forces :].reshape(self.forces, 2, WIDTH)

@@ -114,6 +114,10 @@ class Chain(Form):
         """As for the base."""
         return self.base.scratch_shape(size)
 
+    def forget(self, carry: Array) -> None:
+        """As for the base."""
+        self.base.forget(carry)
+
     def accounts(self, carry: Array) -> Array:
         """As for the base."""
         return self.base.accounts(carry)

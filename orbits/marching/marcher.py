@@ -141,6 +141,7 @@ class Marcher:
             self._state[f"particle_{name}"][...] = NOWHERE
             self._state[f"particle_{name}"][:, :m] = x[self._particles].T
         self._state["approaches"] = empty_record(n + m)
+        self._seen = self._state["memory"]
         rows = 12 * (self.block + 1) if m else 0
         self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
         many = Parallel.serves(self._form, lagrangian.tag, n)
@@ -268,6 +269,7 @@ class Marcher:
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self._retired.begin()
+        self._seen = self._state["memory"]
         return self._gather(self._state)
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -276,8 +278,9 @@ class Marcher:
             return self.state()
         copy = {name: array.copy() for name, array in self._state.items() if name != "approaches"}
         # What is carried from step to step belongs to steps of h; a partial step starts cold.
-        copy["memory"][:] = 0.0
+        self._form.forget(copy["memory"])
         copy["particle_memory"][:] = 0.0
+        self._seen = copy["memory"]
         before = self.evaluations, self.particle_evaluations
         try:
             self._march_block(copy, offset, 1)
@@ -338,10 +341,10 @@ class Marcher:
         return retirements(self._retired.table(), q, v, self._particles)
 
     def accounts(self) -> Array:
-        """Return what each force did to the massive bodies up to now, (forces, 7): work, torque about the origin and
-        impulse, times G.
+        """Return what each force did to the massive bodies up to the state that was returned last, (forces, 7): work,
+        torque about the origin and impulse, times G.
         """
-        return self._form.accounts(self._state["memory"])
+        return self._form.accounts(self._seen)
 
     @property
     def dominant(self) -> int:

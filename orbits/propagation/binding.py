@@ -20,6 +20,7 @@ from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
+from orbits.propagation.sample_store import ACCOUNTS
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.system.model import Model, model, require_newtonian
@@ -89,7 +90,7 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
     Raises ArchiveError where the checkpoint is not one of this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items()}
+    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name != ACCOUNTS}
     for later in (PASSAGES, RETIRED):  # of which a run of an earlier version has none
         if not found.keys() & later:
             expected = {name: kind for name, kind in expected.items() if name not in later}

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import ArchiveError, InputError
+from orbits.kernels.acting import FIGURES
 from orbits.propagation.memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
-    from orbits.archive import ArchiveWriter
+    from orbits.archive import Archive, ArchiveWriter
     from orbits.marching.marcher import Marcher
 
 Array = NDArray[np.float64]
@@ -26,6 +27,9 @@ COMMIT_SECONDS = 10.0
 FIRST_COMMIT_SECONDS = 0.25
 """How long a run into an archive marches before its first commit after the start."""
 
+ACCOUNTS = "accounts"
+"""The array of a checkpoint that holds what forces did up to each sample."""
+
 COMMIT_SHARE = 0.25
 """Commits grow rarer with a run, up to `COMMIT_SECONDS`: a lost machine costs this share of what was computed."""
 
@@ -34,10 +38,12 @@ class SampleStore:
     """Collects samples; hands them to the archive chunk by chunk, or keeps them all when there is none.
 
     bodies : in each sample; room : how many samples are to come
+    accounts : (samples, forces, 7), what forces did up to each sample of the run; rows up to the first one to come are
+        known
     """
 
-    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None) -> None:
-        self._writer = writer
+    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array) -> None:
+        self._writer, self._accounts, self._next = writer, accounts, len(accounts) - room
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
         needed = 48 * room * bodies
@@ -65,18 +71,45 @@ class SampleStore:
         pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
         return time.perf_counter() - self._committed_at > pause
 
-    def add(self, q: Array, v: Array) -> None:
-        """Take one more sample."""
+    def add(self, q: Array, v: Array, accounts: Array) -> None:
+        """Take one more sample, and what forces did up to it, (forces, 7)."""
         self._q[self._count], self._v[self._count] = q, v
+        self._accounts[self._next] = accounts
         self._count += 1
+        self._next += 1
 
     def commit(self, marcher: Marcher) -> None:
         """Make everything taken so far durable, together with the state to go on from."""
         if self._writer is not None:
-            self._writer.commit(self._q[: self._count], self._v[: self._count], marcher.checkpoint())
+            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint_of(marcher, self._accounts))
             self._count = 0
             self._committed_at = time.perf_counter()
 
-    def arrays(self) -> tuple[Array, Array]:
+    def arrays(self) -> tuple[Array, Array, Array]:
         """Return what was kept."""
-        return self._q[: self._count], self._v[: self._count]
+        return self._q[: self._count], self._v[: self._count], self._accounts[: self._next]
+
+
+def checkpoint_of(marcher: Marcher, accounts: Array) -> dict[str, NDArray[np.generic]]:
+    """Return the state to go on from, with what forces did up to each sample where there are some."""
+    return {**marcher.checkpoint(), **({ACCOUNTS: accounts.copy()} if accounts.size else {})}
+
+
+def no_accounts(samples: int, forces: int) -> Array:
+    """Return room for what so many forces did up to each sample, zeros."""
+    return np.zeros((samples, forces, FIGURES))
+
+
+def accounts_in(archive: Archive, samples: int, forces: int) -> Array:
+    """Return what forces did up to each committed sample of an archive, with room for all samples.
+
+    Raises ArchiveError where its checkpoint does not tell.
+    """
+    out = no_accounts(samples, forces)
+    if forces:
+        found = archive.checkpoint().get(ACCOUNTS, np.zeros(0))
+        fits = found.shape[1:] == out.shape[1:] and len(found) >= archive.committed and found.dtype == out.dtype
+        if not fits or not np.isfinite(found).all():
+            raise ArchiveError(f"{archive.path} is damaged: its checkpoint does not tell what forces did in the run.")
+        out[: archive.committed] = found[: archive.committed]
+    return out

@@ -205,6 +205,19 @@ def axis(system: System) -> tuple[float, float, float] | None:
     return axis_of([term.summand(0, system.units) for term in system.terms])
 
 
+def depends_on_time(system: System) -> bool:
+    """Whether a term of a system depends on time, so that there is no energy to conserve."""
+    from orbits.lagrangians.base import TIME_DEPENDENT
+
+    return any(TIME_DEPENDENT in term.summand(0, system.units).traits for term in system.terms)
+
+
+def acts_on_massive(system: System) -> tuple[str, ...]:
+    """Return the kinds of the forces that act on massive bodies."""
+    massive = {name for name, has_mass in zip(system.names, system.massive, strict=True) if has_mass}
+    return tuple(type(f).__name__ for f in system.forces if f.bodies is None or massive.intersection(f.bodies))
+
+
 def to_json(system: System) -> str:
     """Return terms and forces as JSON, numbers in the units of the system."""
     return json.dumps({"terms": [_plain(x) for x in system.terms], "forces": [_plain(x) for x in system.forces]})

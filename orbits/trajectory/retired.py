@@ -151,8 +151,13 @@ def absent(q: Array, v: Array, massive: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(nothing & ~massive)
 
 
-def without(system: System, gone: NDArray[np.bool_], q: Array, v: Array, epoch: Time | None) -> System:
-    """Return a system moved on, without the bodies that are gone, (bodies,)."""
+def moved(system: System, q: Array, v: Array, time: float, gone: NDArray[np.bool_]) -> System:
+    """Return a system as it is a time later, with q and v, (bodies, 3), without the bodies that are gone, (bodies,)."""
+    later = u.Quantity(time, system.units.time)
+    epoch = None if system.epoch is None else system.epoch + later
+    if system.terms or system.forces:
+        terms, forces = [term.later(later) for term in system.terms], [force.later(later) for force in system.forces]
+        system = system.replaced(terms=terms, forces=forces)
     if not gone.any():
         return system.replaced(q=q, v=v, epoch=epoch)
     names = {system.names[i] for i in np.flatnonzero(gone)}

@@ -78,6 +78,12 @@ class Term:
         """Return this term, in the units of the system, for the massive body of that row."""
         raise NotImplementedError
 
+    def later(self, time: Any) -> Self:
+        """Return this term in a system whose epoch lies later by a time, a quantity: one that depends on the time since
+        the epoch has to count from the old one.
+        """
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class SumOfTerms(Lagrangian):
