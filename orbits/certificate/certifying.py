@@ -99,7 +99,7 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
         more.append(_finding("step of bodies", step_of_bodies(bound, acting), None, needed=True))
     for name, measured in balances(bound, acting) if names else ():
         more.append(_finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True))
-    taken = f"; what {few(names)} takes is left out but for the balances" if names else ""
+    taken = f"; what {few(sorted(set(names)))} takes is left out but for the balances" if names else ""
     return _certificate(bound, f"{int(np.sum(massive))} bodies{many}{taken}", unit, particles, more)
 
 

@@ -19,6 +19,7 @@ Source: Marsden & West (2001), sec. 2.6, 3.2; Hairer, Lubich & Wanner (2006), se
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -56,7 +57,7 @@ VELOCITY_SWEEPS = 50
 """Evaluations of s+ after which the velocities at the end of a step are given up."""
 
 SETTLED = 2.0**-46
-"""Velocities at the end of a step that change by less than this fraction stand: what is left is rounding."""
+"""Velocities at the end of a step that change by less than this fraction, and by no less than before, stand."""
 
 
 class Stages(NamedTuple):
@@ -255,23 +256,25 @@ def finish(method, model, t, h, state, stages, work, d):
         store(stages.v_end, k, load(v, k) + kick)
         store(work.kick, k, kick)
         store(work.kick_lo, k, kick_lo)
-    worst = -1
+    body, last = 0, math.inf
     for _ in range(VELOCITY_SWEEPS):
         momenta(model, t, stages.q_end, stages.v_end, work.f, work.s_end)
-        same, worst = True, -1
-        for k in range(d):
-            kick, lost = two_sum(work.kick[k], -(work.s_end[k] - work.s[k]) / strength[1 + k % n])
-            new, new_lo = add_compensated(v[k], v_lo[k] + (work.kick_lo[k] + lost), kick)
-            off = abs(new - stages.v_end[k])
-            same &= off == 0.0
-            if not off <= SETTLED * abs(new):
-                worst = k % n
-            stages.v_end[k], work.f[k] = new, new_lo
-        if same:
+        body, now = 0, 0.0
+        for i in range(n):
+            off = size = 0.0
+            for k in range(i, d, n):
+                kick, lost = two_sum(work.kick[k], -(work.s_end[k] - work.s[k]) / strength[1 + i])
+                new, new_lo = add_compensated(v[k], v_lo[k] + (work.kick_lo[k] + lost), kick)
+                off, size = off + abs(new - stages.v_end[k]), size + abs(new)
+                stages.v_end[k], work.f[k] = new, new_lo
+            if not off <= now * size:
+                body, now = i, off / size
+        if now == 0.0 or (now <= SETTLED and now >= last):
             break
+        last = now
     for k in range(d):
         v[k], v_lo[k] = stages.v_end[k], work.f[k]
-    return worst
+    return -1 if now <= SETTLED else body
 
 
 @kernel(inline=True)
@@ -353,6 +356,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
     z, z_lo = moved(h, z, z_lo, vz, vz_lo, total(hb * Wz))
     ux, uy, uz = vx + kicks[0], vy + kicks[1], vz + kicks[2]
     ux_lo = uy_lo = uz_lo = 0.0
+    last_change, off = math.inf, 0.0
     for _ in range(VELOCITY_SWEEPS):
         _, _, _, ex, ey, ez = particle_terms(
             model.tag, model.parameters, t + h, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
@@ -362,9 +366,11 @@ def step_particles(method, model, t, h, particles, carry, storage):
         uy, uy_lo = pushed(vy, vy_lo, kicks[1], sy - ey)
         uz, uz_lo = pushed(vz, vz_lo, kicks[2], sz - ez)
         off = abs(ux - before[0]) + abs(uy - before[1]) + abs(uz - before[2])
-        if off == 0.0:
+        enough = SETTLED * (abs(ux) + abs(uy) + abs(uz))
+        if off == 0.0 or (off <= enough and off >= last_change):
             break
-    if not off <= SETTLED * (abs(ux) + abs(uy) + abs(uz)):
+        last_change = off
+    if not off <= enough:
         return particles, carry, NOT_CONVERGED, evaluations
     return Particles(x, y, z, x_lo, y_lo, z_lo, ux, uy, uz, ux_lo, uy_lo, uz_lo), carry, OK, evaluations
 

@@ -104,7 +104,7 @@ class ConservedQuantities:
     @property
     def _remarks(self) -> list[str]:
         remarks = [NOT_KEPT] if self._lost else []
-        remarks += [f"less what {few(self.forces)} gave"] if self.forces else []
+        remarks += [f"less what {few(sorted(set(self.forces)))} gave"] if self.forces else []
         return remarks + ([NO_ENERGY] if math.isnan(self.energy.max_fraction) else [])
 
     @property

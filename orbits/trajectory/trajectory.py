@@ -189,10 +189,6 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         moments.precision = int(np.clip(np.ceil(-np.log10(closest)) + 1, 3, NANOSECONDS))
         return moments
 
-    def epoch_at(self, time: float) -> Time | None:
-        """Return the epoch `time` (a number in the unit of time) after the start, or None for a system without one."""
-        return None if self.system.epoch is None else self.system.epoch + u.Quantity(time, self.system.units.time)
-
     @property
     def dt(self) -> u.Quantity:
         """The step actually used, > 0: the one asked for, rounded to 24 bits.
