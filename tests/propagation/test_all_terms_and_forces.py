@@ -1,13 +1,19 @@
 """`propagate` with terms that depend on velocities or on time, and with forces without a Lagrangian."""
 
+import json
 from dataclasses import replace
+from fractions import Fraction
 
 import mpmath
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import orbits
-from orbits.errors import InputError
+from orbits.cli import app
+from orbits.errors import ArchiveError, InputError
+from orbits.integrators.canonical_bodies import HB
+from orbits.propagation.sample_store import accounts_in
 from orbits.system.model import lagrangian_of
 from tests import kepler_truth
 from tests.acting import Heavy, Swaying, Turning
@@ -301,3 +307,35 @@ def test_a_certificate_says_what_forces_leave_and_holds():
     assert certificate["balance: rotation about the pole"].holds
     assert "what drag takes is left out but for the balances" in str(certificate)
     assert orbits.certify(three().with_terms(SPIN, FLAT), orbits.Gauss(stages=2), 0.05)["step of bodies"].holds
+
+
+def test_the_command_line_tells_what_forces_did(tmp_path):
+    path = tmp_path / "run.h5"
+    march(dragged(), METHODS[0], duration=2.0, samples=3, archive=path).close()
+    shown = CliRunner().invoke(app, ["info", str(path)])
+    assert shown.exit_code == 0, shown.output
+    assert "Drag on all: work -0.0" in shown.output
+    record = json.loads(CliRunner().invoke(app, ["info", str(path), "--json"]).output)
+    assert [each["force"] for each in record["work"]] == ["drag", "drag"]
+    assert record["work"][0]["work"] < record["work"][1]["work"] < 0
+    assert record["largest_relative_change"]["centre_of_mass"] is None
+
+
+def test_an_archive_whose_checkpoint_does_not_tell_what_forces_did_is_not_resumed(tmp_path):
+    march(dragged(), METHODS[0], duration=2.0, samples=3, archive=tmp_path / "run.h5").close()
+    with orbits.Archive.open(tmp_path / "run.h5") as archive:
+        known = archive.checkpoint()
+        assert accounts_in(archive, 5, 2).shape == (5, 2, 7)
+        for changed in (None, known["accounts"][:, :1], known["accounts"][:1], np.full_like(known["accounts"], np.nan)):
+            checkpoint = {**known, "accounts": np.zeros(0) if changed is None else changed}
+            archive._checkpoint = checkpoint
+            with pytest.raises(ArchiveError, match="does not tell what forces did"):
+                accounts_in(archive, 5, 2)
+
+
+@pytest.mark.parametrize("method", [*(orbits.Gauss(stages=s) for s in range(1, 9)), orbits.LobattoIIIAB(stages=5)])
+def test_the_weights_of_a_step_sum_to_its_length_exactly_so_that_what_nothing_pulls_moves_uniformly(method):
+    for h in (0.25, -3.0, float(np.float32(0.013)), float(np.float32(5.7e9))):
+        table = method.form_with(0).coefficients(h, h)
+        assert sum(map(Fraction, table[HB].tolist())) == Fraction(h)
+        assert np.max(np.abs(table[HB, : len(method.tableau.b)] - h * method.tableau.b)) < 4 * EPS * abs(h)
