@@ -202,7 +202,8 @@ def _sample(
             if store.overdue:
                 store.commit(marcher)
         state = marcher.state_after(float(remainders[index]))
-        store.add(*state, marcher.accounts())
+        store.note(marcher.accounts())
+        store.add(*state)
         if watch.callback is not None:
             t = float(grid.times[index])
             if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, t, *state)):

@@ -39,11 +39,12 @@ class SampleStore:
 
     bodies : in each sample; room : how many samples are to come
     accounts : (samples, forces, 7), what forces did up to each sample of the run; rows up to the first one to come are
-        known
+        known. By default there are no forces
     """
 
-    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array) -> None:
-        self._writer, self._accounts, self._next = writer, accounts, len(accounts) - room
+    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array | None = None) -> None:
+        self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
+        self._next = len(self._accounts) - room
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
         needed = 48 * room * bodies
@@ -71,10 +72,13 @@ class SampleStore:
         pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
         return time.perf_counter() - self._committed_at > pause
 
-    def add(self, q: Array, v: Array, accounts: Array) -> None:
-        """Take one more sample, and what forces did up to it, (forces, 7)."""
-        self._q[self._count], self._v[self._count] = q, v
+    def note(self, accounts: Array) -> None:
+        """Take what forces did up to the sample that comes next, (forces, 7)."""
         self._accounts[self._next] = accounts
+
+    def add(self, q: Array, v: Array) -> None:
+        """Take one more sample."""
+        self._q[self._count], self._v[self._count] = q, v
         self._count += 1
         self._next += 1
 
