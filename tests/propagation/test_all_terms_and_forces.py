@@ -270,6 +270,17 @@ def test_closest_approaches_and_conditions_see_positions_and_velocities():
     assert np.linalg.norm(stopped.stopped.system["p"].q - stopped.stopped.system["planet"].q) < limit
 
 
+def test_an_approach_is_found_with_the_time_of_the_run_and_the_force_of_the_particle():
+    # Where momenta are not linear in velocities, what sways all alike is felt in relative orbits too.
+    sway = march(three(**PARTICLE).with_terms(Swaying(), Heavy()), orbits.Gauss(stages=8), duration=20.0)
+    for run, name in ((sway, "p"), (march(crowd(), orbits.Gauss(stages=8), duration=20.0), "p17")):
+        (closest, *_) = run.closest_approaches()[name]
+        there = run.at(closest.time)
+        place, speed = there[name].q - there["planet"].q, there[name].v - there["planet"].v
+        assert np.linalg.norm(place).value == pytest.approx(closest.distance.value, rel=1e-13)
+        assert np.linalg.norm(speed).value == pytest.approx(closest.speed.value, rel=1e-13)
+
+
 def test_a_particle_that_cannot_be_stepped_is_retired_alone():
     falling = {"falls": (0.0, [0.5, 0.0, 0.0], [0.0, 0.0, 0.0])}
     system = dragged(three(**PARTICLE, **falling))
