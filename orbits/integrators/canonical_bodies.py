@@ -23,20 +23,34 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from orbits.integrators.canonical import combine
+from orbits.integrators.canonical_particles import step_particles
+from orbits.integrators.canonical_room import (
+    CONTINUATION,
+    HB,
+    HC,
+    HC_LO,
+    HOURS,
+    MU,
+    MU_BAR,
+    ROWS,
+    SETTLED,
+    VELOCITY_SWEEPS,
+    stages_in,
+    work_in,
+)
 from orbits.integrators.collocation import moved
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.acting import FIGURES, account, add_acting, add_terms, particle_acting, particle_terms
-from orbits.kernels.binding import accelerate, dimension, field, first_term
+from orbits.kernels.acting import FIGURES, account, add_acting, add_terms
+from orbits.kernels.binding import accelerate, dimension, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
     LIMIT,
-    LOST,
     NEAR_FLOOR,
     PATIENCE,
     begin,
@@ -44,92 +58,10 @@ from orbits.kernels.iteration import (
     settled,
     unsettled_body,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, row_sums, store, total
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
+from orbits.kernels.lanes import WIDTH, any_lane, fma, full, load, row_sums, store
+from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_sum
 from orbits.tableaux import SymplecticTableau
-
-# Rows of the table. From MU on each entry is the first of eight: row j holds column j of a matrix, a stage a lane.
-HOURS, HC, HC_LO, HB, MU, MU_BAR, CONTINUATION = 0, 1, 2, 3, 4, 12, 20
-ROWS = 28
-
-VELOCITY_SWEEPS = 50
-"""Evaluations of s+ after which the velocities at the end of a step are given up."""
-
-SETTLED = 2.0**-46
-"""Velocities at the end of a step that change by less than this fraction, and by no less than before, stand."""
-
-
-class Stages(NamedTuple):
-    """What a step goes through: what massless particles feel.
-
-    Q, V : (rows, 8) positions and velocities of the stages; q, v, q_end, v_end : (rows,) at both ends of the step
-    """
-
-    Q: Any
-    V: Any
-    q: Any
-    v: Any
-    q_end: Any
-    v_end: Any
-
-
-class Work(NamedTuple):
-    """The scratch of a step of d coordinates; rows are coordinates, lanes are stages.
-
-    W, base, G : (rows, 8) see above; base is what moves the stages without W
-    F, S : (rows, 8) forces and momenta that are added to Newton's
-    change, history : see `orbits.kernels.iteration`
-    f, s, s_end, kick, kick_lo : (rows,)
-    """
-
-    W: Any
-    base: Any
-    G: Any
-    F: Any
-    S: Any
-    change: Any
-    history: Any
-    f: Any
-    s: Any
-    s_end: Any
-    kick: Any
-    kick_lo: Any
-
-
-@kernel(inline=True)
-def stages_in(room, rows):
-    """Return the parts of the stages by their names."""
-    at, some = 2 * rows, rows // WIDTH
-    return Stages(
-        room[:rows],
-        room[rows:at],
-        room[at : at + some].reshape(-1),
-        room[at + some : at + 2 * some].reshape(-1),
-        room[at + 2 * some : at + 3 * some].reshape(-1),
-        room[at + 3 * some : at + 4 * some].reshape(-1),
-    )
-
-
-@kernel(inline=True)
-def work_in(scratch, rows):
-    """Return the parts of the scratch by their names."""
-    at, some = 6 * rows, rows // WIDTH
-    more = at + 3 * some
-    return Work(
-        scratch[:rows],
-        scratch[rows : 2 * rows],
-        scratch[2 * rows : 3 * rows],
-        scratch[3 * rows : 4 * rows],
-        scratch[4 * rows : 5 * rows],
-        scratch[5 * rows : 6 * rows],
-        scratch[at:more],
-        scratch[more : more + some].reshape(-1),
-        scratch[more + some : more + 2 * some].reshape(-1),
-        scratch[more + 2 * some : more + 3 * some].reshape(-1),
-        scratch[more + 3 * some : more + 4 * some].reshape(-1),
-        scratch[more + 4 * some : more + 5 * some].reshape(-1),
-    )
 
 
 @kernel
@@ -275,117 +207,6 @@ def finish(method, model, t, h, state, stages, work, d):
     for k in range(d):
         v[k], v_lo[k] = stages.v_end[k], work.f[k]
     return -1 if now <= SETTLED else body
-
-
-@kernel(inline=True)
-def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of one particle through the stages that the massive bodies went through.
-
-    carry : (3, 8), the velocities of the stages of the step before; `storage.share` begins with the number of the
-        particle. A step that fails returns the particle as it was.
-    """
-    coefficients, strength = method.coefficients, model.parameters[0]
-    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
-    d = dimension(model.tag, model.parameters)
-    number, stages = storage.share.start, stages_in(storage.stages, padded_length(d))
-    hc, hc_lo, hb = load(coefficients, HC), load(coefficients, HC_LO), load(coefficients, HB)
-    times = load(coefficients, HOURS) + t
-    x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
-    y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
-    z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
-    _, _, _, sx, sy, sz = particle_terms(
-        model.tag, model.parameters, t, stages.q, stages.v, (x, y, z), (vx, vy, vz)
-    )
-    Wx, Wy, Wz = full(0.0), full(0.0), full(0.0)
-    if largest(abs(load(carry, 0)) + abs(load(carry, 1)) + abs(load(carry, 2))) > 0.0:
-        Wx = combine(coefficients, CONTINUATION, carry, 0) - vx
-        Wy = combine(coefficients, CONTINUATION, carry, 1) - vy
-        Wz = combine(coefficients, CONTINUATION, carry, 2) - vz
-    room = storage.scratch
-    Gx = Gy = Gz = full(0.0)
-    least = last_change = scale = 0.0
-    patience, last, evaluations = PATIENCE, False, 0
-    while True:
-        store(room, 0, hb * Wx)
-        store(room, 1, hb * Wy)
-        store(room, 2, hb * Wz)
-        Vx, Vy, Vz = vx + Wx, vy + Wy, vz + Wz
-        Qx = x + (x_base + combine(coefficients, MU, room, 0))
-        Qy = y + (y_base + combine(coefficients, MU, room, 1))
-        Qz = z + (z_base + combine(coefficients, MU, room, 2))
-        ax, ay, az = field(first_term(model.tag), strength, stages.Q, Qx, Qy, Qz)
-        place, velocity = (Qx, Qy, Qz), (Vx, Vy, Vz)
-        bx, by, bz, Sx, Sy, Sz = particle_terms(
-            model.tag, model.parameters, times, stages.Q, stages.V, place, velocity
-        )
-        cx, cy, cz = particle_acting(
-            model.tag, model.parameters, times, number, stages.Q, stages.V, place, velocity
-        )
-        Gx, Gy, Gz = hb * (ax + (bx + cx)), hb * (ay + (by + cy)), hb * (az + (bz + cz))
-        store(room, 0, Gx)
-        store(room, 1, Gy)
-        store(room, 2, Gz)
-        new_x = combine(coefficients, MU_BAR, room, 0) - (Sx - sx)
-        new_y = combine(coefficients, MU_BAR, room, 1) - (Sy - sy)
-        new_z = combine(coefficients, MU_BAR, room, 2) - (Sz - sz)
-        evaluations += 1
-        now = largest(abs(new_x - Wx) + abs(new_y - Wy) + abs(new_z - Wz))
-        Wx, Wy, Wz = new_x, new_y, new_z
-        if evaluations == 1:
-            now = scale = least = largest(abs(Wx) + abs(Wy) + abs(Wz))
-        if last:
-            break
-        if evaluations > 1:
-            if not (now < least and now * now > LOST * scale * last_change):
-                patience -= 1
-                last = patience == 0 or least <= NEAR_FLOOR * scale or now <= NEAR_FLOOR * scale
-            least = min(least, now)
-        last_change = now
-        if evaluations == LIMIT:
-            break
-    if not least <= CONVERGED * scale:
-        return particles, carry, NOT_CONVERGED, evaluations
-    kicks = total(Gx), total(Gy), total(Gz)
-    if (kicks[0] + kicks[1] + kicks[2] + total(Wx + Wy + Wz)) * 0.0 != 0.0:
-        return particles, carry, NOT_FINITE, evaluations
-    store(carry, 0, vx + Wx)
-    store(carry, 1, vy + Wy)
-    store(carry, 2, vz + Wz)
-    x, x_lo = moved(h, x, x_lo, vx, vx_lo, total(hb * Wx))
-    y, y_lo = moved(h, y, y_lo, vy, vy_lo, total(hb * Wy))
-    z, z_lo = moved(h, z, z_lo, vz, vz_lo, total(hb * Wz))
-    ux, uy, uz = vx + kicks[0], vy + kicks[1], vz + kicks[2]
-    ux_lo = uy_lo = uz_lo = 0.0
-    last_change, off = math.inf, 0.0
-    for _ in range(VELOCITY_SWEEPS):
-        _, _, _, ex, ey, ez = particle_terms(
-            model.tag, model.parameters, t + h, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
-        )
-        before = ux, uy, uz
-        ux, ux_lo = pushed(vx, vx_lo, kicks[0], sx - ex)
-        uy, uy_lo = pushed(vy, vy_lo, kicks[1], sy - ey)
-        uz, uz_lo = pushed(vz, vz_lo, kicks[2], sz - ez)
-        off = abs(ux - before[0]) + abs(uy - before[1]) + abs(uz - before[2])
-        enough = SETTLED * (abs(ux) + abs(uy) + abs(uz))
-        if off == 0.0 or (off <= enough and off >= last_change):
-            break
-        last_change = off
-    if not off <= enough:
-        return particles, carry, NOT_CONVERGED, evaluations
-    return Particles(x, y, z, x_lo, y_lo, z_lo, ux, uy, uz, ux_lo, uy_lo, uz_lo), carry, OK, evaluations
-
-
-@kernel(inline=True)
-def pushed(v, v_lo, kick, more):
-    """Return the pair (v, v_lo) + kick + more."""
-    kick, lost = two_sum(kick, more)
-    return add_compensated(v, v_lo + lost, kick)
-
-
-@kernel(inline=True)
-def padded_length(count):
-    """Return `padded`, in compiled code."""
-    return (count + WIDTH - 1) // WIDTH * WIDTH + WIDTH
 
 
 @dataclass(frozen=True)

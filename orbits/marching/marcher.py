@@ -443,7 +443,8 @@ class Marcher:
     def _failure(self, status: int, done: int, bodies: list[int]) -> IntegrationError:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
         step = self.step + done
-        return failure_of_bodies(status, step, self._start + step * self.h, self.h, self.integrator, names)
+        time, momenta = self._start + step * self.h, SEPARABLE not in self.lagrangian.traits
+        return failure_of_bodies(status, step, time, self.h, self.integrator, names, momenta=momenta)
 
     def _gather(self, state: dict[str, Array]) -> tuple[Array, Array]:
         return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import orbits
 from orbits.cli import app
 from orbits.errors import ArchiveError, InputError
-from orbits.integrators.canonical_bodies import HB
+from orbits.integrators.canonical_room import HB
 from orbits.propagation.sample_store import accounts_in
 from orbits.system.model import lagrangian_of
 from tests import kepler_truth
@@ -294,7 +294,7 @@ def test_a_particle_that_cannot_be_stepped_is_retired_alone():
 
 def test_a_velocity_that_momenta_do_not_determine_is_an_error_and_not_a_number():
     system = three().with_terms(SPIN, TURN, Heavy(excess=30.0)).with_forces(DRAG)
-    with pytest.raises(orbits.errors.ConvergenceError):
+    with pytest.raises(orbits.errors.ConvergenceError, match="adds as much as m v to the momenta"):
         march(system, orbits.Gauss(stages=2))
 
 
