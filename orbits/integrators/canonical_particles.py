@@ -1,5 +1,5 @@
-"""Massless particles in the form of `orbits.integrators.canonical_bodies`: by the same equations, for a mass of 1, in the
-field of the bodies at the stages that they went through.
+"""Massless particles in the form of `orbits.integrators.canonical_bodies`: by the same equations, for a mass of 1, in
+the field of the bodies at the stages that they went through.
 """
 
 from __future__ import annotations

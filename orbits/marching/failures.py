@@ -40,7 +40,7 @@ def failure_of_bodies(
         return ConvergenceError(
             f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "
             "the result would not be symplectic. Use a smaller dt, or softening if bodies meet closely."
-            + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without massless particles.",
+            + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without particles.",
             step=step,
             time=time,
             bodies=list(names),

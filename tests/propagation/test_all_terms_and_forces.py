@@ -93,7 +93,6 @@ def truth():
         (orbits.Gauss(stages=4), (1, 2)),
         (orbits.LobattoIIIAB(stages=3), (8, 16)),
         (orbits.LobattoIIIAB(stages=4), (2, 4)),
-        (METHODS[-1], (8, 16)),
     ],
     ids=lambda x: getattr(x, "label", None),
 )
@@ -109,6 +108,16 @@ def test_orders_are_kept_with_terms_of_velocity_and_drag(truth, integrator, step
     assert errors[1] < 1e-3
 
 
+def test_a_composition_keeps_its_order():
+    """Against Gauss with eight stages, which the series above have judged."""
+    best, *runs = (
+        march(dragged(), method, dt=dt, duration=1.0, samples=2)
+        for method, dt in ((orbits.Gauss(stages=8), 1 / 16), (METHODS[-1], 1 / 16), (METHODS[-1], 1 / 32))
+    )
+    errors = [np.max(np.abs(run.q.value[-1] - best.q.value[-1])) for run in runs]
+    assert np.log2(errors[0] / errors[1]) > 3.8, errors
+
+
 def test_the_floor_of_a_short_step_is_round_off(truth):
     system = planet(**PARTICLE).with_terms(*MOST).with_forces(replace(DRAG, bodies=["p"]))
     run = march(system, orbits.Gauss(stages=8), dt=1 / 16, duration=1.0, samples=2)
@@ -122,7 +131,7 @@ def test_a_term_that_depends_on_time_moves_all_by_what_it_is(particle):
     sway, T = Swaying(phase=0.4), 6.0
     gm, q, v = kepler(0.3)
     gm = np.array([1.0, 0.0]) if particle else gm
-    system = orbits.System(["a", "b"], gm, q, v, units=orbits.DIMENSIONLESS).with_terms(sway)
+    system = orbits.System(["a", "b"], gm, q, v, units=orbits.DIMENSIONLESS).with_terms(sway, Heavy(excess=0.0))
     run = march(system, orbits.Gauss(stages=8), dt=1 / 16, duration=T, samples=7)
     with mpmath.workdps(25):
         start = ([mpmath.mpf(float(x)) for x in one[1] - one[0]] for one in (q, v))
@@ -140,7 +149,7 @@ def test_a_term_that_depends_on_time_moves_all_by_what_it_is(particle):
 
 
 def test_time_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_taken_up_again():
-    system = three(**PARTICLE).with_terms(Swaying())
+    system = three(**PARTICLE).with_terms(Swaying(), Heavy())
     run = march(system, orbits.Gauss(stages=8), duration=4.0, samples=5)
     assert np.max(np.abs(run.at(2.7).q.value - march(system, orbits.Gauss(stages=8), duration=2.7).q.value[-1])) < 1e-14
     again = march(run[2], orbits.Gauss(stages=8), duration=2.0, samples=3)
@@ -161,7 +170,7 @@ def test_bodies_are_marched_by_the_map_of_the_canonical_form():
         assert np.max(np.abs(run.q.value.reshape(11, -1) - path.q)) < 64 * EPS
 
 
-@pytest.mark.parametrize("integrator", METHODS, ids=lambda m: m.label)
+@pytest.mark.parametrize("integrator", METHODS[:2], ids=lambda m: m.label)
 def test_what_velocity_dependent_terms_conserve_is_kept_to_round_off(integrator):
     drift = march(three().with_terms(SPIN, FLAT), integrator, duration=30.0).drift()
     assert drift.angular_momentum.max_ulps < 16
@@ -191,6 +200,8 @@ def test_drag_takes_the_angular_momentum_of_the_discrete_torque_to_round_off(int
 
 def test_linear_drag_of_a_single_body_is_the_exponential():
     one = orbits.System(["stone"], [2.0], [[1.0, 0, 0]], [[0.3, -0.2, 0.1]], units=orbits.DIMENSIONLESS)
+    # Terms of pairs do nothing to one alone.
+    one = one.with_terms(*(replace(term, body="stone") for term in MOST[:2]), Heavy(excess=0.0))
     run = march(one.with_forces(orbits.Drag(rate=0.5)), orbits.Gauss(stages=8), dt=1 / 8, samples=11)
     v = np.array([0.3, -0.2, 0.1]) * np.exp(-0.5 * run.times)[:, None]
     assert np.max(np.abs(run.v.value[:, 0] - v)) < 4 * EPS
@@ -199,7 +210,7 @@ def test_linear_drag_of_a_single_body_is_the_exponential():
     assert run.work()[0].work.unit == run.system.units.energy
 
 
-@pytest.mark.parametrize("integrator", METHODS, ids=lambda m: m.label)
+@pytest.mark.parametrize("integrator", METHODS[:2], ids=lambda m: m.label)
 def test_a_massless_particle_moves_as_a_body_of_vanishing_mass(integrator):
     runs = []
     for gm in (0.0, 1e-40):
