@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.body_names import few
 from orbits.certificate.certificate import Certificate, Finding
 from orbits.certificate.measuring import EPS, Measured, Problem
 from orbits.checks import has_unit, nonzero_number, single_number
@@ -17,7 +18,7 @@ from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching.flow import starting_state
 
 if TYPE_CHECKING:
@@ -59,6 +60,10 @@ def certify(
     - the order of the map and of L_d, above the round-off plateau
     - whether the energy error is bounded
 
+    Forces without a Lagrangian take energy and momenta away, which is no failure of a method. With them it is measured
+    that the momenta change by the impulse and the torque of the forces and by nothing else; all other properties are
+    measured without them.
+
     Raises InputError if the method cannot be used for the problem, IntegrationError if no step can be taken.
 
         print(orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), dt=0.1))
@@ -79,11 +84,18 @@ def certify(
 
 
 def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
-    from orbits.system.model import lagrangian_of, require_no_forces
+    from orbits.certificate.bodies import balances, step_of_bodies
+    from orbits.marching.choice import form_of_bodies
+    from orbits.marching.clocks import ConstantSteps
+    from orbits.system.model import lagrangian_of, model
 
-    require_no_forces(system, "a certificate")
+    acting = model(system, np.flatnonzero(system.massive))
+    names = [force.name for force in acting.forces]
     values, units = system.values, system.units
     step = float(units.time_value(dt, "dt"))
+    nonzero_number(step, "dt")
+    with_particles = not system.massive.all()
+    form_of_bodies(integrator, acting.lagrangian, ConstantSteps(step), with_particles=with_particles, forces=names)
     massive = values.gm > 0.0
     lagrangian = lagrangian_of(system)
     q, v = values.q[massive].ravel(), values.v[massive].ravel()
@@ -92,12 +104,20 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
     count = int(np.sum(~massive))
     many = f", {count} massless particle{'s' * (count > 1)}" if count else ""
     unit = units.time.to_string() if hasattr(units.time, "to_string") else str(units.time)
-    return _certificate(bound, f"{int(np.sum(massive))} bodies{many}", unit, particles)
+    more: list[Finding] = []
+    if SEPARABLE not in lagrangian.traits and not names:
+        more.append(_finding("step of bodies", step_of_bodies(bound, acting), None, needed=True))
+    for name, measured in balances(bound, acting) if names else ():
+        more.append(_finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True))
+    taken = f"; what {few(sorted(set(names)))} takes is left out but for the balances" if names else ""
+    return _certificate(bound, f"{int(np.sum(massive))} bodies{many}{taken}", unit, particles, more)
 
 
-def _certificate(problem: Problem, name: str, unit: str, particles: list[Any]) -> Certificate:
+def _certificate(
+    problem: Problem, name: str, unit: str, particles: list[Any], more: Iterable[Finding] = ()
+) -> Certificate:
     nonzero_number(problem.dt, "dt")
-    findings = tuple(_findings(problem, particles))
+    findings = (*_findings(problem, particles), *more)
     return Certificate(name, problem.integrator.label, problem.dt, unit, findings)
 
 
@@ -155,9 +175,11 @@ def _fibres(problem: Problem, particles: list[Any]) -> Measured:
     gm = [value for name, value in problem.lagrangian.parameters.items() if name.startswith("GM")]
     terms = getattr(problem.lagrangian, "summands", ())
     lagrangian = n_body([*gm, tiny], math.sqrt(problem.lagrangian.parameters["eps2"]), terms)
+    speeds = problem.lagrangian.velocity(problem.q, problem.p, problem.t)
     for x, w in particles:
-        q, p = np.append(problem.q, x), np.append(problem.p, tiny * w)
-        step = plain_step(lagrangian, problem.integrator.tableau, q, p, problem.dt)
+        q, v = np.append(problem.q, x), np.append(speeds, w)
+        p = lagrangian.momentum(q, v, problem.t)
+        step = plain_step(lagrangian, problem.integrator.tableau, q, p, problem.dt, problem.t)
         d = len(problem.q)
         own = [d, d + 1, d + 2, 2 * d + 3, 2 * d + 4, 2 * d + 5]
         weights = np.full(3, math.sqrt(tiny * np.max(np.abs(w)) / np.max(np.abs(x))))

@@ -7,7 +7,8 @@ A force is one file: kernels, and a frozen dataclass that people make, with unit
                                            returns the force on a unit of mass; `particle` is its number, or that of the
                                            first of eight in lanes: see `coefficient`
 
-`strength` are the parameters of `newtonian`, `own` is the vector of the force. A method takes them up by the discrete
+`strength` are the parameters of `newtonian`, `own` is the vector of the force; t is the time since the epoch of the
+system, in its unit. A method takes them up by the discrete
 Lagrange–d'Alembert principle: with f at the stages, P_i = p + h sum_j a_ij (dL/dq + f)_j.
 """
 
@@ -55,6 +56,12 @@ class Force:
     def bound(self, massive: NDArray[np.bool_], particles: NDArray[np.bool_], units: Any) -> BoundForce:
         """Return this force, in the units of the system, on those of the massive bodies and of the particles."""
         raise NotImplementedError
+
+    def later(self, time: Any) -> Self:
+        """Return this force in a system whose epoch lies later by a time, a quantity: one that depends on the time
+        since the epoch has to count from the old one.
+        """
+        return self
 
 
 def coefficient(own, offset, particle, sources, x):

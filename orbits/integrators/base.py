@@ -71,6 +71,12 @@ class Integrator:
         """How the method steps any regular Lagrangian; None where it does not."""
         return None
 
+    def form_with(self, forces: int) -> Form | None:
+        """Return how the method steps bodies, by positions and velocities, on which terms of any kind act and so many
+        forces without a Lagrangian; None where it does not.
+        """
+        return None
+
     def form(self, lagrangian: Lagrangian, *, canonical: bool = False) -> Form | None:
         """Return how the method steps this Lagrangian, in canonical form if that is asked for or the only one."""
         if not canonical and self.requires <= lagrangian.traits and self.second_order is not None:

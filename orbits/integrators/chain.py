@@ -113,3 +113,11 @@ class Chain(Form):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """As for the base."""
         return self.base.scratch_shape(size)
+
+    def forget(self, carry: Array) -> None:
+        """As for the base."""
+        self.base.forget(carry)
+
+    def accounts(self, carry: Array) -> Array:
+        """As for the base."""
+        return self.base.accounts(carry)

@@ -131,6 +131,11 @@ class Composition(Integrator):
         base = self.base.canonical
         return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
+    def form_with(self, forces: int) -> Form | None:
+        """The base's steps one after the other, where it has such a form."""
+        base = self.base.form_with(forces)
+        return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
+
     def serves(self, lagrangian: Lagrangian) -> bool:
         """Whether the base can march `lagrangian`."""
         return self.base.serves(lagrangian)

@@ -78,6 +78,16 @@ class Form:
         """Return the shape of the scratch that the kernels want, for `size` coordinates and for particles."""
         return 1, padded(size)
 
+    def forget(self, carry: Array) -> None:
+        """Take from the carry what belongs to the length of the steps: a step of another length begins cold."""
+        carry[:] = 0.0
+
+    def accounts(self, carry: Array) -> Array:
+        """Return what each force without a Lagrangian did to the massive bodies as far as the carry tells, (forces, 7):
+        work, torque about the origin and impulse, times G.
+        """
+        return np.zeros((0, 7))
+
 
 def coefficients_of(form: Form, h: float) -> Any:
     """Return the coefficients of steps of h, those that were made last where the form can be hashed."""

@@ -13,6 +13,7 @@ from typing import ClassVar
 from orbits.errors import InputError
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.canonical import Canonical
+from orbits.integrators.canonical_bodies import CanonicalBodies
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Form
 from orbits.kernels.lanes import WIDTH
@@ -41,6 +42,10 @@ class VariationalRungeKutta(Integrator):
     def canonical(self) -> Form | None:
         """The same in positions and momenta, for stages that fit into one register."""
         return Canonical(self.tableau) if self.tableau.stages <= WIDTH else None
+
+    def form_with(self, forces: int) -> Form | None:
+        """The canonical form in velocities, for stages that fit into one register."""
+        return CanonicalBodies(self.tableau, forces) if self.tableau.stages <= WIDTH else None
 
     @property
     def order(self) -> int:

@@ -47,12 +47,17 @@ class Tag:
 
 
 class SumTag(Tag):
-    """The compiled face of a sum of terms, of two or more: the first writes, the others add."""
+    """The compiled face of a sum of terms: the first writes, the others add.
 
-    def __init__(self, terms: Sequence[Tag]) -> None:
-        self.terms = tuple(terms)
+    forces : those without a Lagrangian that act beside it (see `orbits.kernels.acting`)
+    """
+
+    def __init__(self, terms: Sequence[Tag], forces: Sequence[Tag] = ()) -> None:
+        self.terms, self.forces = tuple(terms), tuple(forces)
         self.name = " + ".join(term.name for term in self.terms)
-        self.type = SumType(tuple(term.type for term in self.terms))
+        if self.forces:
+            self.name += f", with {' and '.join(force.name for force in self.forces)}"
+        self.type = SumType(tuple(term.type for term in self.terms), tuple(force.type for force in self.forces))
 
     def provides(self, name: str) -> bool:
         """Whether all terms have the kernel of that name."""
@@ -68,11 +73,12 @@ class TagType(types.Type):
 
 
 class SumType(types.Type):
-    """The Numba type of a `SumTag`, keyed by the types of its terms."""
+    """The Numba type of a `SumTag`, keyed by the types of its terms and forces."""
 
-    def __init__(self, terms: tuple[TagType, ...]) -> None:
-        super().__init__(name=f"Sum({', '.join(term.name for term in terms)})")
-        self.terms = terms
+    def __init__(self, terms: tuple[TagType, ...], forces: tuple[TagType, ...] = ()) -> None:
+        acting = f"; {', '.join(force.name for force in forces)}" if forces else ""
+        super().__init__(name=f"Sum({', '.join(term.name for term in terms)}{acting})")
+        self.terms, self.forces = terms, forces
 
 
 @typeof_impl.register(Tag)

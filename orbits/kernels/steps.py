@@ -83,7 +83,8 @@ class Method(NamedTuple):
 
 
 class Share(NamedTuple):
-    """The coordinates that are one thread's to move, start ... stop - 1, start being a multiple of eight.
+    """The coordinates that are one thread's to move, start ... stop - 1, start being a multiple of eight; of massless
+    particles the numbers of those in the lanes, or of the one.
 
     barrier : None for a thread alone, else a `Barrier`
     """

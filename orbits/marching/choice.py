@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from orbits.errors import InputError
@@ -10,7 +11,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Form
 from orbits.kernels.lanes import WIDTH
-from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
 from orbits.marching.clocks import Clock
 
 
@@ -26,20 +27,29 @@ def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool 
     return form
 
 
-def form_of_bodies(integrator: Integrator, lagrangian: Lagrangian, clock: Clock, *, with_particles: bool) -> Form:
+def form_of_bodies(
+    integrator: Integrator,
+    lagrangian: Lagrangian,
+    clock: Clock,
+    *,
+    with_particles: bool,
+    forces: Sequence[str] = (),
+) -> Form:
     """Return the form in which bodies are marched by their positions and velocities.
 
-    Raises InputError as `form_for`, for Lagrangians whose velocities are not their momenta, and for massless particles
-    where the form has none.
+    forces : the names of the forces without a Lagrangian that act on them
+
+    Raises InputError as `form_for`, where the method takes neither the Lagrangian nor the forces so, naming those that
+    do, and for massless particles where the form has none.
     """
-    form = form_for(integrator, lagrangian)
     if clock.changes:
-        return _changing(form, lagrangian, with_particles=with_particles)
-    if SEPARABLE not in lagrangian.traits:
-        raise InputError(
-            f"'{lagrangian.name}' is not separable: its momenta are not its velocities, by which bodies are marched "
-            "here; use orbits.march, which takes any Lagrangian"
-        )
+        return _changing(integrator, lagrangian, with_particles=with_particles, forces=forces)
+    if SEPARABLE in lagrangian.traits and not forces:
+        form = form_for(integrator, lagrangian)
+    else:
+        form = _form_with(integrator, lagrangian, forces)
+    if with_particles and MASSLESS_PARTICLES not in lagrangian.traits:
+        raise InputError(f"'{lagrangian.name}' says nothing of massless particles; give them a small mass.")
     if with_particles and not form.serves_particles:
         raise InputError(
             f"{integrator.label} steps '{lagrangian.name}' for massive bodies only; give the massless ones a small "
@@ -53,14 +63,26 @@ def form_of_bodies(integrator: Integrator, lagrangian: Lagrangian, clock: Clock,
     return form
 
 
-def _changing(form: Form, lagrangian: Lagrangian, *, with_particles: bool) -> Form:
+def _changing(
+    integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[str]
+) -> Form:
     """Return the form for steps that differ in length: bodies come close, and distances keep their digits."""
-    if not isinstance(form, Collocation):
-        raise InputError(
-            f"'{lagrangian.name}' is not separable, and steps are chosen for separable Lagrangians only: give dt=..."
-        )
-    if with_particles:
+    if SEPARABLE not in lagrangian.traits or forces:
+        what = f"the force of {forces[0]}" if forces else f"'{lagrangian.name}', which is not separable"
+        raise InputError(f"steps are chosen for what depends on positions alone, and not with {what}: give dt=...")
+    form = form_for(integrator, lagrangian)
+    if with_particles or not isinstance(form, Collocation):
         raise InputError(
             "massless particles are marched with constant steps only, so far: give dt=..., or give them a small mass"
         )
     return replace(form, close=True)
+
+
+def _form_with(integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[str]) -> Form:
+    """Return the form for what is not separable, or has forces without a Lagrangian."""
+    form = integrator.form_with(len(forces)) if GRADIENTS in lagrangian.traits else None
+    if form is not None:
+        return form
+    able = sorted(c.__name__ for c in registry().values() if any(m.form_with(len(forces)) for m in c.examples()))
+    what = f"with the force of {forces[0]}" if forces else f"by '{lagrangian.name}', which is not separable"
+    raise InputError(f"{integrator.label} cannot march bodies {what}. Use {' or '.join(able)}, of up to 8 stages.")

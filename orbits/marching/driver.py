@@ -150,16 +150,16 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
     evaluations = 0
     for p in range(start, stop, 2 * WIDTH):
         P = p + WIDTH if p + WIDTH < stop else p
-        before = _at(storage, 0)
+        before = _at(storage, 0, p, P + WIDTH)
         one, two = _present(columns, retired, p), _present(columns, retired, P)
         one_carry = begin_particles(method, model, one, before)
         two_carry = begin_particles(method, model, two, before)
         for k in range(steps):
-            (t, h), now = step_of(clock, k), _at(storage, k)
+            (t, h), now, then = step_of(clock, k), _at(storage, k, p, p + WIDTH), _at(storage, k, P, P + WIDTH)
             record_particles(track, k, one.x, one.y, one.z, one.vx, one.vy, one.vz)
             record_particles(other, k, two.x, two.y, two.z, two.vx, two.vy, two.vz)
             one, one_carry, _, count = step_particles(method, model, t, h, one, one_carry, now)
-            two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, now)
+            two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, then)
             evaluations += count * min(2 * WIDTH, stop - p)
         _finish(columns, retired, track, steps, p, one, stop)
         call_observer(observer, context, track, step_of(clock, 0)[1], steps, p, stop)
@@ -186,7 +186,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
                 _record_one(
                     track, done, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
-                (t, h), now = step_of(clock, done), _at(storage, done)
+                (t, h), now = step_of(clock, done), _at(storage, done, p, p + 1)
                 particle, carry, status, count = step_particles(method, model, t, h, particle, carry, now)
                 evaluations += count
                 if status != OK:
@@ -204,9 +204,9 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
 
 
 @kernel(inline=True)
-def _at(storage, k):
-    """Return the storage of particles for step k: its stages."""
-    return Storage(storage.carry, storage.scratch, storage.stages[k], storage.share)
+def _at(storage, k, start, stop):
+    """Return the storage of particles start ... stop - 1 for step k: its stages."""
+    return Storage(storage.carry, storage.scratch, storage.stages[k], Share(start, stop, None))
 
 
 @kernel(inline=True)

@@ -23,9 +23,19 @@ def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
 
 
 def failure_of_bodies(
-    status: int, step: int, time: float, clock: Clock, integrator: Integrator, names: Sequence[str]
+    status: int,
+    step: int,
+    time: float,
+    clock: Clock,
+    integrator: Integrator,
+    names: Sequence[str],
+    *,
+    momenta: bool = False,
 ) -> IntegrationError:
-    """Return the error of bodies that cannot take the next step after `step` steps, at this time."""
+    """Return the error of bodies that cannot take the next step after `step` steps, at this time.
+
+    momenta : whether a term adds to the momenta m v
+    """
     where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
     if clock.changes:
         return SingularityError(
@@ -38,7 +48,8 @@ def failure_of_bodies(
     if status == NOT_CONVERGED:
         return ConvergenceError(
             f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "
-            "the result would not be symplectic. Use a smaller dt, or softening if bodies meet closely.",
+            "the result would not be symplectic. Use a smaller dt, or softening if bodies meet closely."
+            + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without particles.",
             step=step,
             time=time,
             bodies=list(names),

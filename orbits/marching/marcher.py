@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, IntegrationError
+from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, coefficients_of, padded
+from orbits.kernels.acting import acted_on
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import adaptive, driver
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
@@ -67,6 +69,8 @@ class Marcher:
     stops : (conditions, 4), see `orbits.kernels.stopping`, rows counting bodies in the order of the caller
     energy_bound : relative energy error that ends the march, or None
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
+    forces : those without a Lagrangian, bound to these bodies
+    start : the time at which the march begins
 
     After `advance`, `met` tells (condition, row, body) that ended it, the condition -1 for the energy; else it is None.
     """
@@ -86,16 +90,19 @@ class Marcher:
         stops: Array | None = None,
         energy_bound: float | None = None,
         retire: bool = False,
+        forces: Sequence[BoundForce] = (),
+        start: float = 0.0,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
-        self.model = parameters
+        self.model, self._forces = parameters, tuple(forces)
+        self._tag, self._vectors = lagrangian.tag, parameters
         self.parameters = np.ascontiguousarray(parameters[0] if isinstance(parameters, tuple) else parameters)
         self.clock = clock_of(clock)
         self.clock.check(integrator)
         self.names = tuple(names)
         self.step = 0
-        self._start = 0.0
+        self._start = float(start)
         self.evaluations = 0
         self.particle_evaluations = 0
         self._massive = np.asarray(massive).nonzero()[0]
@@ -103,7 +110,12 @@ class Marcher:
         self._counts = 0, 0
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._form = form_of_bodies(integrator, lagrangian, self.clock, with_particles=m > 0)
+        names_of_forces = [force.name for force in forces]
+        self._form = form_of_bodies(
+            integrator, lagrangian, self.clock, with_particles=m > 0, forces=names_of_forces
+        )
+        if forces or SEPARABLE not in lagrangian.traits:
+            self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         h = self.clock.h  # coefficients of steps that differ are prepared before each
         first = self._form.coefficients(1.0, 1.0) if self.clock.changes else coefficients_of(self._form, h)
         self._coefficients = {h: first}
@@ -141,6 +153,7 @@ class Marcher:
             self._state["clock"] = self.clock.numbers_for(integrator)
         self._room = np.zeros(self.clock.room(self.block, sum(x.size for x in self._state.values())))
         self._state["approaches"] = empty_record(n + m)
+        self._seen = self._state["memory"]
         rows = 12 * (self.block + 1) if m else 0
         self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
         many = Parallel.serves(self._form, lagrangian.tag, n)
@@ -325,6 +338,7 @@ class Marcher:
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self._retired.begin()
+        self._seen = self._state["memory"]
         return self._gather(self._state)
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -335,8 +349,9 @@ class Marcher:
             return self.state_at(Place(0, self.time + offset))
         copy = self._copied()
         # What is carried from step to step belongs to steps of h; a partial step starts cold.
-        copy["memory"][:] = 0.0
+        self._form.forget(copy["memory"])
         copy["particle_memory"][:] = 0.0
+        self._seen = copy["memory"]
         before = self.evaluations, self.particle_evaluations
         try:
             self._march_block(copy, ConstantSteps(offset), 1)
@@ -357,9 +372,9 @@ class Marcher:
         q, v = self.state()
         gone = self._particles[self._retired.gone()]
         q[gone], v[gone] = NOWHERE, 0.0
-        options: dict[str, Any] = {"names": self.names, "retire": self._retire}
+        options: dict[str, Any] = {"names": self.names, "retire": self._retire, "forces": self._forces}
+        options["start"] = self.time
         part = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, offset, **options)
-        part._start = self.time
         part._retired.take(self._retired)
         part.advance(1)
         return part
@@ -396,6 +411,12 @@ class Marcher:
         q, v = self._state["particle_q"], self._state["particle_v"]
         return retirements(self._retired.table(), q, v, self._particles)
 
+    def accounts(self) -> Array:
+        """Return what each force did to the massive bodies up to the state that was returned last, (forces, 7): work,
+        torque about the origin and impulse, times G.
+        """
+        return self._form.accounts(self._seen)
+
     @property
     def dominant(self) -> int:
         """The row, in the kernels' order, of the body that dominates the others, or -1."""
@@ -414,7 +435,7 @@ class Marcher:
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
-        kind = (self._form.tag.name, self.lagrangian.tag.name, bool(self._tasks), self._parallel is None)
+        kind = (self._form.tag.name, self._tag.name, bool(self._tasks), self._parallel is None)
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
             listed = self._passages.passages, self._passages.left_out
@@ -441,7 +462,7 @@ class Marcher:
             now = state["clock"]
             now[adaptive.ORIGIN], h = now[adaptive.TIME], now[adaptive.LENGTH] or clock.direction
         timing = (clock.timing, now, self._room)
-        bound = (self._form.tag, self._coefficients[clock.h], self.lagrangian.tag, self.model, *timing)
+        bound = (self._form.tag, self._coefficients[clock.h], self._tag, self._vectors, *timing)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         record = state.get("approaches")  # a copy without one is not watched
         path = self._nothing if record is None else self._watcher.path(count)
@@ -514,7 +535,8 @@ class Marcher:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
         step = self.step + done
         time = self._time_of(step) if now is None or not self.clock.changes else float(now[adaptive.TIME])
-        return failure_of_bodies(status, step, time, self.clock, self.integrator, names)
+        momenta = SEPARABLE not in self.lagrangian.traits
+        return failure_of_bodies(status, step, time, self.clock, self.integrator, names, momenta=momenta)
 
     def _gather(self, state: dict[str, Array]) -> tuple[Array, Array]:
         return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])

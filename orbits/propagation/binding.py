@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from orbits._version import __version__
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError
-from orbits.integrators import named, registry
+from orbits.integrators import named
 from orbits.integrators.base import Integrator
 from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.stamp import source_stamp
-from orbits.lagrangians.base import Lagrangian
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks import Clock
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
+from orbits.propagation.sample_store import ACCOUNTS
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
-from orbits.system.model import marched, require_newtonian
+from orbits.system.model import Model, model, require_newtonian
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
 """Entries of the provenance that must agree for a resumed run to give the same bits."""
@@ -44,16 +44,17 @@ def bound(
     threads: int | None = None,
     conditions: Conditions | None = None,
     state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    start: float = 0.0,
 ) -> Marcher:
     """Return `system` bound to `integrator` with a clock, massive bodies and massless particles told apart.
 
     state : q and v, (n, 3) floats, where the march begins elsewhere than where the system is
+    start : the time since the epoch at which it begins
 
-    Raises InputError if the integrator cannot serve the Lagrangian.
+    Raises InputError if the integrator cannot take what acts in the system.
     """
     integrator = named(integrator)
     threads = available_threads() if threads is None else whole_number(threads, "threads, if given,")
-    model = marched(system, integrator, registry())
     if conditions is not None and conditions.energy < np.inf:
         require_newtonian(system, "EnergyErrorAbove")
     bodies = system.values if state is None else system.values._replace(q=state[0], v=state[1])
@@ -61,7 +62,8 @@ def bound(
         bodies,
         integrator,
         clock,
-        model,
+        model(system),
+        start=start,
         names=system.names,
         threads=threads,
         stops=None if conditions is None else conditions.stops,
@@ -73,19 +75,18 @@ def march_of(
     bodies: PointMasses,
     integrator: Integrator,
     clock: Clock | float,
-    model: tuple[Lagrangian, Any] | None = None,
+    acting: Model | None = None,
     **options: Any,
 ) -> Marcher:
     """Return bodies bound to a method that can serve them, with a clock or a step, so that a massless particle that
     cannot be stepped is retired alone; the options are those of `Marcher`.
 
-    model : the Lagrangian of the massive bodies and its parameters, as of `orbits.system.model.model`; None stands for
-        Newton's gravity alone
+    acting : what acts on these bodies, as of `orbits.system.model.model`; None stands for Newton's gravity alone
     """
     gm, q, v, softening = bodies
     massive = bodies.massive
-    lagrangian, vectors = (newtonian, parameters(gm[massive], softening)) if model is None else model
-    return Marcher(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, **options)
+    lagrangian, vectors, forces = acting or Model(newtonian, parameters(gm[massive], softening), ())
+    return Marcher(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, forces=forces, **options)
 
 
 def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
@@ -94,7 +95,7 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
     Raises ArchiveError where the checkpoint is not one of this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items()}
+    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name != ACCOUNTS}
     for later in (PASSAGES, RETIRED):  # of which a run of an earlier version has none
         if not found.keys() & later:
             expected = {name: kind for name, kind in expected.items() if name not in later}

@@ -69,7 +69,8 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         if marcher is None or before[k] != begun:
             begun = int(before[k])
             state = (trajectory._q[begun], trajectory._v[begun])
-            marcher = bound(trajectory.system, trajectory.integrator, clock, threads=1, state=state)
+            begin = float(trajectory.times[begun])
+            marcher = bound(trajectory.system, trajectory.integrator, clock, threads=1, state=state, start=begin)
         place = clock.place(float(times[k] - trajectory.times[begun]))
         marcher.advance_to(place)
         q[k], v[k] = marcher.state_at(place)

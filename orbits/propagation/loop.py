@@ -23,7 +23,7 @@ from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import RetiredParticles, Statistics, Trajectory
-from orbits.trajectory.retired import absent, without
+from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
@@ -67,9 +67,11 @@ def march(
     begin: Callable[[], ArchiveWriter | None],
     progress: bool | None,
     watch: RunEnds,
+    accounts: Array,
 ) -> Trajectory:
     """March from sample `first` to the last one; every way out leaves the archive closed and readable.
 
+    accounts : see `SampleStore`
     begin : opens the archive to write to, if there is one
     """
     begun, known = time.perf_counter(), len(marcher.retired())
@@ -81,7 +83,7 @@ def march(
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
-            store = SampleStore(len(system.names), len(grid) - first, writer)
+            store = SampleStore(len(system.names), len(grid) - first, writer, accounts)
             unit, steps = system.units.time, grid.whole_steps
             bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
             try:
@@ -161,7 +163,7 @@ def _result(
         # Through the file that was written, whatever its path leads to by now.
         path = str(writer.path) if writer.in_place else None
         return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
-    q, v = store.arrays()
+    q, v, accounts = store.arrays()
     return Trajectory(
         system,
         grid.times[: len(q)].copy(),
@@ -172,6 +174,7 @@ def _result(
         statistics=statistics,
         complete=len(q) == len(grid),
         again=REPLAY,
+        accounts=accounts,
     )
 
 
@@ -199,6 +202,7 @@ def _sample(
             if store.overdue:
                 store.commit(marcher)
         state = marcher.state_at(place)
+        store.note(marcher.accounts())
         store.add(*state)
         if watch.callback is not None:
             t = float(grid.times[index])
@@ -210,5 +214,4 @@ def _sample(
 
 
 def _moved(system: System, t: float, q: Array, v: Array) -> System:
-    epoch = None if system.epoch is None else system.epoch + u.Quantity(t, system.units.time)
-    return without(system, absent(q, v, system.massive), q, v, epoch)
+    return moved(system, q, v, t, absent(q, v, system.massive))

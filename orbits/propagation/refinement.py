@@ -60,9 +60,9 @@ class _Walk:
     """A march of massive and some massless bodies along the steps of a run, from a sample or (-1) its start."""
 
     def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
-        system, h = trajectory.system, trajectory.step
+        system = trajectory.system
         q, v, time = _state(trajectory, sample)
-        self._massive, self._h = system.massive, h
+        self._massive = system.massive
         self.end = float(trajectory.times[-1]) if len(trajectory) else 0.0
         wanted = self._massive.copy()
         wanted[list(bodies)] = True
@@ -70,12 +70,13 @@ class _Walk:
         step, rest = trajectory.clock.place(time)
         self.step: float = step + (rest != 0.0)
         self._clock = trajectory.clock
-        self._integrator, self._values, self._model = trajectory.integrator, system.values, model(system)
-        self.marcher = self._bound(self._bodies, q[wanted], v[wanted])
+        self._integrator, self._system = trajectory.integrator, system
+        self.marcher = self._bound(self._bodies, q[wanted], v[wanted], time)
         if self._clock.changes:
             self._begun = self.step = time
         elif rest != 0.0:
-            self.marcher = self._bound(self._bodies, *self.marcher.state_after(h - rest))
+            at = self._clock.time(self.step)
+            self.marcher = self._bound(self._bodies, *self.marcher.state_after(self._clock.h - rest), at)
 
     def to(self, step: float) -> None:
         """March on to the beginning of a step, as the clock reads it, which must not lie behind."""
@@ -95,15 +96,15 @@ class _Walk:
         there = wanted[self._bodies]
         q, v = self._state()
         bodies = self._bodies[there]
-        return _Pair(self._bound(bodies, q[there], v[there]), bodies)
+        return _Pair(self._bound(bodies, q[there], v[there], float(self._clock.time(self.step))), bodies)
 
     def _state(self) -> tuple[Array, Array]:
         return self.marcher.state_at(Place(0, self.step - self._begun)) if self._clock.changes else self.marcher.state()
 
-    def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array) -> Marcher:
+    def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array, start: float) -> Marcher:
         # All massive bodies are included, so the model of the run applies.
-        values = self._values._replace(gm=self._values.gm[bodies], q=q, v=v)
-        return march_of(values, self._integrator, self._clock, self._model)
+        values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
+        return march_of(values, self._integrator, self._clock, model(self._system, bodies), start=start)
 
 
 class _Pair:

@@ -15,6 +15,7 @@ from orbits.propagation import step_check
 from orbits.propagation.binding import bound, differences, provenance, restore
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.replay import REPLAY
+from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
 from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
@@ -127,10 +128,11 @@ def propagated(
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
         step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step)
+    accounts = no_accounts(len(grid), len(system.forces))
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch)
+        return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
@@ -148,13 +150,13 @@ def propagated(
             system=system,
             integrator=integrators.describe(integrator),
             grid=grid,
-            checkpoint=marcher.checkpoint(),
+            checkpoint=checkpoint_of(marcher, accounts),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
             overwrite=replace,
         )
 
-    return march(system, integrator, marcher, grid, 0, begin, progress, watch)
+    return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts)
 
 
 def _refuse_endless(system: System, grid: TimeGrid) -> None:
@@ -208,20 +210,21 @@ def resume(
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
         marcher = bound(system, integrator, grid.clock, threads)
         restore(marcher, old.checkpoint(), path)
+        accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
     except BaseException:
         old.close()
         raise
 
     def begin() -> ArchiveWriter:
-        now, before = marcher.checkpoint(), old.checkpoint()
+        now, before = checkpoint_of(marcher, accounts), old.checkpoint()
         if until is None and now.keys() == before.keys():
             return ArchiveWriter.going_on(old)
         # There are more samples, or an earlier version left no room for the list of retired particles.
         return extended(old, grid, now)
 
     watch = RunEnds(Conditions(system, ()), None, True)
-    return march(system, integrator, marcher, grid, old.committed, begin, progress, watch)
+    return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts)
 
 
 def _check_place(marcher: Marcher, grid: TimeGrid, committed: int, path: Path) -> None:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import ArchiveError, InputError
+from orbits.kernels.acting import FIGURES
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
-    from orbits.archive import ArchiveWriter
+    from orbits.archive import Archive, ArchiveWriter
     from orbits.marching.marcher import Marcher
 
 Array = NDArray[np.float64]
@@ -26,6 +27,9 @@ COMMIT_SECONDS = 10.0
 FIRST_COMMIT_SECONDS = 0.25
 """Time from the start of a run into an archive to its first commit."""
 
+ACCOUNTS = "accounts"
+"""The array of a checkpoint that holds what forces did up to each sample."""
+
 COMMIT_SHARE = 0.25
 """Commits become rarer during a run, up to `COMMIT_SECONDS`: a failing machine loses this share of the computation."""
 
@@ -34,10 +38,13 @@ class SampleStore:
     """Collects samples and passes them to an archive chunk by chunk, or keeps them all if there is none.
 
     bodies : number of bodies in each sample; room : number of samples to expect
+    accounts : (samples, forces, 7), what forces did up to each sample of the run, known up to the next sample; by
+        default there are no forces
     """
 
-    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None) -> None:
-        self._writer = writer
+    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array | None = None) -> None:
+        self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
+        self._next = len(self._accounts) - room
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
         needed = 48 * room * bodies
@@ -65,18 +72,48 @@ class SampleStore:
         pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
         return time.perf_counter() - self._committed_at > pause
 
+    def note(self, accounts: Array) -> None:
+        """Take what forces did up to the sample that comes next, (forces, 7)."""
+        self._accounts[self._next] = accounts
+
     def add(self, q: Array, v: Array) -> None:
         """Add a sample."""
         self._q[self._count], self._v[self._count] = q, v
         self._count += 1
+        self._next += 1
 
     def commit(self, marcher: Marcher) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
-            self._writer.commit(self._q[: self._count], self._v[: self._count], marcher.checkpoint())
+            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint_of(marcher, self._accounts))
             self._count = 0
             self._committed_at = time.perf_counter()
 
-    def arrays(self) -> tuple[Array, Array]:
-        """Return q and v of the samples in memory."""
-        return self._q[: self._count], self._v[: self._count]
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Return q, v and the accounts of the samples in memory."""
+        return self._q[: self._count], self._v[: self._count], self._accounts[: self._next]
+
+
+def checkpoint_of(marcher: Marcher, accounts: Array) -> dict[str, NDArray[np.generic]]:
+    """Return the state to go on from, with what forces did up to each sample where there are some."""
+    return {**marcher.checkpoint(), **({ACCOUNTS: accounts.copy()} if accounts.size else {})}
+
+
+def no_accounts(samples: int, forces: int) -> Array:
+    """Return room for what so many forces did up to each sample, zeros."""
+    return np.zeros((samples, forces, FIGURES))
+
+
+def accounts_in(archive: Archive, samples: int, forces: int) -> Array:
+    """Return what forces did up to each committed sample of an archive, with room for all samples.
+
+    Raises ArchiveError where its checkpoint does not tell.
+    """
+    out = no_accounts(samples, forces)
+    if forces:
+        found = archive.checkpoint().get(ACCOUNTS, np.zeros(0))
+        fits = found.shape[1:] == out.shape[1:] and len(found) >= archive.committed and found.dtype == out.dtype
+        if not fits or not np.isfinite(found).all():
+            raise ArchiveError(f"{archive.path} is damaged: its checkpoint does not tell what forces did in the run.")
+        out[: archive.committed] = found[: archive.committed]
+    return out

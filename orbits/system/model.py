@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import numpy as np
 from astropy import units as u
@@ -19,8 +19,7 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
-    from orbits.forces.base import Force
-    from orbits.integrators.base import Integrator
+    from orbits.forces.base import BoundForce, Force
     from orbits.lagrangians.base import Lagrangian
     from orbits.lagrangians.terms.base import SumOfTerms, Term
     from orbits.system.system import System
@@ -144,40 +143,32 @@ def lagrangian_of(system: System) -> Lagrangian:
     return n_body(values.gm[massive], values.softening, summands)
 
 
-def model(system: System) -> tuple[Lagrangian, Any]:
-    """Return the Lagrangian of a system as kernels take it, and its parameters: one vector, or one for each term."""
+class Model(NamedTuple):
+    """What acts on some bodies of a system, as a march takes it.
+
+    lagrangian : that of the massive bodies; vectors : its parameters, one vector, or one for each term
+    forces : those without a Lagrangian
+    """
+
+    lagrangian: Lagrangian
+    vectors: Any
+    forces: tuple[BoundForce, ...]
+
+
+def model(system: System, bodies: Any = slice(None)) -> Model:
+    """Return what acts on the bodies of a system, or on some of them, all massive ones among them."""
     from orbits.lagrangians.newtonian import newtonian, parameters
 
+    massive, names = system.massive[bodies], np.asarray(system.names)[bodies]
+    forces = []
+    for force in system.forces:
+        on = np.ones(len(names), dtype=bool) if force.bodies is None else np.isin(names, force.bodies)
+        forces.append(force.bound(on[massive], on[~massive], system.units))
     if not system.terms:
-        return newtonian, parameters(system.values.gm[system.massive], system.values.softening)
+        vector = parameters(system.values.gm[system.massive], system.values.softening)
+        return Model(newtonian, vector, tuple(forces))
     lagrangian = lagrangian_of(system)
-    return lagrangian, lagrangian.parameter_vector
-
-
-def marched(system: System, integrator: Integrator, others: Mapping[str, Any]) -> tuple[Lagrangian, Any]:
-    """Return `model` for a march by a method. Raises InputError where the method cannot take what acts here."""
-    from orbits.lagrangians.base import SEPARABLE
-
-    require_no_forces(system, integrator.name)
-    lagrangian, vectors = model(system)
-    if SEPARABLE not in lagrangian.traits:
-        kinds = [type(term).__name__ for term in system.terms if SEPARABLE not in term.summand(0, system.units).traits]
-        raise InputError(
-            f"{integrator.name} marches systems whose terms depend on positions alone; {few(kinds)} depends on "
-            "velocities. Leave it out: system.replaced(terms=...); orbits.march takes it for massive bodies alone."
-        )
-    integrator.check(lagrangian, others)
-    return lagrangian, vectors
-
-
-def require_no_forces(system: System, what: str) -> None:
-    """Raise InputError, naming the forces, where there are some."""
-    if system.forces:
-        kinds = few([type(force).__name__ for force in system.forces])
-        raise InputError(
-            f"{what} takes no forces without a Lagrangian, but here is {kinds}. Leave them out: "
-            "system.replaced(forces=())."
-        )
+    return Model(lagrangian, lagrangian.parameter_vector, tuple(forces))
 
 
 def require_newtonian(system: System, what: str) -> None:
@@ -190,10 +181,10 @@ def require_newtonian(system: System, what: str) -> None:
         )
 
 
-def whole(system: System, charge: int, newton: Array, q: Array, v: Array) -> Array:
+def whole(system: System, charge: int, newton: Array, q: Array, v: Array, t: Any = 0.0) -> Array:
     """Return a charge of the whole Lagrangian, times G, from that of Newton's.
 
-    q, v : (..., n, 3), of all bodies or of the massive ones
+    q, v : (..., n, 3), of all bodies or of the massive ones; t : times since the epoch, (...)
     """
     if not system.terms:
         return newton
@@ -202,7 +193,7 @@ def whole(system: System, charge: int, newton: Array, q: Array, v: Array) -> Arr
     massive = system.massive
     if q.shape[-2] != np.count_nonzero(massive):
         q, v = q[..., massive, :], v[..., massive, :]
-    return np.asarray(newton + charges(cast("SumOfTerms", lagrangian_of(system)), q, v)[charge])
+    return np.asarray(newton + charges(cast("SumOfTerms", lagrangian_of(system)), q, v, t)[charge])
 
 
 def axis(system: System) -> tuple[float, float, float] | None:
@@ -212,6 +203,19 @@ def axis(system: System) -> tuple[float, float, float] | None:
     from orbits.lagrangians.terms.base import axis_of
 
     return axis_of([term.summand(0, system.units) for term in system.terms])
+
+
+def depends_on_time(system: System) -> bool:
+    """Whether a term of a system depends on time, so that there is no energy to conserve."""
+    from orbits.lagrangians.base import TIME_DEPENDENT
+
+    return any(TIME_DEPENDENT in term.summand(0, system.units).traits for term in system.terms)
+
+
+def acts_on_massive(system: System) -> tuple[str, ...]:
+    """Return the kinds of the forces that act on massive bodies."""
+    massive = {name for name, has_mass in zip(system.names, system.massive, strict=True) if has_mass}
+    return tuple(type(f).__name__ for f in system.forces if f.bodies is None or massive.intersection(f.bodies))
 
 
 def to_json(system: System) -> str:

@@ -4,10 +4,12 @@ from orbits.trajectory.conservation import ConservedQuantities
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 from orbits.trajectory.retired import RetiredParticle, RetiredParticles
 from orbits.trajectory.trajectory import Trajectory
+from orbits.trajectory.work import ForceEffect
 
 __all__ = [
     "BodyTrajectory",
     "ConservedQuantities",
+    "ForceEffect",
     "RetiredParticle",
     "RetiredParticles",
     "Samples",

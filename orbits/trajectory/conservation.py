@@ -16,16 +16,20 @@ from orbits.body_names import few
 from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
 from orbits.errors import InputError
 from orbits.export import html_table
-from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, axis, whole
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, acts_on_massive, axis, depends_on_time, whole
+from orbits.trajectory.work import ForceEffect, accounts_of, effects
 
 if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory.parts import Samples
+    from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 NONE = diagnostics.Drift(math.nan, math.nan, math.nan, math.nan)
 """The drift of a quantity that is not conserved."""
+
+NO_ENERGY = "there is no energy to keep: a term depends on time"
 
 NOT_KEPT = "angular momentum is not conserved: terms have different poles"
 
@@ -41,11 +45,16 @@ class ConservedQuantities:
     cancels to less than a millionth of its terms. The scale of linear momentum is sum m |v|; that of the centre of
     mass, measured relative to its uniform motion, is the largest distance of a body from it.
 
+    What forces without a Lagrangian gave to the massive bodies is taken off, as the steps accounted for it
+    (`run.work`): what is left of the angular momentum is round-off, of the energy an error of the order of the method.
+    With forces the centre of mass moves freely, and Lagrangians that depend on time have no energy: these are NaN.
+
     Terms of the system are included: the energy is that of the whole Lagrangian. If terms distinguish a `pole`, a unit
     vector, the angular momentum is the component along it; zeros mean that terms with different poles conserve none.
 
     massive : the bodies that the quantities belong to
     particles : number of massless particles in the run; these quantities say nothing about their orbits
+    forces : the kinds of the forces that act on massive bodies
     """
 
     energy: diagnostics.Drift
@@ -55,6 +64,7 @@ class ConservedQuantities:
     massive: tuple[str, ...] = ()
     particles: int = 0
     pole: tuple[float, float, float] | None = None
+    forces: tuple[str, ...] = ()
 
     @property
     def covers(self) -> str:
@@ -71,7 +81,7 @@ class ConservedQuantities:
         rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
         for name, d in self._drifts.items():
             rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
-        rows += [NOT_KEPT] if self._lost else []
+        rows += self._remarks
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
 
@@ -84,7 +94,7 @@ class ConservedQuantities:
             [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"]
             for name, d in self._drifts.items()
         ]
-        covers = (f"; {NOT_KEPT}" if self._lost else "") + (f"; {self.covers}" if self.particles else "")
+        covers = "".join(f"; {remark}" for remark in self._remarks) + (f"; {self.covers}" if self.particles else "")
         return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
 
     @property
@@ -92,11 +102,17 @@ class ConservedQuantities:
         return self.pole is not None and not any(self.pole)
 
     @property
+    def _remarks(self) -> list[str]:
+        remarks = [NOT_KEPT] if self._lost else []
+        remarks += [f"less what {few(sorted(set(self.forces)))} gave"] if self.forces else []
+        return remarks + ([NO_ENERGY] if math.isnan(self.energy.max_fraction) else [])
+
+    @property
     def _drifts(self) -> dict[str, diagnostics.Drift]:
         names = ["energy", "angular_momentum", "linear_momentum", "centre_of_mass"]
         words = {"angular_momentum": "ang. mom. of pole" if self.pole else "angular momentum"}
-        if self._lost:
-            names.remove("angular_momentum")
+        for name in [name for name in names if math.isnan(getattr(self, name).max_fraction)]:
+            names.remove(name)
         return {words.get(name, name.replace("_", " ")): getattr(self, name) for name in names}
 
 
@@ -111,29 +127,43 @@ class Conservation:
 
         def __len__(self) -> int: ...
 
+    def work(self) -> tuple[ForceEffect, ...]:
+        """Return what each force without a Lagrangian did to the massive bodies up to each sample, in the order of
+        `run.system.forces`: work (n,), torque (n, 3) and impulse (n, 3), with the units of energy, angular momentum and
+        momentum. What forces do to massless particles is not among it. Empty for a system without forces.
+
+        Raises InputError for samples of a run alone, such as those of `run.at`.
+        """
+        run: Trajectory = self  # type: ignore[assignment]
+        return effects(run)
+
     def energy(self) -> u.Quantity:
         """Return the energy of the massive bodies, of the whole Lagrangian, shape (n,)."""
         gm, softening, system = self._gm(), self.system.values.softening, self.system
-        values = self._of_massive(lambda q, v: whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v))
+        values = self._of_massive(
+            lambda q, v, t: whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v, t)
+        )
         return u.Quantity(values / self.system.units.G, self.system.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
         """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
         gm, system = self._gm(), self.system
-        values = self._of_massive(lambda q, v: whole(system, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v))
+        values = self._of_massive(
+            lambda q, v, t: whole(system, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v, t)
+        )
         return u.Quantity(values / self.system.units.G, self.system.units.momentum)
 
     def angular_momentum(self) -> u.Quantity:
         """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
         gm, system = self._gm(), self.system
         values = self._of_massive(
-            lambda q, v: whole(system, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v)
+            lambda q, v, t: whole(system, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v, t)
         )
         return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
         """Return the centre of mass of the massive bodies, shape (n, 3)."""
-        values = self._of_massive(lambda q, v: diagnostics.centre_of_mass(self._gm(), q))
+        values = self._of_massive(lambda q, v, t: diagnostics.centre_of_mass(self._gm(), q))
         return u.Quantity(values, self.system.units.length)
 
     def drift(self) -> ConservedQuantities:
@@ -149,18 +179,28 @@ class Conservation:
         gm, start, massive = self._gm(), self.system.values, self.system.massive
         q, v = start.q[massive], start.v[massive]
         energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
+        forces, timed = acts_on_massive(self.system), depends_on_time(self.system)
+        if forces:
+            run: Trajectory = self  # type: ignore[assignment]
+            given = accounts_of(run).sum(axis=1) / self.system.units.G
+            energy, angular, linear = energy - given[:, 0], angular - given[:, 1:4], linear - given[:, 4:7]
         pole = axis(self.system)
         lost = pole is not None and not any(pole)
         angular = angular if pole is None else angular @ np.array(pole)
         return ConservedQuantities(
-            energy=self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
+            energy=NONE if timed else self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
             angular_momentum=NONE if lost else self._drift(angular, lambda q, v: moments(gm, q, v)),
             linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
-            centre_of_mass=uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, v),
+            centre_of_mass=NONE if forces else self._uniform_motion(q, v),
             massive=tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass),
             particles=int(np.count_nonzero(~massive)),
             pole=pole,
+            forces=forces,
         )
+
+    def _uniform_motion(self, q: Array, v: Array) -> diagnostics.Drift:
+        """The drift of the centre of mass from uniform motion; q, v : (n, 3) at the start."""
+        return uniform_motion_drift(self._gm(), self.times, self.centre_of_mass().value, q, v)
 
     def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
         """Yield (samples, q, v) of the massive bodies block by block, so that memory stays bounded."""
@@ -175,15 +215,18 @@ class Conservation:
     def _gm(self) -> Array:
         return self.system.values.gm[self.system.massive]
 
-    def _of_massive(self, function: Callable[[Array, Array], Array]) -> Array:
-        nothing = np.empty((0, int(self.system.massive.sum()), 3))
-        return np.concatenate([function(nothing, nothing), *(function(q, v) for _, q, v in self.blocks())])
+    def _of_massive(self, function: Callable[[Array, Array, Array], Array]) -> Array:
+        nothing, never = np.empty((0, int(self.system.massive.sum()), 3)), np.empty(0)
+        found = (function(q, v, self.times[block]) for block, q, v in self.blocks())
+        return np.concatenate([function(nothing, nothing, never), *found])
 
     def _drift(self, values: Array, terms: Callable[[Array, Array], Array], first: Any = None) -> diagnostics.Drift:
         """Return the drift of a quantity; `terms` (of q and v) is the sum of the sizes of its terms, times G."""
         start, massive, G = self.system.values, self.system.massive, self.system.units.G
         begin = float(terms(start.q[massive], start.v[massive])) / G
-        scale = own_scale(
-            values[0] if first is None else first, begin, lambda: float(self._of_massive(terms).max()) / G
-        )
+
+        def largest() -> float:
+            return float(self._of_massive(lambda q, v, t: terms(q, v)).max()) / G
+
+        scale = own_scale(values[0] if first is None else first, begin, largest)
         return diagnostics.drift(values, scale)

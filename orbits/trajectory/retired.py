@@ -154,8 +154,13 @@ def absent(q: Array, v: Array, massive: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(nothing & ~massive)
 
 
-def without(system: System, gone: NDArray[np.bool_], q: Array, v: Array, epoch: Time | None) -> System:
-    """Return a system with a new state and epoch, without the bodies that are `gone`, (bodies,) bool."""
+def moved(system: System, q: Array, v: Array, time: float, gone: NDArray[np.bool_]) -> System:
+    """Return a system with a new state, a time later, without the bodies that are `gone`, (bodies,) bool."""
+    later = u.Quantity(time, system.units.time)
+    epoch = None if system.epoch is None else system.epoch + later
+    if system.terms or system.forces:
+        terms, forces = [term.later(later) for term in system.terms], [force.later(later) for force in system.forces]
+        system = system.replaced(terms=terms, forces=forces)
     if not gone.any():
         return system.replaced(q=q, v=v, epoch=epoch)
     names = {system.names[i] for i in np.flatnonzero(gone)}

@@ -24,7 +24,8 @@ from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of, made_by
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
-from orbits.trajectory.retired import RetiredParticles, absent, without
+from orbits.trajectory.retired import RetiredParticles, absent, moved
+from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -54,6 +55,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     stopped : why and where a condition or a callback ended the run, or None
     record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
+    accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 
@@ -80,6 +82,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         record: Record | None = None,
         again: MarchesAgain | None = None,
         retired: RetiredParticles | None = None,
+        accounts: Array | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         if not isinstance(system, System):
@@ -109,6 +112,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.passages: Any = None
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
+        self.accounts = accounts
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -184,10 +188,6 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         closest = float(gaps[gaps > 0.0].min(initial=1.0))
         moments.precision = int(np.clip(np.ceil(-np.log10(closest)) + 1, 3, NANOSECONDS))
         return moments
-
-    def epoch_at(self, time: float) -> Time | None:
-        """Return the epoch plus `time` (a number in the unit of time), or None for a system without an epoch."""
-        return None if self.system.epoch is None else self.system.epoch + u.Quantity(time, self.system.units.time)
 
     @property
     def step(self) -> float:
@@ -270,7 +270,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         # A particle may fail in the partial step to a sample, which the march itself does not take.
         if gone.any() and self.clock.place(time).rest == 0.0:
             gone &= np.isin(self.names, self.retired.names)
-        return without(self.system, gone, q, v, self.epoch_at(time))
+        return moved(self.system, q, v, time, gone)
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
@@ -310,9 +310,17 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             times = self.times[samples]
         except (TypeError, ValueError) as error:
             raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
-        return self.with_samples(
+        some = self.with_samples(
             times, _as_array(self._q)[samples], _as_array(self._v)[samples], certificate=self.certificate
         )
+        some.accounts = self._own_accounts()
+        some.accounts = None if some.accounts is None else some.accounts[samples]
+        return some
+
+    def _own_accounts(self) -> Array | None:
+        """What forces did up to each sample, also of an archive, or None where it is not known."""
+        known = self.accounts is not None or self.archive is not None
+        return accounts_of(self) if known and self.system.forces else None
 
     def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
         """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), floats."""

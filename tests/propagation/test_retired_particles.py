@@ -16,7 +16,7 @@ import orbits
 from orbits.archive import Archive, ArchiveWriter
 from orbits.propagation import binding
 from orbits.propagation.binding import bound
-from orbits.trajectory.retired import without
+from orbits.trajectory.retired import moved
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 DT, END = 1 / 16, 6.0
@@ -376,6 +376,6 @@ def test_the_part_of_a_step_at_the_end_is_looked_at_for_the_others_too():
 @pytest.mark.parametrize("bodies", [["near"], ["near", "p3"], None], ids=str)
 def test_a_force_on_the_retired_goes_with_them(bodies):
     start = system().with_forces(orbits.Drag(rate=1e-6, bodies=bodies))
-    rest = without(start, np.isin(start.names, ["near"]), start.values.q, start.values.v, None)
+    rest = moved(start, start.values.q, start.values.v, 0.0, np.isin(start.names, ["near"]))
     assert "near" not in rest
     assert len(rest.forces) == (bodies != ["near"])

@@ -9,9 +9,10 @@ A term is one file: kernels, and a frozen dataclass that people make, with units
     field(strength, own, sources, x, y, z)                 returns the acceleration of a massless particle
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
 
-`strength` are the parameters of `newtonian`, eps^2 and GM of each massive body; `own` is the vector of the term. L is
-multiplied by G, as it is there. A term of positions alone has accelerations and a field; one that depends on velocities
-has particle_gradients instead, and is no term of a separable Lagrangian. Vectors, rows of stages in lanes and particles
+`strength` are the parameters of `newtonian`, eps^2 and GM of each massive body; `own` is the vector of the term; t is
+the time since the epoch of the system, in its unit. L is multiplied by G, as it is there. A term of positions alone has
+accelerations and a field too, and may then be SEPARABLE; one that depends on velocities or on time (TIME_DEPENDENT)
+cannot, and its massless particles have particle_gradients alone. Vectors, rows of stages in lanes and particles
 in lanes are served by one source: read with get(q, k), write with put(out, k, value).
 """
 
@@ -27,7 +28,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import SumTag, Tag
-from orbits.lagrangians.base import Compiled, Lagrangian
+from orbits.lagrangians.base import TIME_DEPENDENT, Compiled, Lagrangian
 from orbits.lagrangians.symmetry import Symmetry, rotation
 
 Array = NDArray[np.float64]
@@ -77,6 +78,12 @@ class Term:
         """Return this term, in the units of the system, for the massive body of that row."""
         raise NotImplementedError
 
+    def later(self, time: Any) -> Self:
+        """Return this term in a system whose epoch lies later by a time, a quantity: one that depends on the time since
+        the epoch has to count from the old one.
+        """
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class SumOfTerms(Lagrangian):
@@ -92,8 +99,10 @@ class SumOfTerms(Lagrangian):
 
 
 def compiled_sum(newton: Compiled, summands: Sequence[Summand]) -> Compiled:
-    """Return the compiled face of a sum: it has the traits that all of its terms have."""
+    """Return the compiled face of a sum: it has the traits of all of its terms, and depends on time if one does."""
     traits = newton.traits.intersection(*(summand.traits for summand in summands))
+    if any(TIME_DEPENDENT in summand.traits for summand in summands):
+        traits |= {TIME_DEPENDENT}
     return Compiled(SumTag((newton.tag, *(summand.tag for summand in summands))), traits)
 
 

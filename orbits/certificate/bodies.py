@@ -1,0 +1,86 @@
+"""The form in which `propagate` marches bodies on which more acts than forces of position, measured on a system.
+
+The other measurements are those of the Lagrangian and of the method's map of positions and momenta. Here are the step
+in velocities, which is the same map, and what forces without a Lagrangian do: they may take energy and momenta, but no
+more than is accounted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orbits.certificate.measuring import EPS, STEPS, Measured, Problem
+from orbits.diagnostics.tangent import plain_step
+from orbits.lagrangians.base import Lagrangian
+from orbits.marching.marcher import Marcher
+
+if TYPE_CHECKING:
+    from orbits.system.model import Model
+
+Array = np.typing.NDArray[np.float64]
+
+PLACES = 5
+"""At how many states of the march the step is compared."""
+
+
+def step_of_bodies(problem: Problem, acting: Model) -> Measured:
+    """Steps in positions and velocities against plain solutions, in units of 2^-53 of the state."""
+    lagrangian, h, worst, grown = problem.lagrangian, problem.dt, 0.0, 1.0
+    speeds = float(np.max(np.abs(problem.path.v)))
+    for k in range(0, len(problem.path) - 1, max(1, len(problem.path) // PLACES)):
+        q, p, t = problem.path.q[k], problem.path.p[k], float(problem.path.t[k])
+        plain = plain_step(lagrangian, problem.integrator.tableau, q, p, h, t)
+        one, other = _marched(problem, acting, q, lagrangian.velocity(q, p, t), t, 1)
+        off = float(np.max(np.abs(one - plain.q) * problem.weights)) / problem.size
+        more = float(np.max(np.abs(other - lagrangian.velocity(plain.q, plain.p, t + h)))) / speeds
+        worst = max(worst, off / EPS, more / EPS)
+        grown = max(grown, float(np.max(np.abs(plain.derivative * problem.scaling))))
+    return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies against plain solutions")
+
+
+def balances(problem: Problem, acting: Model) -> Iterator[tuple[str, Measured]]:
+    """What each momentum map changes by over the march, less what forces gave, relative to the sum of its terms."""
+    lagrangian, t = problem.lagrangian, problem.t + STEPS * problem.dt
+    marcher = _marcher(problem, acting, problem.q, lagrangian.velocity(problem.q, problem.p, problem.t), problem.t)
+    marcher.advance(STEPS)
+    q, v = (x.ravel() for x in marcher.state())
+    p, done = lagrangian.momentum(q, v, t), marcher.accounts().sum(axis=0)
+    for symmetry in lagrangian.symmetries:
+        kind = symmetry.name.split()[0]
+        if kind not in ("translation", "rotation"):
+            continue
+        # What a force does to a charge is its product with the generator: of a shift by u the impulse along u, of a
+        # turn about u the torque. Points of the axes tell u.
+        given = _along(symmetry.xi, kind, len(q)) @ (done[4:7] if kind == "translation" else done[1:4])
+        change = symmetry.charge(q, p, t) - symmetry.charge(problem.q, problem.p, problem.t)
+        scale = max(symmetry.charge_size(q, p, t), symmetry.charge_size(problem.q, problem.p, problem.t))
+        off = abs(change - float(given)) / scale if scale > 0.0 else 0.0
+        yield symmetry.name, Measured(off, 4.0 * EPS * STEPS**0.5, "relative", f"{STEPS} steps, less what forces gave")
+
+
+def _along(xi: object, kind: str, size: int) -> Array:
+    """Return the unit vector u of xi(q) = u or xi(q) = u x q for each body."""
+    assert callable(xi)
+    if kind == "translation":
+        return np.asarray(xi(np.zeros(size)))[:3]
+    e = np.tile(np.eye(3), (1, size // 3))
+    turned = [np.asarray(xi(row))[:3] for row in e]
+    return np.array([turned[1][2], turned[2][0], turned[0][1]])
+
+
+def _marched(problem: Problem, acting: Model, q: Array, v: Array, t: float, steps: int) -> tuple[Array, Array]:
+    marcher = _marcher(problem, acting, q, v, t)
+    marcher.advance(steps)
+    x, w = marcher.state()
+    return x.ravel(), w.ravel()
+
+
+def _marcher(problem: Problem, acting: Model, q: Array, v: Array, t: float) -> Marcher:
+    lagrangian: Lagrangian = acting.lagrangian
+    massive = np.ones(len(q) // 3, dtype=bool)
+    x, w = q.reshape(-1, 3), v.reshape(-1, 3)
+    options = {"forces": acting.forces, "start": t}
+    return Marcher(lagrangian, problem.integrator, acting.vectors, massive, x, w, problem.dt, **options)  # type: ignore[arg-type]

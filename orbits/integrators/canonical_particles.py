@@ -1,0 +1,135 @@
+"""Massless particles in the form of `orbits.integrators.canonical_bodies`: by the same equations, for a mass of 1, in
+the field of the bodies at the stages that they went through.
+"""
+
+from __future__ import annotations
+
+import math
+
+from orbits.integrators.canonical import combine
+from orbits.integrators.canonical_room import (
+    CONTINUATION,
+    HB,
+    HC,
+    HC_LO,
+    HOURS,
+    MU,
+    MU_BAR,
+    SETTLED,
+    VELOCITY_SWEEPS,
+    padded_length,
+    stages_in,
+)
+from orbits.integrators.collocation import moved
+from orbits.kernels.acting import particle_acting, particle_terms
+from orbits.kernels.binding import dimension, field, first_term
+from orbits.kernels.compile import kernel
+from orbits.kernels.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE
+from orbits.kernels.lanes import fma, full, largest, load, store, total
+from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
+from orbits.kernels.summation import add_compensated, two_sum
+
+
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of one particle through the stages that the massive bodies went through.
+
+    carry : (3, 8), the velocities of the stages of the step before; `storage.share` begins with the number of the
+        particle. A step that fails returns the particle as it was.
+    """
+    coefficients, strength = method.coefficients, model.parameters[0]
+    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
+    d = dimension(model.tag, model.parameters)
+    number, stages = storage.share.start, stages_in(storage.stages, padded_length(d))
+    hc, hc_lo, hb = load(coefficients, HC), load(coefficients, HC_LO), load(coefficients, HB)
+    times = load(coefficients, HOURS) + t
+    x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
+    y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
+    z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
+    _, _, _, sx, sy, sz = particle_terms(
+        model.tag, model.parameters, t, stages.q, stages.v, (x, y, z), (vx, vy, vz)
+    )
+    Wx, Wy, Wz = full(0.0), full(0.0), full(0.0)
+    if largest(abs(load(carry, 0)) + abs(load(carry, 1)) + abs(load(carry, 2))) > 0.0:
+        Wx = combine(coefficients, CONTINUATION, carry, 0) - vx
+        Wy = combine(coefficients, CONTINUATION, carry, 1) - vy
+        Wz = combine(coefficients, CONTINUATION, carry, 2) - vz
+    room = storage.scratch
+    Gx = Gy = Gz = full(0.0)
+    least = last_change = scale = 0.0
+    patience, last, evaluations = PATIENCE, False, 0
+    while True:
+        store(room, 0, hb * Wx)
+        store(room, 1, hb * Wy)
+        store(room, 2, hb * Wz)
+        Vx, Vy, Vz = vx + Wx, vy + Wy, vz + Wz
+        Qx = x + (x_base + combine(coefficients, MU, room, 0))
+        Qy = y + (y_base + combine(coefficients, MU, room, 1))
+        Qz = z + (z_base + combine(coefficients, MU, room, 2))
+        ax, ay, az = field(first_term(model.tag), strength, stages.Q, Qx, Qy, Qz)
+        place, velocity = (Qx, Qy, Qz), (Vx, Vy, Vz)
+        bx, by, bz, Sx, Sy, Sz = particle_terms(
+            model.tag, model.parameters, times, stages.Q, stages.V, place, velocity
+        )
+        cx, cy, cz = particle_acting(
+            model.tag, model.parameters, times, number, stages.Q, stages.V, place, velocity
+        )
+        Gx, Gy, Gz = hb * (ax + (bx + cx)), hb * (ay + (by + cy)), hb * (az + (bz + cz))
+        store(room, 0, Gx)
+        store(room, 1, Gy)
+        store(room, 2, Gz)
+        new_x = combine(coefficients, MU_BAR, room, 0) - (Sx - sx)
+        new_y = combine(coefficients, MU_BAR, room, 1) - (Sy - sy)
+        new_z = combine(coefficients, MU_BAR, room, 2) - (Sz - sz)
+        evaluations += 1
+        now = largest(abs(new_x - Wx) + abs(new_y - Wy) + abs(new_z - Wz))
+        Wx, Wy, Wz = new_x, new_y, new_z
+        if evaluations == 1:
+            now = scale = least = largest(abs(Wx) + abs(Wy) + abs(Wz))
+        if last:
+            break
+        if evaluations > 1:
+            if not (now < least and now * now > LOST * scale * last_change):
+                patience -= 1
+                last = patience == 0 or least <= NEAR_FLOOR * scale or now <= NEAR_FLOOR * scale
+            least = min(least, now)
+        last_change = now
+        if evaluations == LIMIT:
+            break
+    if not least <= CONVERGED * scale:
+        return particles, carry, NOT_CONVERGED, evaluations
+    kicks = total(Gx), total(Gy), total(Gz)
+    if (kicks[0] + kicks[1] + kicks[2] + total(Wx + Wy + Wz)) * 0.0 != 0.0:
+        return particles, carry, NOT_FINITE, evaluations
+    store(carry, 0, vx + Wx)
+    store(carry, 1, vy + Wy)
+    store(carry, 2, vz + Wz)
+    x, x_lo = moved(h, x, x_lo, vx, vx_lo, total(hb * Wx))
+    y, y_lo = moved(h, y, y_lo, vy, vy_lo, total(hb * Wy))
+    z, z_lo = moved(h, z, z_lo, vz, vz_lo, total(hb * Wz))
+    ux, uy, uz = vx + kicks[0], vy + kicks[1], vz + kicks[2]
+    ux_lo = uy_lo = uz_lo = 0.0
+    last_change, off = math.inf, 0.0
+    for _ in range(VELOCITY_SWEEPS):
+        _, _, _, ex, ey, ez = particle_terms(
+            model.tag, model.parameters, t + h, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
+        )
+        before = ux, uy, uz
+        ux, ux_lo = pushed(vx, vx_lo, kicks[0], sx - ex)
+        uy, uy_lo = pushed(vy, vy_lo, kicks[1], sy - ey)
+        uz, uz_lo = pushed(vz, vz_lo, kicks[2], sz - ez)
+        off = abs(ux - before[0]) + abs(uy - before[1]) + abs(uz - before[2])
+        enough = SETTLED * (abs(ux) + abs(uy) + abs(uz))
+        if off == 0.0 or (off <= enough and off >= last_change):
+            break
+        last_change = off
+    if not off <= enough:
+        return particles, carry, NOT_CONVERGED, evaluations
+    return Particles(x, y, z, x_lo, y_lo, z_lo, ux, uy, uz, ux_lo, uy_lo, uz_lo), carry, OK, evaluations
+
+
+@kernel(inline=True)
+def pushed(v, v_lo, kick, more):
+    """Return the pair (v, v_lo) + kick + more."""
+    kick, lost = two_sum(kick, more)
+    return add_compensated(v, v_lo + lost, kick)

@@ -1,0 +1,96 @@
+"""The numbers and the room of `orbits.integrators.canonical_bodies`, by their names."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH
+
+# Rows of the table. From MU on each entry is the first of eight: row j holds column j of a matrix, a stage a lane.
+HOURS, HC, HC_LO, HB, MU, MU_BAR, CONTINUATION = 0, 1, 2, 3, 4, 12, 20
+ROWS = 28
+
+VELOCITY_SWEEPS = 50
+"""Evaluations of s+ after which the velocities at the end of a step are given up."""
+
+SETTLED = 2.0**-46
+"""Velocities at the end of a step that change by less than this fraction, and by no less than before, stand."""
+
+
+class Stages(NamedTuple):
+    """What a step goes through: what massless particles feel.
+
+    Q, V : (rows, 8) positions and velocities of the stages; q, v, q_end, v_end : (rows,) at both ends of the step
+    """
+
+    Q: Any
+    V: Any
+    q: Any
+    v: Any
+    q_end: Any
+    v_end: Any
+
+
+class Work(NamedTuple):
+    """The scratch of a step of d coordinates; rows are coordinates, lanes are stages.
+
+    W, base, G : (rows, 8) see above; base is what moves the stages without W
+    F, S : (rows, 8) forces and momenta that are added to Newton's
+    change, history : see `orbits.kernels.iteration`
+    f, s, s_end, kick, kick_lo : (rows,)
+    """
+
+    W: Any
+    base: Any
+    G: Any
+    F: Any
+    S: Any
+    change: Any
+    history: Any
+    f: Any
+    s: Any
+    s_end: Any
+    kick: Any
+    kick_lo: Any
+
+
+@kernel(inline=True)
+def stages_in(room, rows):
+    """Return the parts of the stages by their names."""
+    at, some = 2 * rows, rows // WIDTH
+    return Stages(
+        room[:rows],
+        room[rows:at],
+        room[at : at + some].reshape(-1),
+        room[at + some : at + 2 * some].reshape(-1),
+        room[at + 2 * some : at + 3 * some].reshape(-1),
+        room[at + 3 * some : at + 4 * some].reshape(-1),
+    )
+
+
+@kernel(inline=True)
+def work_in(scratch, rows):
+    """Return the parts of the scratch by their names."""
+    at, some = 6 * rows, rows // WIDTH
+    more = at + 3 * some
+    return Work(
+        scratch[:rows],
+        scratch[rows : 2 * rows],
+        scratch[2 * rows : 3 * rows],
+        scratch[3 * rows : 4 * rows],
+        scratch[4 * rows : 5 * rows],
+        scratch[5 * rows : 6 * rows],
+        scratch[at:more],
+        scratch[more : more + some].reshape(-1),
+        scratch[more + some : more + 2 * some].reshape(-1),
+        scratch[more + 2 * some : more + 3 * some].reshape(-1),
+        scratch[more + 3 * some : more + 4 * some].reshape(-1),
+        scratch[more + 4 * some : more + 5 * some].reshape(-1),
+    )
+
+
+@kernel(inline=True)
+def padded_length(count):
+    """Return `padded`, in compiled code."""
+    return (count + WIDTH - 1) // WIDTH * WIDTH + WIDTH

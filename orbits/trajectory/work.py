@@ -1,0 +1,74 @@
+"""What forces without a Lagrangian did to the massive bodies of a run, as the steps accounted it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import few
+from orbits.errors import InputError
+
+if TYPE_CHECKING:
+    from orbits.forces.base import Force
+    from orbits.trajectory.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceEffect:
+    """What one force did to the massive bodies from the start of the run up to each of n samples.
+
+    force : as the system has it
+    work : (n,), energy; torque : (n, 3), its integral about the origin, an angular momentum; impulse : (n, 3)
+
+    They are sums over the stages of the steps, with the weights of the method: momentum and angular momentum change by
+    impulse and torque to the last bits, energy changes by the work up to an error of the order of the method.
+    """
+
+    force: Force
+    work: u.Quantity
+    torque: u.Quantity
+    impulse: u.Quantity
+
+    def __repr__(self) -> str:
+        on = "all" if self.force.bodies is None else few(self.force.bodies, 3)
+        last = f"{self.work[-1]:.6g}" if len(self.work) else "nothing yet"
+        return f"{type(self.force).__name__} on {on}: work {last} at the last of {len(self.work)} samples"
+
+
+def accounts_of(run: Trajectory) -> Array:
+    """Return work, torque and impulse of each force up to each sample, (n, forces, 7), times G.
+
+    Raises InputError for samples of a run alone, without what the forces did.
+    """
+    count = len(run.system.forces)
+    if not count:
+        return np.zeros((len(run), 0, 7))
+    found: Any = run.accounts
+    if found is None and run.archive is not None:
+        found = run.archive.checkpoint().get("accounts")
+    if found is None:
+        raise InputError(
+            f"{run!r} holds samples alone, and what forces did is accounted while a run goes on; expected the run as "
+            "orbits.propagate or orbits.resume returned it, or some of its samples, run[10:20]."
+        )
+    return np.asarray(found[: len(run)])
+
+
+def effects(run: Trajectory) -> tuple[ForceEffect, ...]:
+    """Return what each force of a run did; raises as `accounts_of`."""
+    units, found = run.system.units, accounts_of(run) / run.system.units.G
+    return tuple(
+        ForceEffect(
+            force,
+            u.Quantity(found[:, k, 0], units.energy),
+            u.Quantity(found[:, k, 1:4], units.angular_momentum),
+            u.Quantity(found[:, k, 4:7], units.momentum),
+        )
+        for k, force in enumerate(run.system.forces)
+    )

@@ -1,0 +1,363 @@
+"""`propagate` with terms that depend on velocities or on time, and with forces without a Lagrangian."""
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import orbits
+from orbits.cli import app
+from orbits.errors import ArchiveError, InputError
+from orbits.integrators.canonical_room import HB
+from orbits.propagation.sample_store import accounts_in
+from orbits.system.model import lagrangian_of
+from tests import kepler_truth
+from tests.acting import Heavy, Swaying, Turning
+from tests.problems import kepler
+
+EPS = 2.0**-53
+POLE = (0.36, 0.48, 0.8)
+SPIN = orbits.LenseThirring("planet", spin=0.1, pole=POLE, c=3.0)
+FLAT = orbits.ZonalHarmonics("planet", J2=0.05, radius=0.5, pole=POLE)
+TURN = Turning("planet", B=(0.3, 0.4, -0.2))
+DRAG = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+PARTICLE = {"p": (0.0, [0.0, 1.4, 0.1], [-0.8, 0.0, 0.1])}
+MOST = (SPIN, TURN, Heavy())
+"""Terms of velocity: with `DRAG` the particle that `equations` tells of moves so."""
+
+OWN_DRAG = orbits.Drag(rate=1e-3, bodies=["inner", "p"])
+METHODS = [orbits.Gauss(stages=4), orbits.LobattoIIIAB(stages=3), orbits.Composition(orbits.Gauss(stages=1), order=4)]
+
+
+def dragged(system=None):
+    """Bodies and a particle with a spin, a flattening and two forces of drag, one on some of them."""
+    return (system or three(**PARTICLE)).with_terms(SPIN, FLAT).with_forces(DRAG, OWN_DRAG)
+
+
+def planet(**bodies):
+    """A planet at rest with satellites: GM, place and velocity of each."""
+    gm = [1.0, *(body[0] for body in bodies.values())]
+    states = [np.zeros((2, 3)), *(np.array(body[1:]) for body in bodies.values())]
+    q, v = (np.array([s[k] for s in states], dtype=float) for k in (0, 1))
+    return orbits.System(["planet", *bodies], gm, q, v, units=orbits.DIMENSIONLESS)
+
+
+def three(**more):
+    return planet(
+        inner=(0.01, [1, 0, 0.2], [0, 0.9, 0.3]), outer=(0.002, [-2, 0.5, 0], [-0.1, -0.6, 0.3]), **more
+    )
+
+
+def march(system, integrator, dt=1 / 64, duration=10.0, **options):
+    return orbits.propagate(system, integrator, dt=dt, duration=duration, progress=False, check_step=False, **options)
+
+
+def equations(t, y):
+    """Euler–Lagrange equations of a massless particle about a planet at rest, all terms and drag together."""
+    q, v = mpmath.matrix(y[:3]), mpmath.matrix(y[3:])
+    r2 = (q.T * q)[0]
+    r = mpmath.sqrt(r2)
+    size = -2 * mpmath.mpf(0.1) / 9
+    k, B = mpmath.matrix([size * mpmath.mpf(x) for x in POLE]), mpmath.matrix(TURN.B)
+    bent = cross(v, k)
+    force = -q / r**3 + (bent - 3 * (q.T * bent)[0] / r2 * q) / r**3 + cross(v, B) / 2
+    # d/dt dL/dv = M a + what the velocity does to k x q / r^3 + B x q / 2
+    force -= cross(k, v) / r**3 - 3 * (q.T * v)[0] / r2 * cross(k, q) / r**3 + cross(B, v) / 2
+    force -= mpmath.mpf(DRAG.rate) * (v - mpmath.matrix(DRAG.velocity))
+    heavy = mpmath.mpf(Heavy().excess)
+    mass = mpmath.eye(3) * (1 + heavy * (v.T * v)[0] / 2) + heavy * v * v.T
+    return [*v, *mpmath.lu_solve(mass, force)]
+
+
+def cross(a, b):
+    return mpmath.matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """Where the particle is at the time 1, by Taylor series of 20 digits."""
+    with mpmath.workdps(20):
+        start = [mpmath.mpf(x) for x in (*PARTICLE["p"][1], *PARTICLE["p"][2])]
+        return np.array([float(x) for x in mpmath.odefun(equations, 0, start)(1)])
+
+
+@pytest.mark.parametrize(
+    ("integrator", "steps"),
+    [
+        (orbits.Gauss(stages=1), (8, 16)),
+        (orbits.Gauss(stages=2), (8, 16)),
+        (orbits.Gauss(stages=4), (1, 2)),
+        (orbits.LobattoIIIAB(stages=3), (8, 16)),
+        (orbits.LobattoIIIAB(stages=4), (2, 4)),
+    ],
+    ids=lambda x: getattr(x, "label", None),
+)
+@pytest.mark.parametrize("gm", [0.0, 1e-40], ids=["particle", "body"])
+def test_orders_are_kept_with_terms_of_velocity_and_drag(truth, integrator, steps, gm):
+    system = planet(p=(gm, *PARTICLE["p"][1:])).with_terms(*MOST).with_forces(replace(DRAG, bodies=["p"]))
+    errors = []
+    for count in steps:
+        run = march(system, integrator, dt=1 / count, duration=1.0, samples=2)
+        errors.append(np.max(np.abs([*run.q.value[-1, 1], *run.v.value[-1, 1]] - truth)))
+    slope = np.log2(errors[0] / errors[1])
+    assert slope > 0.85 * integrator.order, errors
+    assert errors[1] < 1e-3
+
+
+def test_a_composition_keeps_its_order():
+    """Against Gauss with eight stages, which the series above have judged."""
+    best, *runs = (
+        march(dragged(), method, dt=dt, duration=1.0, samples=2)
+        for method, dt in ((orbits.Gauss(stages=8), 1 / 16), (METHODS[-1], 1 / 16), (METHODS[-1], 1 / 32))
+    )
+    errors = [np.max(np.abs(run.q.value[-1] - best.q.value[-1])) for run in runs]
+    assert np.log2(errors[0] / errors[1]) > 3.8, errors
+
+
+def test_the_floor_of_a_short_step_is_round_off(truth):
+    system = planet(**PARTICLE).with_terms(*MOST).with_forces(replace(DRAG, bodies=["p"]))
+    run = march(system, orbits.Gauss(stages=8), dt=1 / 16, duration=1.0, samples=2)
+    assert np.max(np.abs(run.q.value[-1, 1] - truth[:3])) < 8 * EPS
+    assert np.max(np.abs(run.v.value[-1, 1] - truth[3:])) < 8 * EPS
+
+
+@pytest.mark.parametrize("particle", [False, True])
+def test_a_term_that_depends_on_time_moves_all_by_what_it_is(particle):
+    """Relative orbits do not notice an acceleration that is the same everywhere: Kepler's orbit and a closed form."""
+    sway, T = Swaying(phase=0.4), 6.0
+    gm, q, v = kepler(0.3)
+    gm = np.array([1.0, 0.0]) if particle else gm
+    system = orbits.System(["a", "b"], gm, q, v, units=orbits.DIMENSIONLESS).with_terms(sway, Heavy(excess=0.0))
+    run = march(system, orbits.Gauss(stages=8), dt=1 / 16, duration=T, samples=7)
+    with mpmath.workdps(25):
+        start = ([mpmath.mpf(float(x)) for x in one[1] - one[0]] for one in (q, v))
+        x, w, _ = kepler_truth.flow(*start, mpmath.mpf(1), mpmath.mpf(T))
+    last, speed = run.q.value[-1], run.v.value[-1]
+    assert np.max(np.abs(last[1] - last[0] - np.array(x, dtype=float))) < 64 * EPS
+    assert np.max(np.abs(speed[1] - speed[0] - np.array(w, dtype=float))) < 64 * EPS
+    shares = gm / gm.sum()
+    for k, t in enumerate(run.times):
+        far, fast = sway.displacement(t)
+        assert np.max(np.abs(shares @ run.q.value[k] - shares @ (q + t * v) - far)) < 64 * EPS
+        assert np.max(np.abs(shares @ run.v.value[k] - shares @ v - fast)) < 64 * EPS
+    assert np.isnan(run.drift().energy.max_fraction)
+    assert "no energy to keep" in str(run.drift())
+
+
+def test_time_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_taken_up_again():
+    system = three(**PARTICLE).with_terms(Swaying(), Heavy())
+    run = march(system, orbits.Gauss(stages=8), duration=4.0, samples=5)
+    assert np.max(np.abs(run.at(2.7).q.value - march(system, orbits.Gauss(stages=8), duration=2.7).q.value[-1])) < 1e-14
+    again = march(run[2], orbits.Gauss(stages=8), duration=2.0, samples=3)
+    assert np.max(np.abs(again.q.value - run.q.value[2:])) < 1e-14
+    wrong = march(run[2].replaced(terms=system.terms), orbits.Gauss(stages=8), duration=2.0, samples=3)
+    assert np.max(np.abs(wrong.q.value - run.q.value[2:])) > 1e-2
+    back = march(run[-1], orbits.Gauss(stages=8), duration=-4.0, samples=5)
+    assert np.max(np.abs(back.q.value[::-1] - run.q.value)) < 1e-14
+
+
+def test_bodies_are_marched_by_the_map_of_the_canonical_form():
+    system = three().with_terms(SPIN, FLAT)
+    for integrator in METHODS[:2]:
+        run = march(system, integrator, samples=11)
+        q, v = system.values.q.ravel(), system.values.v.ravel()
+        path = orbits.march(lagrangian_of(system), integrator, dt=1 / 64, steps=640, every=64, q=q, v=v)
+        # Two ways to the same numbers, 640 steps of rounding apart.
+        assert np.max(np.abs(run.q.value.reshape(11, -1) - path.q)) < 64 * EPS
+
+
+@pytest.mark.parametrize("integrator", METHODS[:2], ids=lambda m: m.label)
+def test_what_velocity_dependent_terms_conserve_is_kept_to_round_off(integrator):
+    drift = march(three().with_terms(SPIN, FLAT), integrator, duration=30.0).drift()
+    assert drift.angular_momentum.max_ulps < 16
+    assert drift.linear_momentum.max_fraction < 16 * EPS
+    assert drift.centre_of_mass.max_fraction < 16 * EPS
+    assert drift.energy.max_fraction < (16 * EPS if integrator.order == 8 else 1e-7)
+
+
+@pytest.mark.parametrize("integrator", METHODS, ids=lambda m: m.label)
+def test_drag_takes_the_angular_momentum_of_the_discrete_torque_to_round_off(integrator):
+    run = march(dragged(), integrator, samples=31)
+    L, P = run.angular_momentum().value, run.linear_momentum().value
+    all_of_it, some = run.work()
+    torque, impulse = all_of_it.torque.value + some.torque.value, all_of_it.impulse.value + some.impulse.value
+    assert np.linalg.norm(torque[-1]) > 0.02 * np.linalg.norm(L[0])
+    size = np.linalg.norm(L[0])
+    # Samples lie between steps too, where a part of a step adds to the accounts of the whole ones.
+    assert np.max(np.abs((L - L[0] - torque) @ POLE)) < 16 * EPS * size
+    assert np.max(np.abs(P - P[0] - impulse)) < 16 * EPS * np.sum(np.abs(run.v.value[0, :, :]), axis=0).max()
+    drift = run.drift()
+    assert drift.angular_momentum.max_ulps < 16
+    # The energy changes by the work up to an error of the order of the method.
+    assert drift.energy.max_fraction < (16 * EPS if integrator.order == 8 else 1e-7)
+    assert np.isnan(drift.centre_of_mass.max_fraction)
+    assert "less what Drag gave" in str(drift)
+
+
+def test_linear_drag_of_a_single_body_is_the_exponential():
+    one = orbits.System(["stone"], [2.0], [[1.0, 0, 0]], [[0.3, -0.2, 0.1]], units=orbits.DIMENSIONLESS)
+    # Terms of pairs do nothing to one alone.
+    one = one.with_terms(*(replace(term, body="stone") for term in MOST[:2]), Heavy(excess=0.0))
+    run = march(one.with_forces(orbits.Drag(rate=0.5)), orbits.Gauss(stages=8), dt=1 / 8, samples=11)
+    v = np.array([0.3, -0.2, 0.1]) * np.exp(-0.5 * run.times)[:, None]
+    assert np.max(np.abs(run.v.value[:, 0] - v)) < 4 * EPS
+    work = run.work()[0].work.value
+    assert np.max(np.abs(work - (v**2 - v[0] ** 2).sum(axis=1))) < 4 * EPS
+    assert run.work()[0].work.unit == run.system.units.energy
+
+
+@pytest.mark.parametrize("integrator", METHODS[:2], ids=lambda m: m.label)
+def test_a_massless_particle_moves_as_a_body_of_vanishing_mass(integrator):
+    runs = []
+    for gm in (0.0, 1e-40):
+        system = three(p=(gm, *PARTICLE["p"][1:])).with_terms(*MOST).with_forces(DRAG)
+        runs.append(march(system, integrator, duration=3.0))
+    # Two orders of summation over 192 steps, on orbits that part.
+    assert np.max(np.abs(runs[0].q.value - runs[1].q.value)) < 128 * EPS
+    assert np.max(np.abs(runs[0].v.value - runs[1].v.value)) < 128 * EPS
+
+
+def crowd(count=21):
+    rng = np.random.default_rng(3)
+    bodies = {}
+    for k in range(count):
+        x = rng.normal(size=3)
+        x *= rng.uniform(1.5, 3.0) / np.linalg.norm(x)
+        bodies[f"p{k}"] = (0.0, x, np.cross(POLE, x) / np.linalg.norm(x) ** 1.5)
+    system = three(**bodies).with_terms(SPIN, FLAT)
+    return system.with_forces(*(orbits.Drag(rate=1e-2, bodies=[name]) for name in ("p2", "p17")))
+
+
+def test_particles_get_the_same_bits_with_any_number_of_threads_and_each_its_own_force():
+    one, two = (march(crowd(), orbits.Gauss(stages=4), duration=3.0, threads=threads) for threads in (1, 2))
+    assert np.array_equal(one.q, two.q)
+    assert np.array_equal(one.v, two.v)
+    few = march(crowd(18), orbits.Gauss(stages=4), duration=3.0)
+    assert np.array_equal(one.q[:, :21], few.q)
+    # Massive bodies are as they were, so that only those that drag acts on are elsewhere.
+    without = march(crowd().replaced(forces=()), orbits.Gauss(stages=4), duration=3.0)
+    felt = np.abs(one.v.value[-1] - without.v.value[-1]).max(axis=1)[3:]
+    assert set(np.flatnonzero(felt)) == {2, 17}
+
+
+def test_an_interrupted_run_goes_on_to_the_same_bits_work_included(tmp_path):
+    system, path = dragged(), tmp_path / "run.h5"
+    for integrator in METHODS:
+        whole = march(system, integrator, duration=8.0, samples=9)
+        march(system, integrator, duration=4.0, samples=5, archive=path, overwrite=True).close()
+        part = orbits.Trajectory.open(path)
+        assert np.array_equal(part.work()[1].torque, whole.work()[1].torque[:5])
+        part.close()
+        run = orbits.resume(path, until=8.0, progress=False)
+        assert np.array_equal(run.q, whole.q)
+        assert np.array_equal(run.v, whole.v)
+        assert np.array_equal(run.work()[0].work, whole.work()[0].work)
+        assert np.array_equal(run[2:5].work()[0].impulse, whole.work()[0].impulse[2:5])
+        assert run.drift() == whole.drift()
+        assert np.array_equal(run.at(2.55).q, whole.at(2.55).q)
+        with pytest.raises(InputError, match="holds samples alone, and what forces did is accounted"):
+            run.at([1.5, 2.5]).work()
+        run.close()
+
+
+def test_closest_approaches_and_conditions_see_positions_and_velocities():
+    system = dragged()
+    run = march(system, orbits.Gauss(stages=8), duration=20.0, samples=1281)
+    found = next(a for a in run.closest_approaches()["p"] if "planet" in (a.body, a.other))
+    before = int(np.argmin(np.linalg.norm(run.q.value[:, 3] - run.q.value[:, 0], axis=1))) - 1
+    fine = march(run[before], orbits.Gauss(stages=8), dt=1 / 16384, duration=1 / 32, samples=513)
+    distance = np.linalg.norm(fine.q.value[:, 3] - fine.q.value[:, 0], axis=1)
+    k = int(np.argmin(distance))
+    # Between two of these samples the distance is less by its curvature alone.
+    assert found.distance.value == pytest.approx(distance[k], rel=1e-8)
+    assert found.time.value == pytest.approx(run.times[before] + fine.times[k], abs=1 / 16384)
+    assert found.speed.value == pytest.approx(np.linalg.norm(fine.v.value[k, 3] - fine.v.value[k, 0]), rel=1e-3)
+    limit = 1.001 * distance[k]
+    stopped = march(system, orbits.Gauss(stages=8), duration=20.0, stop=orbits.CloserThan(limit, "p", "planet"))
+    assert np.linalg.norm(stopped.stopped.system["p"].q - stopped.stopped.system["planet"].q) < limit
+
+
+def test_an_approach_is_found_with_the_time_of_the_run_and_the_force_of_the_particle():
+    # Where momenta are not linear in velocities, what sways all alike is felt in relative orbits too.
+    sway = march(three(**PARTICLE).with_terms(Swaying(), Heavy()), orbits.Gauss(stages=8), duration=20.0)
+    for run, name in ((sway, "p"), (march(crowd(), orbits.Gauss(stages=8), duration=20.0), "p17")):
+        (closest, *_) = run.closest_approaches()[name]
+        there = run.at(closest.time)
+        place, speed = there[name].q - there["planet"].q, there[name].v - there["planet"].v
+        assert np.linalg.norm(place).value == pytest.approx(closest.distance.value, rel=1e-13)
+        assert np.linalg.norm(speed).value == pytest.approx(closest.speed.value, rel=1e-13)
+
+
+def test_a_particle_that_cannot_be_stepped_is_retired_alone():
+    falling = {"falls": (0.0, [0.5, 0.0, 0.0], [0.0, 0.0, 0.0])}
+    system = dragged(three(**PARTICLE, **falling))
+    with pytest.warns(orbits.errors.RetiredWarning):
+        run = march(system, orbits.Gauss(stages=4))
+    assert run.retired.names == ("falls",)
+    without = march(dragged(), orbits.Gauss(stages=4))
+    assert np.array_equal(run.q[:, :4], without.q)
+    assert "falls" not in run[-1]
+
+
+def test_a_velocity_that_momenta_do_not_determine_is_an_error_and_not_a_number():
+    system = three().with_terms(SPIN, TURN, Heavy(excess=30.0)).with_forces(DRAG)
+    with pytest.raises(orbits.errors.ConvergenceError, match="adds as much as m v to the momenta"):
+        march(system, orbits.Gauss(stages=2))
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        (three().with_terms(SPIN), "by 'newtonian . Lense-Thirring', which is not separable"),
+        (three().with_forces(DRAG), "with the force of drag"),
+    ],
+    ids=["term", "force"],
+)
+@pytest.mark.parametrize("integrator", [orbits.StormerVerlet(), orbits.Gauss(stages=12), orbits.RungeKutta4()])
+def test_a_method_that_cannot_take_it_refuses_and_names_those_that_can(system, words, integrator):
+    with pytest.raises(InputError, match=r"Gauss or .*LobattoIIIAB"):
+        march(system, integrator)
+
+
+def test_a_certificate_says_what_forces_leave_and_holds():
+    certificate = orbits.certify(dragged(), orbits.Gauss(stages=2), 0.05)
+    assert certificate.ok, str(certificate)
+    assert certificate["balance: rotation about the pole"].holds
+    assert "what drag takes is left out but for the balances" in str(certificate)
+    assert orbits.certify(three().with_terms(SPIN, FLAT), orbits.Gauss(stages=2), 0.05)["step of bodies"].holds
+
+
+def test_the_command_line_tells_what_forces_did(tmp_path):
+    path = tmp_path / "run.h5"
+    march(dragged(), METHODS[0], duration=2.0, samples=3, archive=path).close()
+    shown = CliRunner().invoke(app, ["info", str(path)])
+    assert shown.exit_code == 0, shown.output
+    assert "Drag on all: work -0.0" in shown.output
+    record = json.loads(CliRunner().invoke(app, ["info", str(path), "--json"]).output)
+    assert [each["force"] for each in record["work"]] == ["drag", "drag"]
+    assert record["work"][0]["work"] < record["work"][1]["work"] < 0
+    assert record["largest_relative_change"]["centre_of_mass"] is None
+
+
+def test_an_archive_whose_checkpoint_does_not_tell_what_forces_did_is_not_resumed(tmp_path):
+    march(dragged(), METHODS[0], duration=2.0, samples=3, archive=tmp_path / "run.h5").close()
+    with orbits.Archive.open(tmp_path / "run.h5") as archive:
+        known = archive.checkpoint()
+        assert accounts_in(archive, 5, 2).shape == (5, 2, 7)
+        for changed in (None, known["accounts"][:, :1], known["accounts"][:1], np.full_like(known["accounts"], np.nan)):
+            checkpoint = {**known, "accounts": np.zeros(0) if changed is None else changed}
+            archive._checkpoint = checkpoint
+            with pytest.raises(ArchiveError, match="does not tell what forces did"):
+                accounts_in(archive, 5, 2)
+
+
+@pytest.mark.parametrize("method", [*(orbits.Gauss(stages=s) for s in range(1, 9)), orbits.LobattoIIIAB(stages=5)])
+def test_the_weights_of_a_step_sum_to_its_length_exactly_so_that_what_nothing_pulls_moves_uniformly(method):
+    for h in (0.25, -3.0, float(np.float32(0.013)), float(np.float32(5.7e9))):
+        table = method.form_with(0).coefficients(h, h)
+        assert sum(map(Fraction, table[HB].tolist())) == Fraction(h)
+        assert np.max(np.abs(table[HB, : len(method.tableau.b)] - h * method.tableau.b)) < 4 * EPS * abs(h)
