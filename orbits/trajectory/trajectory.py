@@ -353,7 +353,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
-        return {**vars(self), "_retired": self.retired, "archive": None, "_close": None}
+        known = {"_retired": self.retired, "accounts": self._own_accounts()}
+        return {**vars(self), **known, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
         epoch = self.system.epoch

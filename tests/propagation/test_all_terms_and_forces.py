@@ -1,6 +1,7 @@
 """`propagate` with terms that depend on velocities or on time, and with forces without a Lagrangian."""
 
 import json
+import pickle
 from dataclasses import replace
 from fractions import Fraction
 
@@ -321,6 +322,25 @@ def test_a_velocity_that_momenta_do_not_determine_is_an_error_and_not_a_number()
 def test_a_method_that_cannot_take_it_refuses_and_names_those_that_can(system, words, integrator):
     with pytest.raises(InputError, match=r"Gauss or .*LobattoIIIAB"):
         march(system, integrator)
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [(three().with_terms(SPIN), "which is not separable"), (three().with_forces(DRAG), "the force of drag")],
+    ids=["term", "force"],
+)
+def test_steps_are_not_chosen_where_more_acts_than_forces_of_position(system, words):
+    with pytest.raises(InputError, match=f"steps are chosen for what depends on positions alone.*{words}: give dt"):
+        march(system, orbits.Gauss(stages=8), dt=None)
+
+
+def test_a_copy_of_a_run_knows_what_forces_did_also_where_no_path_leads_to_its_archive(tmp_path):
+    run = march(dragged(), METHODS[0], duration=2.0, samples=3, archive=tmp_path / "run.h5")
+    known = run.work()[0].torque
+    assert np.array_equal(pickle.loads(pickle.dumps(run)).work()[0].torque, known)
+    run._place = None
+    assert np.array_equal(pickle.loads(pickle.dumps(run)).work()[0].torque, known)
+    run.close()
 
 
 def test_a_certificate_says_what_forces_leave_and_holds():
