@@ -223,9 +223,10 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
     s = minimum(high, select(beta > 0.0, t * beta / gm, high))
     s = select((eta >= 0.0) * (zeta >= 0.0), minimum(s, t / r0), s)
     done = 1.0 - (hard * (gm > 0.0) * (t > 0.0))
+    start, motion, turn = (r0, r_lo, eta, zeta), (beta, t, gm), (gm_e, pericentre, passage, incoming)
     for _ in range(ROUNDS):
         _, G1, G2, G3 = _anomaly_functions(s, beta)
-        miss, r, slope = _time(s, G1, G2, G3, r0, r_lo, eta, zeta, beta, t, gm, gm_e, pericentre, passage, incoming)
+        miss, r, slope = _time(s, (G1, G2, G3), start, motion, turn)
         low = select(miss < 0.0, s, low)
         high = select(miss < 0.0, high, s)
         root = sqrt(abs(16.0 * r * r - 20.0 * miss * slope))
@@ -240,7 +241,7 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
         if not any_lane(1.0 - done):
             break
     G0, G1, G2, G3 = _anomaly_functions(s, beta)
-    miss, r, slope = _time(s, G1, G2, G3, r0, r_lo, eta, zeta, beta, t, gm, gm_e, pericentre, passage, incoming)
+    miss, r, slope = _time(s, (G1, G2, G3), start, motion, turn)
     r = maximum(r, nearest)
     d = -miss / r
     d = fma(-0.5 * d * d, slope / r, d)
@@ -249,7 +250,7 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
     G2, G3 = fma(half, G0, fma(d, G1, G2)), fma(half, G1, fma(d, G2, G3))
     G1 = fma(-half * beta, G1, fma(d, G0, G1))
     G1, G2 = _reconciled(G1, G2, beta, beta_lo)
-    _, r, _ = _time(s + d, G1, G2, G3, r0, r_lo, eta, zeta, beta, t, gm, gm_e, pericentre, passage, incoming)
+    _, r, _ = _time(s + d, (G1, G2, G3), start, motion, turn)
     r = maximum(r, nearest)
     # Of the two forms of g the one with the smaller terms.
     first, second = fma(r0, G1, eta * G2), fma(-gm, G3, t)
@@ -264,8 +265,13 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
 
 
 @kernel(inline=True)
-def _time(s, G1, G2, G3, r0, r_lo, eta, zeta, beta, t, gm, gm_e, pericentre, passage, incoming):
-    """Return the time at s less t, and its derivatives r and dr/ds."""
+def _time(s, G, start, motion, turn):
+    """Return the time at s less t, and its derivatives r and dr/ds.
+
+    G : (G1, G2, G3) at s; start : (r0, r_lo, eta, zeta); motion : (beta, t, gm)
+    turn : (gm e, pericentre distance, s there, whether the body is falling towards it)
+    """
+    (G1, G2, G3), (r0, r_lo, eta, zeta), (beta, t, gm), (gm_e, pericentre, passage, incoming) = G, start, motion, turn
     miss = fma(zeta, G3, fma(eta, G2, fma(r_lo, s, fma(r0, s, -t))))
     r = r0 + fma(zeta, G2, fma(eta, G1, r_lo))
     slope = fma(-beta * eta, G2, fma(zeta, G1, eta))
