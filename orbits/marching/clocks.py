@@ -13,6 +13,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import single_number
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag
@@ -119,5 +120,5 @@ class ConstantSteps(Clock):
 
 
 def clock_of(step: float | Clock) -> Clock:
-    """Return a clock as it is, of a number the clock of steps of that length."""
-    return step if isinstance(step, Clock) else ConstantSteps(step)
+    """Return a clock as it is, for a number the clock of steps of that length. Raises InputError for anything else."""
+    return step if isinstance(step, Clock) else ConstantSteps(single_number(step, "step"))

@@ -201,8 +201,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         Raises InputError for a run of a method with adaptive steps.
         """
         if math.isnan(self.step):
-            whose = "the adaptive clock" if self.clock.changes else self.integrator.label
-            raise InputError(f"{whose} has steps of different lengths, so this run has no dt.")
+            raise InputError(f"{self.integrator.label} has adaptive steps, so this run has no dt.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
     @property

@@ -12,6 +12,7 @@ import pytest
 import orbits
 from orbits.certificate.certificate import Certificate, Finding
 from orbits.kernels.encounters import COLUMNS, DISTANCE2, PARTNER, SPEED2, TIME
+from orbits.marching.clocks import ConstantSteps
 from orbits.propagation.approaches import Approaches
 from orbits.propagation.passages_seen import Record, Seen
 from orbits.regression.report import Report, Row
@@ -64,7 +65,7 @@ def met(bodies: int = 3) -> Approaches:
     closest[PARTNER] = np.arange(bodies) - 1.0
     q, v = (np.array([x, x]) for x in start.values[1:3])
     line = orbits.Trajectory(start, [0, bodies], q, v, step=1.0, integrator=orbits.Gauss(stages=2))
-    seen = Seen(start, Record(closest, np.empty((0, COLUMNS)), 0, -1, np.zeros(bodies), bodies))
+    seen = Seen(start, Record(closest, np.empty((0, COLUMNS)), 0, -1, np.zeros(bodies), bodies), ConstantSteps(1.0))
     seen.refined.update(range(len(seen.passages)))  # there is no orbit to make them better by
     return Approaches(line, seen)
 
