@@ -25,7 +25,7 @@ FRACTION = 0.8
 MARGIN = 1.05
 """By how much the apsides of a particle may move within a block."""
 
-CROWD = 64
+MANY_BODIES = 64
 """Bodies from which on pairs that stay far apart are told beforehand."""
 
 DETOUR = 1.25
@@ -56,12 +56,12 @@ def _estimate(h, before, now, x0, y0, z0, u0, v0, w0, x1, y1, z1, u1, v1, w1):
 
 
 @kernel(inline=True)
-def _is_near_or_fast(bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
+def _is_near_or_fast(passage_angle, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
     """Return for eight pairs, of which the velocities at two looks and an estimate of the squared least distance are
     known, whether the passage may be one for the list.
     """
     speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
-    angle = CAUTION * bold
+    angle = CAUTION * passage_angle
     return (h * h * speed2 > angle * angle * SLACK * d2) + (SLACK * d2 < reach * reach)
 
 
@@ -76,8 +76,8 @@ def _is_sharp(watch, h, x, y, z, u, v, w):
     inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
     e2 = 1.0 - parameter * inverse_a
     least = parameter / (1.0 + sqrt(maximum(e2, full(0.0))))
-    least2, angle, mild = least * least, CAUTION * watch.keen, CAUTION * watch.mild
-    return (e2 > mild * mild) * (h * h * swept2 > angle * angle * least2 * least2)
+    least2, angle, least_e = least * least, CAUTION * watch.pericentre_angle, CAUTION * watch.least_eccentricity
+    return (e2 > least_e * least_e) * (h * h * swept2 > angle * angle * least2 * least2)
 
 
 @kernel(inline=True)
@@ -101,12 +101,12 @@ def _steps_until(watch, valid, place, velocity, change, h, k, steps):
 
 @kernel
 def longest_way(context, h, steps):
-    """Return more than any body travels in a block of `steps` steps of h, or in a step divided by the bold angle; for
-    a few bodies, no bound: it costs more than what it saves.
+    """Return an upper bound of the distance that any body travels in a block of `steps` steps of h, or in a step
+    divided by the passage angle. For few bodies it is infinite: computing a bound would cost more than it saves.
     """
     watch = watch_at(context)
     n, P, path = watch.bodies, watch.stride, watch.path
-    if n < CROWD:
+    if n < MANY_BODIES:
         return math.inf
     fastest2 = 0.0
     for step in range(steps + 1):
@@ -114,7 +114,7 @@ def longest_way(context, h, steps):
         for i in range(n):
             u, v, w = path[first + i], path[first + n + i], path[first + 2 * n + i]
             fastest2 = max(fastest2, u * u + v * v + w * w)
-    return DETOUR * abs(h) * max(steps_between(watch, h, 0, steps), 1.0 / watch.bold) * math.sqrt(fastest2)
+    return DETOUR * abs(h) * max(steps_between(watch, h, 0, steps), 1.0 / watch.passage_angle) * math.sqrt(fastest2)
 
 
 @kernel
@@ -133,7 +133,7 @@ def search(context, track, h, steps, j, row, valid):
     if row < n:
         reach = maximum(load(watch.reaches, row), reach)
     column = DOMINANT if j == dominant else OTHER
-    ruled = j == dominant or row <= dominant < row + WIDTH
+    central = j == dominant or row <= dominant < row + WIDTH
     k = last = 0
     before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
     while True:
@@ -161,10 +161,12 @@ def search(context, track, h, steps, j, row, valid):
                 known = load(record[DISTANCE2, column], row)
             else:
                 known = full(watch.annuli[j, REACH] * watch.annuli[j, REACH])
-            wanted = (SLACK * d2 < known) + _is_near_or_fast(watch.bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w)
+            wanted = (SLACK * d2 < known) + _is_near_or_fast(
+                watch.passage_angle, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w
+            )
             if k - last > 1 and dominant < 0:
                 wanted = full(1.0)
-            elif ruled:
+            elif central:
                 wanted = wanted + _is_sharp(watch, h, x0, y0, z0, u0, v0, w0)
             turned = turned * wanted
             for i in range(WIDTH):

@@ -77,9 +77,9 @@ def _is_listed(watch, row, j, h, d2, speed2):
     """
     angle2 = h * h * speed2 / max(d2, 1e-300)
     if watch.dominant >= 0 and (j == watch.dominant or row == watch.dominant):
-        sharp = math.sqrt(d2) * speed2 > (1.0 + watch.mild) * watch.mu and angle2 > watch.keen * watch.keen
-        return sharp or angle2 > BLIND * BLIND
-    if angle2 > watch.bold * watch.bold:
+        eccentric = math.sqrt(d2) * speed2 > (1.0 + watch.least_eccentricity) * watch.mu
+        return (eccentric and angle2 > watch.pericentre_angle * watch.pericentre_angle) or angle2 > BLIND * BLIND
+    if angle2 > watch.passage_angle * watch.passage_angle:
         return True
     if watch.dominant < 0:
         return False

@@ -23,7 +23,7 @@ def fastest_passage(gm, softening, q, v, massive, span):
     fastest, row, partner, distance, speed, eccentricity, period = -1.0, -1, -1, 0.0, 0.0, 0.0, math.inf
     forwards = 1.0 if span >= 0.0 else -1.0
     for i in range(q.shape[0]):
-        ruler, strongest = -1, -1.0
+        centre, strongest = -1, -1.0
         x = y = z = 0.0
         xi, yi, zi = q[i, 0], q[i, 1], q[i, 2]
         for k in range(massive.shape[0]):
@@ -35,12 +35,12 @@ def fastest_passage(gm, softening, q, v, massive, span):
             mu = gm[i] + gm[j]
             pull = mu * mu / (r2 * r2 * r2)
             if pull > strongest:
-                ruler, strongest = j, pull
+                centre, strongest = j, pull
                 x, y, z = dx, dy, dz
-        if ruler < 0:
+        if centre < 0:
             continue
-        u, v_y, w = v[i, 0] - v[ruler, 0], v[i, 1] - v[ruler, 1], v[i, 2] - v[ruler, 2]
-        mu = gm[i] + gm[ruler]
+        u, v_y, w = v[i, 0] - v[centre, 0], v[i, 1] - v[centre, 1], v[i, 2] - v[centre, 2]
+        mu = gm[i] + gm[centre]
         r2, speed2, rv = x * x + y * y + z * z, u * u + v_y * v_y + w * w, (x * u + y * v_y + z * w) * forwards
         r = math.sqrt(r2)
         inverse_a = 2.0 / r - speed2 / mu
@@ -61,6 +61,6 @@ def fastest_passage(gm, softening, q, v, massive, span):
             reached2 = mu * (2.0 / nearest - inverse_a) if nearest > 0.0 else math.inf
         rate2 = reached2 / (nearest * nearest + softening * softening)
         if not rate2 <= fastest:
-            fastest, row, partner = rate2, i, ruler
+            fastest, row, partner = rate2, i, centre
             distance, speed, eccentricity = nearest, math.sqrt(reached2), e
     return row, partner, distance, speed, eccentricity, period

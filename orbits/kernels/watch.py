@@ -17,8 +17,10 @@ record : (4, 2, rows + 8) squared distance, time as the clock reads it, squared 
 stops : (conditions, 4), see `stopping.py`
 hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
     which condition first held for which row and body
-bold : angle of a step, h x speed / distance, from which on every passage by another than the dominant body is listed
-mild, keen : eccentricity, and angle of a step, from which on pericentres about the dominant body are listed
+passage_angle : angle of a step, h x speed / distance, above which every passage of a body other than the dominant one
+    is listed
+least_eccentricity, pericentre_angle : eccentricity and angle of a step above which pericentres about the dominant body
+    are listed
 passages : (room, columns), see `encounters.py`: the passages of this block that are listed
 listed : (2,) int64; how many are in the list, and how many there were
 search, enter : addresses of `approach_search.search` and `encounters.enter_passage`: the search among bodies and that
@@ -66,9 +68,9 @@ _KINDS: dict[str, Any] = {
     "record": _array(3),
     "stops": _array(2),
     "hits": _array(2, types.int64),
-    "bold": types.float64,
-    "mild": types.float64,
-    "keen": types.float64,
+    "passage_angle": types.float64,
+    "least_eccentricity": types.float64,
+    "pericentre_angle": types.float64,
     "passages": _array(2),
     "listed": _array(1, types.int64),
     "search": types.int64,

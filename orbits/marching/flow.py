@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import finite_number, nonzero_number, whole_number
 from orbits.errors import InputError, shown
 from orbits.integrators import named
 from orbits.integrators.base import Integrator
@@ -101,9 +102,7 @@ class Flow:
             raise InputError(f"expected a Lagrangian such as orbits.lagrangians.pendulum, got {shown(lagrangian)}")
         integrator = named(integrator)
         self.lagrangian, self.integrator = lagrangian, integrator
-        self.dt, self.t = _finite(dt, "dt"), _finite(t, "t")
-        if self.dt == 0.0:
-            raise InputError("dt must not be zero")
+        self.dt, self.t = nonzero_number(dt, "dt"), finite_number(t, "t")
         form = self._form = form_for(integrator, lagrangian, canonical=canonical)
         self._has_canonical = integrator.canonical is not None and GRADIENTS in lagrangian.traits
         self.canonical = canonical or not (integrator.requires <= lagrangian.traits and integrator.second_order)
@@ -132,7 +131,7 @@ class Flow:
         `trajectory` holds the samples before.
         """
         x, y = self.lagrangian.vector(q, "q"), self.lagrangian.vector(p, "p")
-        steps, every = _count(steps, "steps"), _count(every, "every")
+        steps, every = whole_number(steps, "steps"), whole_number(every, "every")
         if steps % every:
             raise InputError(f"steps must be a multiple of every, got {steps} and {every}")
         samples = steps // every
@@ -292,24 +291,6 @@ def _padded(x: Array) -> Array:
     out = np.zeros(padded(len(x)))
     out[: len(x)] = x
     return out
-
-
-def _finite(value: Any, what: str) -> float:
-    try:
-        if isinstance(value, str) or np.iscomplexobj(value):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{what} must be a real number, got {shown(value)}") from None
-    if not np.isfinite(number):
-        raise InputError(f"{what} must be finite, got {shown(value)}")
-    return number
-
-
-def _count(value: Any, what: str) -> int:
-    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(f"{what} must be a whole number >= 1, got {shown(value)}")
-    return int(value)
 
 
 __all__: Sequence[str] = ["DiscretePath", "Flow", "march", "starting_state", "velocities"]

@@ -163,7 +163,7 @@ class Marcher:
         self._retire, self._retired = retire, Retired(m)
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
-        bold, mild, keen = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
+        limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -172,14 +172,12 @@ class Marcher:
             self._state["v"],
             stops,
             energy_bound,
-            bold,
-            mild,
-            keen,
+            *limits,
             self._room,
             len(self._tasks),
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
-        self._passages = PassageList(masses, self._watcher.dominant, bold, self.clock)
+        self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
         self._overflowed = False
 
     def advance(self, steps: int) -> None:

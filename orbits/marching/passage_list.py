@@ -42,17 +42,17 @@ class PassageList:
 
     gm : (rows,), of the massive bodies, then of the massless particles
     dominant : the row of the body that rules the others, or -1
-    bold : angle of a step from which on revolutions are listed
+    passage_angle : angle of a step above which revolutions are listed
     clock : of the march; steps and times in the list are its readings
 
-    Revolutions of a moon are kept only where the step covers more than the bold angle; pericentres about the dominant
-    body and flybys all. Beyond the room there is, of each kind those of the largest speed / distance are
-    kept, which does not depend on how the march was cut.
+    Revolutions of a moon are kept only if a step covers more than `passage_angle`; flybys and pericentres about the
+    dominant body are always kept. If there are more than there is room for, those with the largest speed / distance of
+    each kind are kept, however the march was divided into blocks.
     """
 
-    def __init__(self, gm: Array, dominant: int, bold: float, clock: Clock) -> None:
-        rate = math.inf if clock.changes else bold / abs(clock.h)
-        self._gm, self._dominant, self._bold2, self._clock = gm, dominant, rate * rate, clock
+    def __init__(self, gm: Array, dominant: int, passage_angle: float, clock: Clock) -> None:
+        rate = math.inf if clock.changes else passage_angle / abs(clock.h)
+        self._gm, self._dominant, self._rate2, self._clock = gm, dominant, rate * rate, clock
         self._room = ROOM + ROOM_PER_BODY * len(gm)
         self.passages: Array = np.empty((0, COLUMNS))
         self.left_out = 0
@@ -65,8 +65,8 @@ class PassageList:
         missed = sum(int(listed[1] - listed[0]) for _, listed in blocks)
         for _, listed in blocks:
             listed[:] = 0
-        ruled = (new[:, ROW] == self._dominant) | (new[:, MATE] == self._dominant)  # the kernel has chosen among them
-        known = np.concatenate([self.passages, new[ruled | ~self._is_revolution(new) | self._is_bold(new)]])
+        central = (new[:, ROW] == self._dominant) | (new[:, MATE] == self._dominant)  # the kernel has chosen among them
+        known = np.concatenate([self.passages, new[central | ~self._is_revolution(new) | self._is_fast(new)]])
         revolution = self._is_revolution(known)
         kept = [self._worst(known[kind]) for kind in (revolution, ~revolution)]
         missed += len(known) - sum(len(kind) for kind in kept)
@@ -127,8 +127,8 @@ class PassageList:
             stays = bound & (farthest < np.linalg.norm(heavier, axis=1) * np.cbrt(share))
         return np.asarray(stays | (row == self._dominant) | (mate == self._dominant))
 
-    def _is_bold(self, passages: Array) -> NDArray[np.bool_]:
-        return np.asarray(passages[:, FASTEST2] > self._bold2 * passages[:, LEAST2])
+    def _is_fast(self, passages: Array) -> NDArray[np.bool_]:
+        return np.asarray(passages[:, FASTEST2] > self._rate2 * passages[:, LEAST2])
 
     def _worst(self, passages: Array) -> Array:
         if len(passages) <= self._room:

@@ -25,11 +25,11 @@ HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
 """The reach of a body, within which every flyby is listed and beyond which those of massless particles are not even
 recorded: Hill radii, or a share of the distance between the body and the dominant one, whichever is larger."""
 
-BOLD_PER_ORDER, LEAST_BOLD, MOST_BOLD = 0.05, 0.1, 0.8
+PASSAGE_ANGLE_PER_ORDER, LEAST_PASSAGE_ANGLE, LARGEST_PASSAGE_ANGLE = 0.05, 0.1, 0.8
 """The angle of a step from which on passages are listed wherever they are, for each order of a method, and its bounds:
 of Gauss with 8 stages 0.8, at which a flyby of the Earth gets 1 m wrong in a year, of orders up to 2 0.1."""
 
-KEENNESS = 0.65
+PERICENTRE_ANGLE_RATIO = 0.65
 """By this factor smaller for each order below 16 is the angle of a step from which on pericentres of eccentric orbits
 about the dominant body are listed: 0.8 for Gauss with 8 stages, 0.002 for methods of order 2."""
 
@@ -42,13 +42,16 @@ if TYPE_CHECKING:
 
 
 def thresholds(order: int) -> tuple[float, float, float]:
-    """Return `bold`, `mild` and `keen` (see `orbits.kernels.watch`) for a method of this order."""
-    bold = min(max(BOLD_PER_ORDER * order, LEAST_BOLD), MOST_BOLD)
-    return bold, _mild(order), MOST_BOLD * KEENNESS ** max(16 - order, 0)
+    """Return the limits that `orbits.kernels.watch` calls `passage_angle`, `least_eccentricity` and `pericentre_angle`,
+    for a method of this order.
+    """
+    passage_angle = min(max(PASSAGE_ANGLE_PER_ORDER * order, LEAST_PASSAGE_ANGLE), LARGEST_PASSAGE_ANGLE)
+    pericentre_angle = LARGEST_PASSAGE_ANGLE * PERICENTRE_ANGLE_RATIO ** max(16 - order, 0)
+    return passage_angle, _least_eccentricity(order), pericentre_angle
 
 
 @lru_cache(maxsize=64)
-def _mild(order: int) -> float:
+def _least_eccentricity(order: int) -> float:
     """Return the eccentricity at which speed / distance at the pericentre, to this power, is `USUAL` times that of the
     circle with the same period.
     """
@@ -73,7 +76,7 @@ class Watcher:
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
     stops, energy_bound : see `Marcher`
-    bold, mild, keen, times : see `orbits.kernels.watch`
+    passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
     tasks : how many tasks march particles at the same time
 
     contexts, lists : of the massive bodies, then of each task
@@ -88,9 +91,9 @@ class Watcher:
         v: Array,
         stops: Array | None,
         energy_bound: float | None,
-        bold: float,
-        mild: float,
-        keen: float,
+        passage_angle: float,
+        least_eccentricity: float,
+        pericentre_angle: float,
         times: Array,
         tasks: int = 0,
     ) -> None:
@@ -119,9 +122,9 @@ class Watcher:
             reaches=self.listed_within,
             stops=self._stops,
             hits=self._hits,
-            bold=bold,
-            mild=mild,
-            keen=keen,
+            passage_angle=passage_angle,
+            least_eccentricity=least_eccentricity,
+            pericentre_angle=pericentre_angle,
             times=times,
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
