@@ -1,7 +1,7 @@
-"""The fastest passage that is ahead of a system: what decides how long a step may be.
+"""The fastest passage ahead of a system, which determines how long a step may be.
 
-Each body is paired with the massive one that rules it at the moment, that of the largest GM/r^3, and their two-body
-orbit is followed to its pericentre, unless that lies beyond the time span.
+Each body is paired with the massive body that dominates its motion at the start, that of the largest GM/r^3, and their
+two-body orbit is followed to its pericentre, if that lies within the time span.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ TWO_PI = 2.0 * math.pi
 
 @kernel
 def fastest_passage(gm, softening, q, v, massive, span):
-    """Return what passes fastest within the time `span`, whose sign is the direction: (row, partner, distance, speed,
-    eccentricity, shortest period of any body); row -1 where there is no pair.
+    """Return the fastest passage within the time `span`, whose sign is the direction: (row, partner, distance, speed,
+    eccentricity, shortest period of any body); row -1 if there is no pair.
 
     gm : (n,); q, v : (n, 3); massive : indices of the bodies with GM > 0
     """
