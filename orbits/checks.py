@@ -45,7 +45,7 @@ def whole_number(value: Any, what: str, *, least: int = 1, most: int | None = No
 def single_number(value: Any, what: str) -> float:
     """Return a scalar as float. Raises InputError, naming it, for arrays, texts, flags, units and complex numbers."""
     try:
-        if isinstance(value, NOT_NUMBERS) or np.iscomplexobj(value) or has_unit(value):
+        if value is None or isinstance(value, NOT_NUMBERS) or np.iscomplexobj(value) or has_unit(value):
             raise TypeError
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -36,7 +36,7 @@ def test_no_file_imports_its_way_back_to_itself(files):
 
 
 def test_imports_inside_functions_count_and_a_circle_of_many_files_is_seen(files):
-    assert "orbits.propagation.binding" in files["orbits.propagation.replay"]  # imported inside a function
+    assert "orbits.propagation.marchers" in files["orbits.propagation.replay"]  # imported inside a function
     closed = {**files, "orbits.kernels.summation": files["orbits.kernels.summation"] | {"orbits.scenario.command"}}
     assert {"orbits.kernels.summation", "orbits.scenario.command"} <= set(circle(closed))
 

@@ -1,6 +1,6 @@
-"""What acts beside the first term of a sum: its other terms, and forces without a Lagrangian.
+"""The other terms of a sum, and forces without a Lagrangian.
 
-A `SumTag` may hold forces too; their parameter vectors then follow those of the terms. What is not there adds nothing.
+A `SumTag` can contain forces too; their parameter vectors then follow those of the terms. Missing parts add nothing.
 """
 
 from __future__ import annotations
@@ -27,11 +27,13 @@ from orbits.kernels.lanes import full, get, load, put, store, total
 from orbits.kernels.summation import add_compensated
 
 FIGURES = 7
-"""What is accounted of a force: its work, its torque about the origin (3) and its impulse (3), times G."""
+"""The time integrals kept of a force: its work, its torque about the origin (3) and its impulse (3), times G."""
 
 
 def acted_on(tag: Tag, parameters: Any, forces: Sequence[Any]) -> tuple[Tag, tuple[Any, ...]]:
-    """Return the tag of a Lagrangian as a sum with forces, each with its `tag` and `parameters`, and the parameters."""
+    """Return the tag of the sum of a Lagrangian and forces, each with its `tag` and `parameters`, and its
+    parameters.
+    """
     terms = tag.terms if isinstance(tag, SumTag) else (tag,)
     vectors = parameters if isinstance(parameters, tuple) else (parameters,)
     return SumTag(terms, [force.tag for force in forces]), (*vectors, *(force.parameters for force in forces))
@@ -44,7 +46,9 @@ def forces_of(typingctx, tags):
 
 
 def add_terms(lagrangian, parameters, t, q, v, f, p):
-    """Add dL/dq and dL/dv of all terms but the first to f and p; vectors, or rows of eight stages with t in `Lanes`."""
+    """Add dL/dq and dL/dv of all terms except the first to f and p; vectors, or rows of eight stages with t in
+    `Lanes`.
+    """
     raise NotImplementedError("add_terms() is for compiled code only")
 
 
@@ -77,7 +81,7 @@ def _add_acting(lagrangian, parameters, t, q, v, f):
 
 
 def particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity):
-    """Return what all terms but the first add to dL/dx and dL/dv of a massless particle, six numbers."""
+    """Return the contributions of all terms except the first to dL/dx and dL/dv of a massless particle, six numbers."""
     raise NotImplementedError("particle_terms() is for compiled code only")
 
 
@@ -99,7 +103,7 @@ def _particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity)
 
 
 def particle_acting(lagrangian, parameters, t, particle, sources, speeds, place, velocity):
-    """Return the forces on a unit of mass of massless particle number `particle`, three numbers."""
+    """Return the force per unit mass on massless particle number `particle`, three numbers."""
     raise NotImplementedError("particle_acting() is for compiled code only")
 
 
@@ -122,10 +126,11 @@ def _particle_acting(lagrangian, parameters, t, particle, sources, speeds, place
 
 
 def account(lagrangian, parameters, t, weights, Q, V, rows, books):
-    """Add what each force of a sum did to the massive bodies in a step to its two rows of `books`.
+    """Add the work, torque and impulse of each force of a sum on the massive bodies in a step to its two rows of
+    `books`.
 
     t, weights : times of the stages and h b, `Lanes`; Q, V : (3n, 8) positions and velocities of the stages
-    rows : (3n, 8), free to use; books : (2 forces, 8), for each `FIGURES`, and their low parts
+    rows : (3n, 8), workspace; books : (2 forces, 8), for each force its `FIGURES` and their low parts
     """
     raise NotImplementedError("account() is for compiled code only")
 

@@ -1,11 +1,11 @@
 """The search for closest approaches in the states at the beginning of each step of a block.
 
-Between two states that are close in time, the relative motion of a pair is a cubic Hermite polynomial; where its
-distance stops falling lies a closest approach. A pair is looked at often enough for neither its distance nor its
-direction to change much in between, and what was found is narrowed down to the step where it is: where the steps
-resolve the passages, a record depends on the states alone, not on when they were looked at.
+Between two states that are close in time, the relative motion of a pair is approximated by a cubic Hermite polynomial;
+a closest approach is where its distance stops falling. A pair is sampled often enough that neither its distance nor its
+direction changes much in between, and an approach is then located in a single step: if the steps resolve the passages,
+the record depends on the states alone, not on the sampling.
 
-Eight pairs are looked at together: one body, and eight massive bodies or eight particles.
+Eight pairs are sampled together: one body, and eight massive bodies or eight particles.
 """
 
 from __future__ import annotations
@@ -20,29 +20,30 @@ from orbits.kernels.paths import hermite, steps_between
 from orbits.kernels.watch import flat, no_particles, watch_at
 
 FRACTION = 0.8
-"""How much of the time in which a pair's speed or acceleration covers its distance may pass between two looks."""
+"""The longest time between two samples, as a fraction of the time in which the relative speed or acceleration of a pair
+covers its distance."""
 
 MARGIN = 1.05
-"""By how much the apsides of a particle may move within a block."""
+"""The factor by which the apsides of a particle may change within a block."""
 
-CROWD = 64
-"""Bodies from which on pairs that stay far apart are told beforehand."""
+MANY_BODIES = 64
+"""The number of bodies from which on pairs that stay far apart are excluded beforehand."""
 
 DETOUR = 1.25
-"""How much faster than at the looks a body may be in between."""
+"""The factor by which a body may be faster between samples than at them."""
 
 SLACK = 0.995
-"""How much smaller than estimated an approach may turn out."""
+"""The factor by which an approach may be closer than estimated (in squared distance)."""
 
 CAUTION = 0.5
-"""The share of a limit at which a passage is looked at closely, its speed and distance being only estimated."""
+"""The fraction of a limit above which a passage, whose speed and distance are only estimated, is examined closely."""
 
 MANY = 1e18
 
 
 @kernel(inline=True)
 def _estimate(h, before, now, x0, y0, z0, u0, v0, w0, x1, y1, z1, u1, v1, w1):
-    """Return the squared least distance between two looks that are h apart, by two secants; `before` < 0 <= `now`."""
+    """Return the least squared distance between two samples that are h apart, by two secants; `before` < 0 <= `now`."""
     s = before / (before - now)
     x, u, _ = hermite(s, h, x0, u0, x1, u1)
     y, v, _ = hermite(s, h, y0, v0, y1, v1)
@@ -56,19 +57,19 @@ def _estimate(h, before, now, x0, y0, z0, u0, v0, w0, x1, y1, z1, u1, v1, w1):
 
 
 @kernel(inline=True)
-def _is_near_or_fast(bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
-    """Return for eight pairs, of which the velocities at two looks and an estimate of the squared least distance are
-    known, whether the passage may be one for the list.
+def _is_near_or_fast(passage_angle, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
+    """Return for eight pairs whether the passage may have to be listed, from the velocities at two samples and an
+    estimate of the least squared distance.
     """
     speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
-    angle = CAUTION * bold
+    angle = CAUTION * passage_angle
     return (h * h * speed2 > angle * angle * SLACK * d2) + (SLACK * d2 < reach * reach)
 
 
 @kernel(inline=True)
 def _is_sharp(watch, h, x, y, z, u, v, w):
-    """Return for eight pairs with the dominant body whether the osculating orbit is eccentric, its pericentre one for
-    the list. (Between looks that are several steps apart, a sharp one makes a polynomial useless.)
+    """Return for eight pairs with the dominant body whether the osculating orbit is eccentric, and its pericentre may
+    have to be listed. (Over several steps, a polynomial does not describe such a pericentre.)
     """
     cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
     swept2 = cx * cx + cy * cy + cz * cz
@@ -76,17 +77,19 @@ def _is_sharp(watch, h, x, y, z, u, v, w):
     inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
     e2 = 1.0 - parameter * inverse_a
     least = parameter / (1.0 + sqrt(maximum(e2, full(0.0))))
-    least2, angle, mild = least * least, CAUTION * watch.keen, CAUTION * watch.mild
-    return (e2 > mild * mild) * (h * h * swept2 > angle * angle * least2 * least2)
+    least2, angle, least_e = least * least, CAUTION * watch.pericentre_angle, CAUTION * watch.least_eccentricity
+    return (e2 > least_e * least_e) * (h * h * swept2 > angle * angle * least2 * least2)
 
 
 @kernel(inline=True)
 def _steps_until(watch, valid, place, velocity, change, h, k, steps):
-    """Return after how many steps to look again at pairs whose velocities change by `change` in step k of a block."""
+    """Return the number of steps to the next sample of pairs whose velocities change by `change` in step k of a
+    block.
+    """
     (x, y, z), (u, v, w), (du, dv, dw) = place, velocity, change
     h = h * steps_between(watch, h, k, k + 1)
     r2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
-    # distance / speed, or what it takes the acceleration to cover the distance, whichever is shorter
+    # distance / speed, or the time in which the acceleration covers the distance, whichever is shorter
     fall = sqrt(r2 * (du * du + dv * dv + dw * dw)) / abs(h)
     time2 = -largest(select(valid > 0.0, -r2 / (maximum(speed2, fall) + 1e-300 * r2), full(-MANY)))
     count = FRACTION * math.sqrt(time2) / abs(h)
@@ -101,12 +104,12 @@ def _steps_until(watch, valid, place, velocity, change, h, k, steps):
 
 @kernel
 def longest_way(context, h, steps):
-    """Return more than any body travels in a block of `steps` steps of h, or in a step divided by the bold angle; for
-    a few bodies, no bound: it costs more than what it saves.
+    """Return an upper bound of the distance that any body travels in a block of `steps` steps of h, or in a step
+    divided by the passage angle. For few bodies it is infinite: computing a bound would cost more than it saves.
     """
     watch = watch_at(context)
     n, P, path = watch.bodies, watch.stride, watch.path
-    if n < CROWD:
+    if n < MANY_BODIES:
         return math.inf
     fastest2 = 0.0
     for step in range(steps + 1):
@@ -114,18 +117,18 @@ def longest_way(context, h, steps):
         for i in range(n):
             u, v, w = path[first + i], path[first + n + i], path[first + 2 * n + i]
             fastest2 = max(fastest2, u * u + v * v + w * w)
-    return DETOUR * abs(h) * max(steps_between(watch, h, 0, steps), 1.0 / watch.bold) * math.sqrt(fastest2)
+    return DETOUR * abs(h) * max(steps_between(watch, h, 0, steps), 1.0 / watch.passage_angle) * math.sqrt(fastest2)
 
 
 @kernel
 def search(context, track, h, steps, j, row, valid):
-    """Look for closest approaches between body j and eight rows from `row` on, those whose lane is 1 in `valid`.
+    """Search for closest approaches of body j with those of the eight rows from `row` on whose lane is 1 in `valid`.
 
-    The rows are massive bodies behind j, or the particles whose states are in `track`.
+    The rows are massive bodies after j, or the particles whose states are in `track`.
     """
     watch = watch_at(context)
     n, P, path, record, dominant = watch.bodies, watch.stride, watch.path, watch.record, watch.dominant
-    # Where x of the rows is, how far y and z, the velocities and the next step are behind it.
+    # The index of x of the rows, and the offsets of y and z, of the velocities and of the next step.
     states, begin, spacing, half, stride = path, row, n, P, 2 * P
     if row >= n:
         states, begin, spacing, half, stride = flat(track), 0, WIDTH, 3 * WIDTH, 6 * WIDTH
@@ -133,7 +136,7 @@ def search(context, track, h, steps, j, row, valid):
     if row < n:
         reach = maximum(load(watch.reaches, row), reach)
     column = DOMINANT if j == dominant else OTHER
-    ruled = j == dominant or row <= dominant < row + WIDTH
+    central = j == dominant or row <= dominant < row + WIDTH
     k = last = 0
     before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
     while True:
@@ -161,10 +164,12 @@ def search(context, track, h, steps, j, row, valid):
                 known = load(record[DISTANCE2, column], row)
             else:
                 known = full(watch.annuli[j, REACH] * watch.annuli[j, REACH])
-            wanted = (SLACK * d2 < known) + _is_near_or_fast(watch.bold, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w)
+            wanted = (SLACK * d2 < known) + _is_near_or_fast(
+                watch.passage_angle, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w
+            )
             if k - last > 1 and dominant < 0:
                 wanted = full(1.0)
-            elif ruled:
+            elif central:
                 wanted = wanted + _is_sharp(watch, h, x0, y0, z0, u0, v0, w0)
             turned = turned * wanted
             for i in range(WIDTH):
@@ -184,7 +189,7 @@ def search(context, track, h, steps, j, row, valid):
 
 @kernel
 def follow_bodies(context, h, steps):
-    """Look for closest approaches among the massive bodies in a block of `steps` steps of h."""
+    """Search for closest approaches among the massive bodies in a block of `steps` steps of h."""
     watch = watch_at(context)
     if watch.first == 0:
         note_rows(context, 0, watch.bodies)
@@ -195,7 +200,9 @@ def follow_bodies(context, h, steps):
 
 @kernel
 def follow_row(context, h, steps, way, i):
-    """Look at body i and those behind it; `way` is more than any body travels."""
+    """Search among the pairs of body i with those after it; `way` is an upper bound of the distance any body
+    travels.
+    """
     watch = watch_at(context)
     n, path, reaches = watch.bodies, watch.path, watch.reaches
     closest = watch.record[DISTANCE2, OTHER]
@@ -204,8 +211,8 @@ def follow_row(context, h, steps, way, i):
         for j in range(n, start + WIDTH):
             valid = valid - unit(j - start)
         if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
-            # Bodies that stay farther apart in this block than both have already been from another, and than any
-            # reach, are not looked at: two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
+            # Pairs that stay farther apart in this block than their closest approaches so far, and than their reaches,
+            # are skipped: two bodies approach by at most twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
             x, y, z = (
                 load(path, start) - path[i],
                 load(path, n + start) - path[n + i],
@@ -220,8 +227,8 @@ def follow_row(context, h, steps, way, i):
 
 @kernel
 def follow_particles(context, track, h, steps, start, stop):
-    """Look for closest approaches of particles start ... start + 7, those below `stop`, whose states are in `track`,
-    except where x is NaN; then, where there are conditions, whether one is met.
+    """Search for closest approaches of particles start ... start + 7, if below `stop`, whose states are in `track`;
+    those whose x is NaN are skipped. Then call the observer of conditions, if there is one.
 
     track : (6 (steps + 1), 8), x, y, z and their velocities at the beginning of each step and at the end
     """

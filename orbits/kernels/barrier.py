@@ -1,7 +1,7 @@
-"""Threads that go through one compiled loop together: where they wait for each other, and how they share work.
+"""Threads that run one compiled loop together: how they synchronize and divide the work.
 
-The counters are an int64 vector of `COUNTERS` elements, all 0 when the loop begins. They are changed and read as
-atoms, and what a thread wrote before a meeting, all threads read after it.
+The counters are an int64 vector of `COUNTERS` elements, all 0 when the loop begins. They are read and changed
+atomically, and everything written before a meeting is visible to all threads after it.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes.type import element_pointer
 
 ARRIVED, CLAIMED, ABANDONED = 0, 8, 16
-"""Places of the counters, each in a line of the processor's cache of its own."""
+"""Indices of the counters, each in a cache line of its own."""
 
 COUNTERS = 24
 
 PIECE = 64
-"""Bodies whose accelerations a thread takes at once: whole pairs of registers."""
+"""Number of bodies whose accelerations a thread computes at a time: whole pairs of registers."""
 
 SPINS = 2000
-"""How often a thread looks whether the others have come, before it lets another program have the processor."""
+"""How often a thread checks for the others before it yields the processor."""
 
 
 class Barrier(NamedTuple):
-    """Where threads meet.
+    """The meeting point of threads.
 
-    counters : (COUNTERS,) int64, of all threads together
-    threads : how many there are
-    rounds : (1,) int64, how often this thread has shared out accelerations
+    counters : (COUNTERS,) int64, shared by all threads
+    threads : the number of threads
+    rounds : (1,) int64, the number of shared evaluations of this thread so far
     """
 
     counters: Any
@@ -48,7 +48,7 @@ _YIELD = "SwitchToThread" if sys.platform == "win32" else "sched_yield"
 
 @intrinsic
 def _add(typingctx, counters, place):
-    """Add one to a counter; return what it was."""
+    """Add one to a counter; return its previous value."""
 
     def codegen(context, builder, sig, args):
         pointer = _pointer(context, builder, sig, args)
@@ -59,7 +59,7 @@ def _add(typingctx, counters, place):
 
 @intrinsic
 def _read(typingctx, counters, place):
-    """Return a counter as it is now."""
+    """Return the current value of a counter."""
 
     def codegen(context, builder, sig, args):
         return builder.load_atomic(_pointer(context, builder, sig, args), "seq_cst", 8)
@@ -69,7 +69,7 @@ def _read(typingctx, counters, place):
 
 @intrinsic
 def _give_way(typingctx):
-    """Let another thread or program have the processor."""
+    """Yield the processor to another thread or program."""
 
     def codegen(context, builder, sig, args):
         function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(ir.IntType(32), []), _YIELD)
@@ -86,7 +86,7 @@ def _pointer(context, builder, sig, args):
 
 @kernel
 def meet(counters, threads, meeting):
-    """Wait until all threads have come to a meeting; the first one is number 1."""
+    """Wait until all threads have arrived at a meeting; the first meeting has number 1."""
     _add(counters, ARRIVED)
     looks = 0
     while _read(counters, ARRIVED) < threads * meeting and _read(counters, ABANDONED) == 0:
@@ -97,16 +97,17 @@ def meet(counters, threads, meeting):
 
 @kernel
 def claim(counters, threads, round_, count):
-    """Return the next of the pieces 0 ... count - 1 of a round, or `count` when all are taken.
+    """Return the next of the pieces 0 ... count - 1 of a round, or `count` if all are taken.
 
-    Each thread asks until it is told so, once, before it goes to a meeting; rounds count from 0 and are of one size.
+    Each thread must receive `count` exactly once before it goes to a meeting; rounds are numbered from 0 and have equal
+    sizes.
     """
     piece = _add(counters, CLAIMED) - round_ * (count + threads)
     return piece if 0 <= piece < count else count
 
 
 def accelerate_shared(share, model, q, g):
-    """Write the accelerations of all bodies: a thread alone by itself, one of several with the others."""
+    """Write the accelerations of all bodies, by one thread, or by several together."""
     raise NotImplementedError("accelerate_shared() is for compiled code only")
 
 
@@ -119,7 +120,7 @@ def _accelerate_shared(share, model, q, g):
 
 @kernel
 def accelerate_together(barrier, model, q, g):
-    """Write the accelerations of all bodies, each thread those of the pieces that it claims."""
+    """Write the accelerations of all bodies; each thread computes the pieces that it claims."""
     n = bodies(model.tag, model.parameters)
     pieces = (n + PIECE - 1) // PIECE
     round_ = barrier.rounds[0]

@@ -1,12 +1,12 @@
 """How a compiled integrator finds the kernels of a Lagrangian.
 
-A Lagrangian enters compiled code as a tag: a value without content whose *type* names the Lagrangian. Each function
+A Lagrangian enters compiled code as a tag: an empty value whose *type* names the Lagrangian. Each function
 below is resolved at compile time to the kernel that the Lagrangian registered under that name. (A kernel passed as an
 argument would never hit Numba's disk cache; a tag does.)
 
 A Lagrangian of bodies may be a sum of terms: a `SumTag`, with a tuple of parameter vectors, one for each term. The
-first term has kernels as every Lagrangian does, and writes; the others add to that (see `orbits.lagrangians.terms`).
-Compiled code that calls the functions below does not see the difference.
+first term has the kernels of a Lagrangian, and writes; the others add to that (see `orbits.lagrangians.terms`).
+Compiled code calls the functions below in the same way for both.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from numba.extending import NativeValue, intrinsic, overload, register_model, ty
 _KERNELS: dict[str, Mapping[str, Any]] = {}
 
 OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
-"""How what only leads to a kernel is compiled: into its caller. As functions of their own, they would pass registers
-through memory.
+"""Options for functions that only lead to a kernel: they are inlined into their caller. As separate functions they
+would pass registers through memory.
 """
 
 
 class Tag:
-    """The compiled face of a Lagrangian.
+    """A Lagrangian as compiled code sees it.
 
-    name : unique; where the kernels may change under the same name, it must hold a hash of their source
-    kernels : what it provides, by the names of the functions of this module
+    name : unique; if the kernels may change under the same name, it must contain a hash of their source
+    kernels : its kernels, by the names of the functions of this module
     """
 
     def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
@@ -47,9 +47,9 @@ class Tag:
 
 
 class SumTag(Tag):
-    """The compiled face of a sum of terms: the first writes, the others add.
+    """A sum of terms as compiled code sees it: the first writes, the others add.
 
-    forces : those without a Lagrangian that act beside it (see `orbits.kernels.acting`)
+    forces : the forces without a Lagrangian (see `orbits.kernels.acting`)
     """
 
     def __init__(self, terms: Sequence[Tag], forces: Sequence[Tag] = ()) -> None:
@@ -109,7 +109,8 @@ def other_terms(typingctx, tags):
 
 
 def adding(name):
-    """Return what calls the kernel of that name of each term of a sum that adds to its last arguments.
+    """Return a function that calls the kernel of that name of each term of a sum; the kernels add to their last
+    arguments.
 
     The kernels' arguments are the strengths of the bodies (the first term's parameters), the term's own, and the rest.
     """
@@ -135,7 +136,9 @@ def adding(name):
 
 
 def totalling(name, count):
-    """Return what returns the sum of the `count` numbers that the kernel of that name of each term of a sum returns."""
+    """Return a function that sums, over the terms of a sum, the `count` numbers that the kernel of that name
+    returns.
+    """
 
     def total(tags, strength, parameters, *rest):
         raise NotImplementedError("this is for compiled code only")
@@ -162,7 +165,7 @@ def totalling(name, count):
 
 
 def plus(a, b):
-    """Return the sum of two tuples, number by number."""
+    """Return the elementwise sum of two tuples."""
     raise NotImplementedError("plus() is for compiled code only")
 
 
@@ -202,7 +205,9 @@ def _dimension(lagrangian, parameters):
 
 
 def bodies(lagrangian, parameters):
-    """Return the number of bodies of three coordinates each, all x first; 0 where coordinates do not form bodies."""
+    """Return the number of bodies of three coordinates each, all x first; 0 if the coordinates are not those of
+    bodies.
+    """
     raise NotImplementedError("bodies() is for compiled code only")
 
 
@@ -288,8 +293,8 @@ def _accelerate(lagrangian, parameters, q, out):
 
 
 def accelerate_close(lagrangian, parameters, q, q_lo, out):
-    """As `accelerate` for rows of eight stages, for positions (q, q_lo) of doubled precision; without a kernel for
-    that, q alone counts.
+    """As `accelerate` for rows of eight stages, with positions (q, q_lo) in doubled precision; without a kernel for
+    that, only q is used.
     """
     raise NotImplementedError("accelerate_close() is for compiled code only")
 
@@ -311,7 +316,7 @@ def _accelerate_close(lagrangian, parameters, q, q_lo, out):
 
 
 def dynamical_rate(lagrangian, parameters, q, v):
-    """Return the square of the rate at which something happens where most does, and its change in time."""
+    """Return the square of the largest dynamical rate, 1 / (dynamical time)^2, and its time derivative."""
     raise NotImplementedError("dynamical_rate() is for compiled code only")
 
 
@@ -324,7 +329,9 @@ def _dynamical_rate(lagrangian, parameters, q, v):
 
 
 def accelerate_some(lagrangian, parameters, q, out, start, stop):
-    """Write what `accelerate` would, bit for bit, of bodies start ... stop - 1 only, start being a multiple of 8."""
+    """Write the accelerations of bodies start ... stop - 1 only, bit for bit as `accelerate`; start is a multiple of
+    8.
+    """
     raise NotImplementedError("accelerate_some() is for compiled code only")
 
 
@@ -361,7 +368,7 @@ def _field(lagrangian, parameters, sources, x, y, z):
 
 
 def particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):
-    """Return (dL/dx, dL/dv), six numbers, of a massless particle's Lagrangian for a unit of mass.
+    """Return (dL/dx, dL/dv), six numbers, of the Lagrangian of a massless particle per unit mass.
 
     sources, speeds : positions and velocities of the massive bodies, (3n,) or (3n, 8), at the time t
     place, velocity : (x, y, z) and (vx, vy, vz) of the particle; float64 or `Lanes`
@@ -389,11 +396,11 @@ def _particle_gradients(lagrangian, parameters, t, sources, speeds, place, veloc
 
 
 add_forces = adding("force")
-"""add_forces(tags, strength, parameters, t, q, v, f): add the forces without a Lagrangian to f, times G as dL/dq is;
+"""add_forces(tags, strength, parameters, t, q, v, f): add the forces without a Lagrangian, times G like dL/dq, to f;
 vectors, or rows of eight stages.
 """
 
 total_particle_force = totalling("particle_force", 3)
 """total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity): return
-(fx, fy, fz) on a unit of mass of massless particle number `particle`, or of eight from that on in lanes.
+(fx, fy, fz) per unit mass on massless particle number `particle`, or on eight from that on in lanes.
 """

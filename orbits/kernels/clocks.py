@@ -1,15 +1,15 @@
-"""The contract of a clock: when the steps of a march are, and how long.
+"""The contract of a clock: the times and lengths of the steps of a march.
 
-A clock enters compiled code as a tag, as a method does (see `orbits.kernels.steps`), with a vector of numbers: all that
-it knows. Each function below is resolved at compile time to the clock's own:
+A clock enters compiled code as a tag, like a method (see `orbits.kernels.steps`), with a vector of numbers: its state.
+Each function below is resolved at compile time to the clock's own:
 
     step_of(clock, k) -> (t, h)
-        when step k of a block begins, and how long it is; of a clock that chooses, once the step is taken
+        the time at which step k of a block begins, and its length; for a clock that chooses, after the step is taken
     take_step(clock, method, model, k, state, storage) -> (status, where, evaluations)
-        step k of a block: chosen, taken by the method and, where the clock refuses it, taken again. The status is that
-        of the last one, `BEYOND` where it would lead past what the march is bound for, `TOO_SHORT` where it vanishes
+        chooses step k of a block, lets the method take it, and repeats it if the clock rejects it. The status is that
+        of the last attempt; `BEYOND` if the step would pass the goal of the march, `TOO_SHORT` if its length vanishes
 
-Python makes clocks of `orbits.marching.clocks`.
+In Python, clocks are the classes of `orbits.marching.clocks`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from orbits.kernels.steps import step
 
 
 class Clock(NamedTuple):
-    """When steps are: the tag of a kind of clock, what it knows, in a vector, and a vector that it is free to use."""
+    """A clock: the tag of its kind, the vector of its state, and a vector of workspace."""
 
     tag: Any
     numbers: Any
@@ -32,7 +32,7 @@ class Clock(NamedTuple):
 
 
 def step_of(clock, k):
-    """Return when step k of a block begins, and how long it is."""
+    """Return the time at which step k of a block begins, and its length."""
     raise NotImplementedError("step_of() is for compiled code only")
 
 
@@ -56,19 +56,19 @@ def _take_step(clock, method, model, k, state, storage):
 
 
 START, FIRST, LENGTH = 0, 1, 2
-"""The numbers of constant steps: when the march began, how many steps it has taken, and the length of a step."""
+"""The state of constant steps: the start of the march, the number of steps taken, and the length of a step."""
 
 
 @kernel(inline=True)
 def constant_step_of(clock, k):
-    """Return t = start + (first + k) h and h: no error of summation grows with the steps."""
+    """Return t = start + (first + k) h, and h: no rounding errors accumulate over the steps."""
     h = clock.numbers[LENGTH]
     return clock.numbers[START] + (clock.numbers[FIRST] + k) * h, h
 
 
 @kernel(inline=True)
 def take_constant_step(clock, method, model, k, state, storage):
-    """Take a step; none is refused."""
+    """Take a step; none is rejected."""
     t, h = constant_step_of(clock, k)
     return step(method, model, t, h, state, storage)
 

@@ -1,6 +1,6 @@
 """`@kernel`, the only way this package compiles a function.
 
-What makes a cached entry stale is in `stamp.py`, and what is checked before it is used in `keeping.py`.
+`stamp.py` decides when a cached entry is stale, and `keeping.py` checks entries before they are used.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
     """Compile `function` with Numba: no GIL, cached on disk, a*b + c fused, nothing else relaxed.
 
     inline : copy the body into every caller (for the few lines inside an inner loop)
-    exact : do not even fuse; for error-free transformations
+    exact : without fusing; for error-free transformations
 
-    A kernel writes into arrays that it is given: one that allocates raises InputError when it is compiled.
+    A kernel writes into arrays that are passed to it: one that allocates raises InputError when it is compiled.
     """
 
     def compile_function(function: Callable) -> Kernel:
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": inline}
         options["fastmath"] = set() if exact else {"contract"}
-        # What is typed into a session has no file to keep a cache for, except where IPython makes one.
+        # Code typed into a session has no file to keep a cache for, unless IPython makes one.
         kept = Path(inspect.getfile(function)).is_file() or function.__code__.co_filename.startswith("<ipython")
         return Kernel(function, options, source_stamp() if kept else None)
 

@@ -1,13 +1,14 @@
-"""What `@kernel` makes of a function: Numba's dispatcher with four habits of its own.
+"""The result of `@kernel`: Numba's dispatcher with four differences.
 
-* It compiles for compiled callers without the wrapper through which Python calls: that wrapper costs a fifth of the
-  time that compiling takes, and most kernels are never called from Python. Those that are get an entry of their own.
-* It compiles without Numba's runtime (`_nrt`): no reference counts, and no memory to allocate.
-* What it compiles calls nothing outside its own library, so that the same input gives the same bits in whatever order
-  code was compiled or loaded (see `library.py`).
-* It says what is wrong in words where a kernel allocates.
+* For compiled callers it compiles without the wrapper for calls from Python: that wrapper takes a fifth of the compile
+  time, and most kernels are never called from Python. Those that are get a separate entry point.
+* It compiles without Numba's runtime (`_nrt`): no reference counts, no allocation.
+* Compiled code calls nothing outside its own library, so that the same input gives the same bits, in whatever order
+    code
+  was compiled or loaded (see `library.py`).
+* If a kernel allocates, the error message says where.
 
-Private to Numba, as the cache; pyproject.toml pins the range in which tests have seen it work.
+It uses private parts of Numba, as the cache does; pyproject.toml pins the tested range of versions.
 """
 
 from __future__ import annotations
@@ -33,16 +34,16 @@ from orbits.kernels.library import CalleeCompiler, KernelCompiler
 from orbits.kernels.stamp import is_covered
 
 NEEDS_RUNTIME = ("NRT required but not enabled", "Only accept returning of array passed into the function")
-"""What Numba says when a function allocates that is compiled without a runtime to allocate with."""
+"""Numba's messages for a function that allocates but is compiled without the runtime."""
 
 
 class _Compiled(CPUDispatcher):
-    """A function and what was compiled of it, one entry for each signature.
+    """A function and its compiled versions, one for each signature.
 
-    options : Numba's
-    stamp : what cached code belongs to; None where nothing can be cached
-    purpose : a word that tells its cache from others of the same function
-    compiler : what compiles it
+    options : Numba's options
+    stamp : text that identifies the sources of cached code; None if nothing can be cached
+    purpose : a word that distinguishes its cache from others of the same function
+    compiler : the class of the compiler
     """
 
     def __init__(
@@ -56,18 +57,18 @@ class _Compiled(CPUDispatcher):
         target = {"nopython": True, "_nrt": False, "no_cfunc_wrapper": True, **options}
         super().__init__(function, targetoptions=target, pipeline_class=compiler)
         self._options, self._stamp, self._purpose = options, stamp, purpose
-        # The size and time of a file of somebody else's must be those that it had when it was read.
+        # For files outside the package, size and time must be those when the file was read.
         self._covered = is_covered(inspect.getfile(function))
         if not self._covered and stamp is not None:
             self._cache = self.cache
 
     @cached_property
     def cache(self) -> KernelCache:
-        """Where compiled code is kept."""
+        """The cache of the compiled code."""
         return KernelCache(self.py_func, str(self._stamp), covered=self._covered, purpose=self._purpose)
 
     def compile(self, signature: Any) -> Any:
-        """Compile for a signature, or find it compiled. Raises InputError where the function allocates."""
+        """Compile for a signature, unless already compiled. Raises InputError if the function allocates."""
         if self._stamp is not None:
             self._cache = self.cache
         try:
@@ -80,7 +81,7 @@ class _Compiled(CPUDispatcher):
 
 
 class Kernel(_Compiled):
-    """A kernel as Python calls it; compiled code that calls it has `callee` compiled instead."""
+    """A kernel for calls from Python; for compiled callers, `callee` is compiled instead."""
 
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> None:
         super().__init__(function, options, stamp)
@@ -89,12 +90,12 @@ class Kernel(_Compiled):
 
     @cached_property
     def callee(self) -> _Compiled:
-        """The same function for compiled callers, which copy it. Calling it from Python would end the process."""
+        """The same function for compiled callers, which copy it. Calling it from Python would crash the process."""
         return self._without_entry("callee", CalleeCompiler)
 
     @cached_property
     def addressed(self) -> _Compiled:
-        """The same function for those that call it by its address. Calling it from Python would end the process."""
+        """The same function for calls by address. Calling it from Python would crash the process."""
         return self._without_entry("addressed", KernelCompiler)
 
     def _without_entry(self, purpose: str, compiler: type[KernelCompiler]) -> _Compiled:
@@ -109,16 +110,16 @@ class Kernel(_Compiled):
 
     @property
     def _numba_type_(self) -> Any:
-        """What compiled code takes this object for."""
+        """The Numba type of this object."""
         return types.Dispatcher(self.callee)
 
 
 @contextlib.contextmanager
 def _garbage_left() -> Iterator[None]:
-    """Leave garbage where it is until the end.
+    """Switch garbage collection off until the end.
 
-    Compiling makes millions of objects, most of which stay for a while: to look for garbage among them again and again
-    took a seventh of the time.
+    Compiling makes millions of objects, most of which live for a while: repeated garbage collection took a seventh of
+    the time.
     """
     collects = gc.isenabled()
     gc.disable()
@@ -130,7 +131,7 @@ def _garbage_left() -> Iterator[None]:
 
 
 def _allocates(function: Callable[..., Any], report: str) -> str:
-    """Say where a kernel allocates, from Numba's report, and what to do."""
+    """Return a message that says where a kernel allocates, from Numba's report, and what to do."""
     file = inspect.getfile(function)
     seen = re.findall(r"at (\S+) \((\d+)\)", report)
     places = [int(line) for path, line in seen if Path(path).name == Path(file).name]

@@ -1,12 +1,12 @@
-"""The record of closest approaches, and the list of the passages that a step may be too long for.
+"""The record of closest approaches, and the list of the passages for which a step may be too long.
 
-Rows of a record are the massive bodies, then the massless particles. Column 0 is the closest approach to the dominant
-body, column 1 that to any other; for a particle the one that is the smallest share of the reach of the partner.
+The rows of a record are the massive bodies, then the massless particles. Column 0 has the closest approach to the
+dominant body, column 1 the closest to any other body; for a particle, the smallest as a fraction of that body's reach.
 
-Beside the record stands a list of passages: all within the reach of a body that the dominant one rules, and all that a
-step may be too long for, each with the state at the beginning of the step where it is.
+The list of passages has all those within the reach of a body other than the dominant one, and all for which a step may
+be too long, each with the state at the beginning of its step.
 
-Where a pair is looked at, and when, is in `approach_search.py`.
+`approach_search.py` selects the pairs and the times at which they are sampled.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ QUANTITIES = 4
 DOMINANT, OTHER = 0, 1
 
 NEAR, FAR, REACH = 0, 1, 2
-"""Columns of `annuli`: the least and largest distance of a body from the dominant one in this block; how close to it
-a massless particle must come to be recorded."""
+"""Columns of `annuli`: the least and largest distance of a body from the dominant one in this block, and the distance
+within which passages of massless particles are recorded."""
 
 BLIND = 2.0
-"""Angle of a step from which on a passage is listed whatever its orbit: it may be a fall into the centre."""
+"""Angle of a step above which a passage is listed for any orbit: it may be a fall into the centre."""
 
 ROW, MATE, STEP, WHEN, LEAST2, FASTEST2, STATE, ABOUT = 0, 1, 2, 3, 4, 5, 6, 12
 COLUMNS = 18
-"""Columns of the list of passages: row, partner, step at whose beginning the state is, time in steps, squared distance
-and speed; then (from STATE on) position and velocity relative to the partner, and (from ABOUT on) to the dominant body.
+"""Columns of the list of passages: row, partner, step at the beginning of which the state is, time in steps, squared
+distance and speed; then (from STATE on) position and velocity relative to the partner, and (from ABOUT on) to the
+dominant body.
 """
 
 
 @kernel(inline=True)
 def _note(watch, row, j, d2, time, speed2):
-    """Enter the approach of a row to body j, if it is the closest of its kind so far."""
+    """Record the approach of a row to body j, if it is the closest of its kind so far."""
     record, annuli = watch.record, watch.annuli
     column = DOMINANT if j == watch.dominant else OTHER
     rank = d2
@@ -58,8 +59,8 @@ def _note(watch, row, j, d2, time, speed2):
 
 @kernel(inline=True)
 def _pericentre(watch, track, row, j, step):
-    """Return squared distance and speed at the pericentre of the osculating orbit about the dominant body, which is one
-    of the two.
+    """Return squared distance and speed at the pericentre of the osculating orbit of a pair that includes the dominant
+    body.
     """
     x, y, z, u, v, w = relative(watch, track, row, j, step)
     cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
@@ -72,14 +73,14 @@ def _pericentre(watch, track, row, j, step):
 
 @kernel(inline=True)
 def _is_listed(watch, row, j, h, d2, speed2):
-    """Return whether a passage goes into the list: one in the reach of a body, one that is fast for the step, or the
-    pericentre of an eccentric orbit about the dominant body.
+    """Return whether a passage is listed: within the reach of a body, too fast for the step, or at the pericentre of an
+    eccentric orbit about the dominant body.
     """
     angle2 = h * h * speed2 / max(d2, 1e-300)
     if watch.dominant >= 0 and (j == watch.dominant or row == watch.dominant):
-        sharp = math.sqrt(d2) * speed2 > (1.0 + watch.mild) * watch.mu and angle2 > watch.keen * watch.keen
-        return sharp or angle2 > BLIND * BLIND
-    if angle2 > watch.bold * watch.bold:
+        eccentric = math.sqrt(d2) * speed2 > (1.0 + watch.least_eccentricity) * watch.mu
+        return (eccentric and angle2 > watch.pericentre_angle * watch.pericentre_angle) or angle2 > BLIND * BLIND
+    if angle2 > watch.passage_angle * watch.passage_angle:
         return True
     if watch.dominant < 0:
         return False
@@ -91,7 +92,7 @@ def _is_listed(watch, row, j, h, d2, speed2):
 
 @kernel(inline=True)
 def _list(watch, track, row, j, begin, s, d2, speed2):
-    """Enter a passage into the list, if there is room."""
+    """Add a passage to the list, if there is room."""
     k = watch.listed[0]
     watch.listed[1] += 1
     if k >= watch.passages.shape[0]:
@@ -111,9 +112,10 @@ def _list(watch, track, row, j, begin, s, d2, speed2):
 
 @kernel
 def enter_passage(context, track, row, j, begin, end, h):
-    """Enter the closest approach of a row to body j that lies between two looks at them: in the step where it is.
+    """Locate the step of the closest approach of a row to body j between two samples of the pair, and record the
+    approach.
 
-    Where begin = end, enter how far the row is from body j at the beginning of that step.
+    If begin = end, record the distance at the beginning of that step.
     """
     watch = watch_at(context)
     both = row < watch.bodies and begin < end
@@ -131,7 +133,7 @@ def enter_passage(context, track, row, j, begin, end, h):
         h = h * steps_between(watch, h, begin, begin + 1)
         d2, s, speed2 = least_distance(watch, track, row, j, begin, h)
         if (j == watch.dominant or row == watch.dominant) and h * h * speed2 > d2:
-            # A step is too long here for a polynomial.
+            # Here a step is too long for the polynomial.
             d2, speed2 = _pericentre(watch, track, row, j, begin)
         if _is_listed(watch, row, j, h, d2, speed2):
             _list(watch, track, row, j, begin, s, d2, speed2)
@@ -142,7 +144,9 @@ def enter_passage(context, track, row, j, begin, end, h):
 
 @kernel
 def enter_record(record, other, rows):
-    """Enter into a record what is closer in another one; of two as close, that to the body of the lower number."""
+    """Merge another record into a record, keeping the closer approaches; of equal ones, that to the lower body
+    number.
+    """
     for column in range(record.shape[1]):
         for row in range(rows):
             old, new = record[DISTANCE2, column, row], other[DISTANCE2, column, row]
@@ -153,7 +157,9 @@ def enter_record(record, other, rows):
 
 @kernel
 def note_rows(context, start, stop):
-    """Enter how far massive bodies start ... stop - 1 are from the nearest and the dominant one when a block begins."""
+    """Record the distances of massive bodies start ... stop - 1 from the nearest and the dominant body at the
+    beginning.
+    """
     watch = watch_at(context)
     n, path, closest = watch.bodies, watch.path, watch.record[DISTANCE2, OTHER]
     for i in range(start, stop):
@@ -170,7 +176,7 @@ def note_rows(context, start, stop):
 
 @kernel
 def note_particle(context, track, row):
-    """Enter how far a particle is from all bodies when a block begins."""
+    """Record the distances of a particle from all bodies at the beginning of a block."""
     watch = watch_at(context)
     for j in range(watch.bodies):
         call_enter(watch.enter, context, track, row, j, 0, 0, 1.0)
@@ -178,7 +184,9 @@ def note_particle(context, track, row):
 
 @kernel
 def note_end(context, track, q, v, particles):
-    """Enter all distances where a run ends: the bodies' state is the first of `path`, q and v are the particles'."""
+    """Record all distances at the end of a run; the first state of `path` is the bodies', q and v are the
+    particles'.
+    """
     watch = watch_at(context)
     note_rows(context, 0, watch.bodies)
     for p in range(particles):

@@ -2,7 +2,7 @@
 
 Positions of n bodies are a vector of 3n coordinates, all x, then all y, then all z; in an (3n, 8) array each row holds
 one coordinate in eight lanes (the stages of an implicit step). `strength` is a vector of 1 + n numbers: the softening
-length squared, then GM of each body. Two bodies at one place give values that are not finite; callers look for them.
+length squared, then GM of each body. Two bodies at the same position give values that are not finite; callers check.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, get, load, put, rsqrt_cubed, select, sqrt, store_some, total, unit
 
 TILE = 128
-"""Partners summed apart, before their sum enters a body's."""
+"""Number of partners that are summed separately before their sum is added to a body's."""
 
 
 @kernel
@@ -29,9 +29,9 @@ def pair_accelerations(strength, q, out):
 
 @kernel
 def close_pair_accelerations(strength, q, q_lo, out):
-    """As `pair_accelerations`, for positions of doubled precision: what separates close bodies keeps its digits.
+    """As `pair_accelerations`, for positions in doubled precision: separations of close bodies keep their digits.
 
-    q_lo : of the shape of q, the low parts
+    q_lo : the low parts, with the shape of q
     """
     _add_pairs(strength, q, q_lo, out)
 
@@ -65,7 +65,7 @@ def _add_pairs(strength, q, q_lo, out):
 
 
 def _low(q_lo, k):
-    """Return a low part, None where there are none."""
+    """Return low part k, or None without low parts."""
     raise NotImplementedError("this is for compiled code only")
 
 
@@ -75,7 +75,7 @@ def _choose_low(q_lo, k):
 
 
 def _apart(q, q_lo, k, x, x_lo):
-    """Return coordinate k less (x, x_lo)."""
+    """Return coordinate k minus (x, x_lo)."""
     raise NotImplementedError("this is for compiled code only")
 
 
@@ -106,7 +106,7 @@ def attraction(strength, sources, x, y, z):
 def body_accelerations(strength, q, out):
     """Write the accelerations of n mutually attracting bodies into `out`, bodies in lanes.
 
-    q : (3n + 8,) float64, what stands behind 3n is read and of no account; out : (3n,) or longer
+    q : (3n + 8,) float64; elements from 3n on are read but do not matter; out : (3n,) or longer
     Both directions of a pair are evaluated, by the same arithmetic up to the sign.
     """
     share_of_accelerations(strength, q, out, 0, strength.shape[0] - 1)
@@ -116,7 +116,7 @@ def body_accelerations(strength, q, out):
 def share_of_accelerations(strength, q, out, start, stop):
     """Write the accelerations of bodies start ... stop - 1 into `out`, and nothing else.
 
-    start : a multiple of 8. A body's bits do not depend on the share that it is in: threads may divide the bodies.
+    start : a multiple of 8. The bits do not depend on start and stop, so that threads can divide the bodies.
     """
     for first in range(start, stop, 2 * WIDTH):
         if first + WIDTH < stop:
@@ -127,7 +127,7 @@ def share_of_accelerations(strength, q, out, start, stop):
 
 @kernel(inline=True)
 def _accelerate_eight(strength, q, out, first, stop):
-    """Write the accelerations of bodies first ... first + 7, those below `stop`."""
+    """Write the accelerations of bodies first ... first + 7, if below `stop`."""
     n = strength.shape[0] - 1
     softening2 = strength[0]
     x, y, z = load(q, first), load(q, n + first), load(q, 2 * n + first)
@@ -149,7 +149,7 @@ def _accelerate_eight(strength, q, out, first, stop):
 
 @kernel(inline=True)
 def _accelerate_sixteen(strength, q, out, first, stop):
-    """As `_accelerate_eight` for two registers: their chains of operations overlap, a partner is read once for both."""
+    """As `_accelerate_eight` for two registers: their instructions overlap, and each partner is read once for both."""
     n = strength.shape[0] - 1
     softening2 = strength[0]
     second = first + WIDTH
@@ -188,7 +188,7 @@ def _store_bodies(out, n, first, count, ax, ay, az):
 def dynamical_rate(strength, q, v):
     """Return S = sum over pairs of G (m_i + m_j) / (r_ij^2 + softening^2)^(3/2), and dS/dt.
 
-    q, v : (3n + 8,) float64. S^(-1/2) is the time in which something happens where most does.
+    q, v : (3n + 8,) float64. S^(-1/2) is the shortest dynamical time in the system.
     """
     n = strength.shape[0] - 1
     numbers = full(0.0)

@@ -1,8 +1,8 @@
 """Fixed-point iteration of the stages of an implicit step, to the round-off floor.
 
-No tolerance decides: a component is done when its largest change over the stages stops falling, or when the fall seen
-so far says that the next change will be lost in rounding. One more evaluation then follows, so that what the iteration
-leaves is far below one rounding error: a residual with a preferred sign would act like friction.
+No tolerance is used: a component is done when its largest change over the stages stops falling, or when the rate of
+convergence shows that the next change will be lost in rounding. One more evaluation then follows, so that the remaining
+residual is far below one rounding error: a residual with a preferred sign would act like friction.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import any_lane, load, maximum, minimum, row_maxima, store
 
 LIMIT = 200
-"""Evaluations after which a step is given up."""
+"""Number of evaluations after which a step fails."""
 
 PATIENCE = 8
-"""How often the change may fail to fall while it is still far above the floor."""
+"""How often the change may fail to decrease while it is still far above the floor."""
 
 LOST = 2.0**-53
-"""A change below this fraction of the largest stage value vanishes in rounding."""
+"""A change below this fraction of the largest stage value is lost in rounding."""
 
 FLOOR = 2.0**-50
 """For coordinates of any Lagrangian, a change below this fraction that has stopped falling is at the floor. A single
-change that does not fall says nothing: forces turn what is left of an error from one component into another.
+change that does not fall proves nothing: forces move the remaining error from one component to another.
 """
 
 TIGHT = 2.0**-46
@@ -38,8 +38,8 @@ the floor.
 
 @kernel
 def begin(change, history, blocks):
-    """Take the first stage values, stored in `change` as if they were changes from zero, as the scale of each
-    component.
+    """Set the scale of each component from the first stage values, stored in `change` as if they were changes from
+    zero.
     """
     for block in range(blocks):
         scale = row_maxima(change, 8 * block)
@@ -50,7 +50,7 @@ def begin(change, history, blocks):
 
 @kernel
 def falling(change, history, blocks):
-    """Return whether some component's largest change still falls, and not only within rounding.
+    """Return whether the largest change of some component is still falling, above the level of rounding.
 
     change : (8 * blocks, 8), |new - old| of each component (row) in each stage (lane)
     history : (3 * blocks, 8), one lane for each component: least change so far, last change, scale
@@ -97,8 +97,8 @@ def unsettled_coordinate(history, blocks, size, fraction, of_largest):
     """Return the first coordinate whose least change exceeds `fraction` of its own largest stage value and
     `of_largest` of the largest value of all; -1 if none does.
 
-    What is small against the others may lie in their rounding: a coordinate on which forces cancel never settles by
-    itself.
+    A coordinate that is small compared with the others may be within their rounding errors: if forces on it cancel, its
+    own changes never settle.
     """
     scale = 0.0
     for k in range(size):

@@ -1,12 +1,13 @@
-"""Compiled kernels on disk: Numba's cache, checked before anything of it is used.
+"""Compiled kernels on disk: Numba's cache, checked before any part of it is used.
 
-Numba unpickles and links whatever its files hold. A file cut short, zeroed or with one bit flipped (what a power cut or
-a bad disk leaves) then ends every later process, in a raw error or in a segmentation fault; one written by somebody
-else is executed. Here an index begins with a checksum of itself and names each data file by a checksum of what is in
-it, both are compared before anything is unpickled, and owner and mode of files and folders are looked at.
+Numba unpickles and links the contents of its files unchecked. A file that is truncated, zeroed or has one bit flipped
+(by a power cut or a bad disk) then crashes every later process, with a raw error or a segmentation fault; a file
+written by another user is executed. Here an index begins with its own checksum and names each data file by a checksum
+of its contents; both are compared before anything is unpickled, and the owner and mode of files and folders are
+checked.
 
-Entries belong to a file *and* to the name that its module has: compiled code remembers the module by name, and the same
-file is `__main__` when it is run as a script.
+Entries belong to a file *and* to the name of its module: compiled code refers to the module by name, and the same file
+is `__main__` when it is run as a script.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ CHECKSUM_BYTES = 16
 
 
 def checksum(data: bytes) -> bytes:
-    """Return 16 bytes that differ for data that differ in anything: 1 GB/s, so nothing beside the linking."""
+    """Return a checksum of 16 bytes; at 1 GB/s, its time is negligible compared with linking."""
     return hashlib.blake2b(data, digest_size=CHECKSUM_BYTES).digest()
 
 
 class CheckedFiles(caching.IndexDataCacheFile):
     """The index of one kernel and its data files, one for each signature.
 
-    owners : users whose files are used beside our own and root's: whoever owns the source could change that
+    owners : users whose files are trusted in addition to our own and root's: the owners of the source
     """
 
     def __init__(self, folder: str, base: str, source_stamp: Any, owners: frozenset[int]) -> None:
@@ -51,7 +52,7 @@ class CheckedFiles(caching.IndexDataCacheFile):
         self._folder, self._base, self._owners = Path(folder), base, owners
 
     def load(self, key: Any) -> Any:
-        """Return the entry of a signature, or None where there is none that can be used."""
+        """Return the entry of a signature, or None if there is no usable one."""
         name = self._load_index().get(key)
         if name is None:
             return None
@@ -64,11 +65,11 @@ class CheckedFiles(caching.IndexDataCacheFile):
             return None
         try:
             return pickle.loads(data)
-        except (ImportError, AttributeError):  # it names a module that this process does not have
+        except (ImportError, AttributeError):  # it refers to a module that this process does not have
             return None
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep the entry of a signature; where that cannot be, warn and go on without."""
+        """Save the entry of a signature; if that is impossible, warn and continue without."""
         try:
             payload = self._dump(data)
             overloads = {**self._load_index(), key: self._name_of(payload)}
@@ -91,7 +92,7 @@ class CheckedFiles(caching.IndexDataCacheFile):
             self._discard(path, _damaged(path))
             return {}
         version, rest = pickle.loads(body)
-        # Compared before the rest is read, which may name what is no longer there.
+        # Compared before the rest is read, which may refer to missing modules.
         if version != self._version:
             return {}
         try:
@@ -125,7 +126,7 @@ class CheckedFiles(caching.IndexDataCacheFile):
         return f"{self._base}.{checksum(payload).hex()}.nbc"
 
     def _remove_all_but(self, names: set[str]) -> None:
-        """Remove data files that the index does not name: those of earlier sources."""
+        """Remove data files that are not in the index: those of earlier sources."""
         for path in self._folder.glob(f"{glob.escape(self._base)}.*.nbc"):
             if path.name not in names:
                 path.unlink(missing_ok=True)
@@ -136,20 +137,20 @@ def _damaged(path: Path) -> str:
 
 
 class _Private:
-    """A place of our own, or none at all: `ensure_cache_path` raises OSError, and the next place is tried."""
+    """A private folder; otherwise `ensure_cache_path` raises OSError, and the next place is tried."""
 
     def ensure_cache_path(self: Any) -> None:
         trust.make_private(Path(self.get_cache_path()))
 
 
 class _BesideSource:
-    """The `__pycache__` beside the source, where no more users may write than in the folder of the source."""
+    """The `__pycache__` beside the source, if no other users may write there than in the folder of the source."""
 
     def ensure_cache_path(self: Any) -> None:
         super().ensure_cache_path()  # type: ignore[misc]
         place = Path(self.get_cache_path())
         source = place.parent.stat()
-        # Where the sticky bit is set, as in /tmp, others may write beside the source, but not change it.
+        # If the sticky bit is set, as in /tmp, others may write beside the source, but not change it.
         shared = 0 if source.st_mode & stat.S_ISVTX else source.st_mode & trust.OTHERS
         reason = trust.distrusted(place.stat(), owners=_owners(self._py_file), shared=shared)
         if reason is not None:
@@ -157,14 +158,14 @@ class _BesideSource:
 
 
 class _Temporary(_Private):
-    """A private temporary folder, where nothing else can be had."""
+    """A private temporary folder, the last resort."""
 
     def get_cache_path(self: Any) -> str:
         return str(trust.temporary_folder() / self.get_suitable_cache_subpath(self._py_file))
 
 
 def _place(way: type, name: str) -> Any:
-    """Return Numba's locator of that name, which began with an underscore in 0.61, with our way to judge a folder."""
+    """Return Numba's locator of that name (with an underscore in front in 0.61), with our check of its folder."""
     return type(name, (way, getattr(caching, name, None) or getattr(caching, f"_{name}")), {})
 
 
@@ -172,35 +173,37 @@ PLACES = [
     _place(_Private, "UserProvidedCacheLocator"),  # NUMBA_CACHE_DIR
     _place(_BesideSource, "InTreeCacheLocator"),
     _place(_Private, "UserWideCacheLocator"),
-    _place(_Private, "IPythonCacheLocator"),  # what was typed into a session
+    _place(_Private, "IPythonCacheLocator"),  # code typed into a session
     _place(_Temporary, "UserWideCacheLocator"),
 ]
-"""Where entries may be, the first that will do."""
+"""The places for entries; the first usable one is taken."""
 
 
 class _Implementation(caching.CompileResultCacheImpl):
     _locator_classes = PLACES
 
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
-        """Return how the names of a kernel's files begin: without its line, which moves with the prose above it."""
+        """Return the beginning of the names of a kernel's files, without its line number, which changes with
+        docstrings.
+        """
         version = f"py{sys.version_info[0]}{sys.version_info[1]}{abiflags}"
         return f"{fullname.replace('<', '').replace('>', '')}.{version}"
 
     def check_cachable(self, compiled: Any) -> bool:
-        """Whether a later process can use an entry: not where kernels call each other, through addresses of this one.
+        """Return whether a later process can use an entry: not if kernels call each other by addresses of this process.
 
-        Loaded, such code would end the process; it is compiled anew each time.
+        Such code would crash a process that loads it; it is compiled anew each time.
         """
         names = [variable.name for variable in compiled.library._final_module.global_variables]
         return not any(name.startswith(RuntimeLinker.PREFIX) for name in names) and super().check_cachable(compiled)
 
 
 class KernelCache(caching.FunctionCache):
-    """The cache of one kernel. Private to Numba; pyproject.toml pins the range in which tests have seen it work.
+    """The cache of one kernel. It uses private parts of Numba; pyproject.toml pins the tested range of versions.
 
     stamp : text that must agree for an entry to be used
-    covered : whether that text changes with the kernel's own file; where not, size and time of the file must agree too
-    purpose : a word that tells caches of one function apart that is compiled in several ways
+    covered : whether that text changes with the kernel's own file; if not, size and time of the file must agree too
+    purpose : a word that distinguishes the caches of a function that is compiled in several ways
     """
 
     _impl_class = _Implementation
@@ -215,31 +218,31 @@ class KernelCache(caching.FunctionCache):
         self._instructions = checksum(instructions(function.__code__).encode())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the kept code of a signature, or None.
+        """Return the saved code of a signature, or None.
 
-        Numba would first bring all that it can compile up to date, a tenth of a second of imports. Code that is loaded
-        calls nothing of that, and a compilation begins with it anyway.
+        Numba would first refresh its registries, with a tenth of a second of imports. Loaded code does not need them,
+        and each compilation refreshes them anyway.
         """
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        """Return what tells entries apart, those of functions of one name in one file among them."""
+        """Return the key of an entry, which also distinguishes functions of the same name in one file."""
         captured = [cell.cell_contents for cell in self._py_func.__closure__ or ()]
         return sig, codegen.magic_tuple(), self._instructions, checksum(dumps(captured)) if captured else b""
 
 
 def identity(function: Callable[..., Any]) -> str:
-    """Return text that changes when what a kernel compiles to may change, and the stamp does not."""
+    """Return text that changes if the compiled code of a kernel may change while the stamp does not."""
     name, file = f"{function.__module__}.{function.__qualname__}", inspect.getfile(function)
     if is_covered(file):
         return name
-    source = Path(file).read_bytes() if Path(file).is_file() else b""  # nothing for what is typed into a session
+    source = Path(file).read_bytes() if Path(file).is_file() else b""  # empty for code typed into a session
     return f"{name} {checksum(source).hex()} {checksum(instructions(function.__code__).encode()).hex()}"
 
 
 def instructions(code: CodeType) -> str:
-    """Return what a function does as text: without its docstring, its comments and its lines."""
+    """Return the instructions of a function as text, without docstring, comments and line numbers."""
     parts = [repr((code.co_varnames, code.co_argcount))]
     for step in dis.get_instructions(code):
         shown = step.argrepr

@@ -7,10 +7,10 @@ With r0 = |q|, eta = q.v, beta = 2 gm/r0 - v^2 (gm/a), zeta = gm - beta r0 and t
     q+ = q + (f - 1) q + g v,        f - 1 = -gm G2/r0,        g = dt - gm G3
     v+ = v + f' q + (g' - 1) v,      f' = -gm G1/(r0 r),       g' - 1 = -gm G2/r
 
-Only increments are formed, so that a short step loses nothing. A step below one radian takes a fixed path: a series
-for s, Householder's iteration once, then a correction that is carried into G1, G2 and G3 to second order, so that what
-is left has no preferred sign. The lanes for which that is not enough are found out afterwards and solved in a bracket;
-a lane's bits do not depend on its neighbours.
+Only increments are computed, so that a short step loses no digits. A step below one radian takes a fixed sequence: a
+series for s, one Householder iteration, then a correction that is applied to G1, G2 and G3 to second order, so that the
+remaining error has no preferred sign. Lanes for which that is not enough are detected afterwards and solved in a
+bracket; the bits of a lane do not depend on its neighbours.
 
 Sources: Stumpff (1959), Himmelsmechanik I; Danby (1992), Fundamentals of Celestial Mechanics, 6.9; Conway (1986),
 Celest. Mech. 39, 199 (Laguerre's iteration); Rein & Tamayo (2015), MNRAS 452, 376 (increments, round-off).
@@ -31,20 +31,22 @@ TWO_PI_REST = 2.4492935982947064e-16
 
 EVEN = tuple(1.0 / math.factorial(2 * k + 4) for k in range(9, -1, -1))
 ODD = tuple(1.0 / math.factorial(2 * k + 5) for k in range(9, -1, -1))
-"""Coefficients of c2 and c3, the highest first, without 1/2 and 1/6; what is left out is below 1e-19 for |z| <= 2.5."""
+"""Coefficients of c2 and c3, the highest first, without 1/2 and 1/6; the truncation error is below 1e-19 for |z| <=
+2.5."""
 
 NEAR = 2.0**-18
-"""A correction of s below this fraction is carried into the G_k by its first two powers: the third is lost."""
+"""A correction of s below this fraction is applied to the G_k by its first two powers: the third is lost in
+rounding."""
 
 SIXTH = 1.0 / 6.0
 SIXTH_REST = 9.25185853854297e-18
 """1/6 = SIXTH + SIXTH_REST to 33 digits."""
 
 ROUNDS = 80
-"""Of the bracketed iteration; bisection alone takes 60 to the last bit."""
+"""Limit of the bracketed iteration; bisection alone takes 60 rounds to the last bit."""
 
 DOUBLINGS = 12
-"""Of the argument of the G_k: beyond 2^12 radians e^x does not fit float64."""
+"""Limit of doublings of the argument of the G_k: beyond 2^12 radians e^x overflows."""
 
 
 @kernel(inline=True)
@@ -93,9 +95,9 @@ def _wide_tails(z):
 
 @kernel
 def _anomaly_functions(s, beta):
-    """Return G0 ... G3 of any s: the series up to x^2 = 2.5, beyond it that of x/2^n and n doublings.
+    """Return G0 ... G3 of any s: by the series up to x^2 = 2.5, beyond it by the series of x/2^n and n doublings.
 
-    Beyond x = 1.6 the series of a circle's G1 and G0 would cancel; each doubling costs some rounding of its own.
+    Beyond x = 1.6 the series of G1 and G0 of a circle would cancel; each doubling adds some rounding errors.
     """
     z = beta * s * s
     doublings = z * 0.0
@@ -136,14 +138,14 @@ def _sum_of_squares(x, y, z):
 
 @kernel(inline=True, exact=True)
 def _determinant(a, b, c, d):
-    """Return a d - b c, all but correctly rounded."""
+    """Return a d - b c, almost correctly rounded."""
     p, e = two_product(b, c)
     return fma(a, d, -p) - e
 
 
 @kernel(inline=True, exact=True)
 def _energy(r2, r2_lo, r0, v2, v2_lo, gm):
-    """Return beta = 2 gm/r0 - v^2 in doubled precision, and what r0 = sqrt(r2) lacks."""
+    """Return beta = 2 gm/r0 - v^2 in doubled precision, and the rounding error of r0 = sqrt(r2)."""
     r_lo = (fma(-r0, r0, r2) + r2_lo) / (r0 + r0)
     ratio = (gm + gm) / r0
     rest = (fma(-ratio, r0, gm + gm) - ratio * r_lo) / r0
@@ -154,7 +156,7 @@ def _energy(r2, r2_lo, r0, v2, v2_lo, gm):
 
 @kernel(inline=True, exact=True)
 def _within_one_period(dt, beta, beta_lo, gm):
-    """Return dt less the nearest number of whole periods 2 pi gm/beta^(3/2), in doubled precision; dt if beta <= 0."""
+    """Return dt minus the nearest number of whole periods 2 pi gm/beta^(3/2), in doubled precision; dt if beta <= 0."""
     bound = beta > 0.0
     beta = select(bound, beta, 1.0)
     root = sqrt(beta)
@@ -165,7 +167,7 @@ def _within_one_period(dt, beta, beta_lo, gm):
     n_lo = fma(gm, TWO_PI_REST, n_lo)
     period = n / d
     period_lo = (fma(-period, d, n) + fma(-period, d_lo, n_lo)) / d
-    for _ in range(2):  # beyond 2^53 periods the first round leaves some
+    for _ in range(2):  # beyond 2^53 periods the first round leaves a remainder
         turns = rint(dt / period)
         p, p_lo = two_product(turns, period)
         rest = ((dt - p) - p_lo) - turns * period_lo
@@ -175,7 +177,7 @@ def _within_one_period(dt, beta, beta_lo, gm):
 
 @kernel(inline=True, exact=True)
 def _reconciled(G1, G2, beta, beta_lo):
-    """Return G1 and G2 moved by the least that makes G1^2 = G2 (2 - beta G2), which is what conserves energy."""
+    """Return G1 and G2 with the smallest change for which G1^2 = G2 (2 - beta G2), which conserves energy."""
     b, b_lo = two_product(beta, G2)
     u, u_lo = two_sum(2.0, -b)
     u_lo = u_lo - fma(beta_lo, G2, b_lo)
@@ -191,7 +193,7 @@ def _reconciled(G1, G2, beta, beta_lo):
 def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
     """Return G1/r0, G2/r0, G2, g and r of any step in the lanes that are `hard`: Laguerre's iteration in a bracket.
 
-    On the way in along a hyperbola the sums for dt and r cancel as e^x. There both are counted from pericentre, s_p:
+    On the incoming branch of a hyperbola the sums for dt and r cancel as e^x. There, with s_p at pericentre:
 
         dt = 2 (r_mid G1(s/2) + gm G3(s/2)),    r = r_p + gm e G2(s - s_p),    r_mid = r at s/2
     """
@@ -202,21 +204,21 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
     hx, hy, hz = _determinant(y, vy, z, vz), _determinant(z, vz, x, vx), _determinant(x, vx, y, vy)
     h2 = fma(hx, hx, fma(hy, hy, hz * hz))
     dt = _within_one_period(dt, beta, beta_lo, gm)
-    # From here on time goes forwards.
+    # From here on, time runs forwards.
     sign = select(dt < 0.0, -1.0, 1.0) + 0.0 * dt
     t = abs(dt)
     eta = sign * fma(x, vx, fma(y, vy, z * vz))
     zeta = fma(-beta, r0, gm) - fma(beta_lo, r0, beta * r_lo)
     w = sqrt(abs(beta))
     gm_e = sqrt(maximum(fma(-h2, beta, gm * gm), 0.0))
-    # A bound of r that only rounding can pass; gm_e of a circle is good to half the digits.
+    # A bound of r that only rounding can exceed; gm_e of a circle is accurate to half the digits.
     pericentre = h2 / (gm + gm_e)
     nearest = maximum(0.99 * pericentre, 2.0**-100 * r0)
     incoming = (beta < 0.0) * (eta < 0.0) * (-beta * r0 > 0.1 * gm)
     sinh = -eta * w / gm_e
     passage = log(sinh + sqrt(fma(sinh, sinh, 1.0))) / w
 
-    # The passage of pericentre by a parabola, or by any other conic, is no faster than this.
+    # The pericentre passage of a parabola, and of any other conic, takes at least this long.
     high = select(beta > 0.0, TWO_PI, 2.0 * (2.2 + log(1.0 + 2.0 * t * (w * w * w) / gm_e))) / w
     high = 1.000001 * minimum(high, power(40.0 * t / gm, 1.0 / 3.0))
     low = 0.0 * t
@@ -252,12 +254,12 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
     G1, G2 = _reconciled(G1, G2, beta, beta_lo)
     _, r, _ = _time(s + d, (G1, G2, G3), start, motion, turn)
     r = maximum(r, nearest)
-    # Of the two forms of g the one with the smaller terms.
+    # The form of g with the smaller terms.
     first, second = fma(r0, G1, eta * G2), fma(-gm, G3, t)
     g = select(r0 * abs(G1) + abs(eta * G2) <= 0.5 * gm * abs(G3), first, second)
     straight = gm == 0.0
     G1, G2 = select(straight, 0.0, G1), select(straight, 0.0, G2)
-    # r0 of a circle is always rounded the same way, so what it lacks is put back.
+    # r0 of a circle is always rounded in the same direction, so its rounding error is added back.
     first, second = G1 / r0, G2 / r0
     first = first + (fma(-first, r0, G1) - first * r_lo) / r0
     second = second + (fma(-second, r0, G2) - second * r_lo) / r0
@@ -266,7 +268,7 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
 
 @kernel(inline=True)
 def _time(s, G, start, motion, turn):
-    """Return the time at s less t, and its derivatives r and dr/ds.
+    """Return the time at s minus t, and its derivatives r and dr/ds.
 
     G : (G1, G2, G3) at s; start : (r0, r_lo, eta, zeta); motion : (beta, t, gm)
     turn : (gm e, pericentre distance, s there, whether the body is falling towards it)
@@ -291,8 +293,8 @@ def kepler_increments(x, y, z, vx, vy, vz, gm, dt):
 
     x ... vz : position and velocity relative to the attracting body, float64 or `Lanes`
     gm : GM of the pair, >= 0; dt : time, either sign, any number of periods; float64, or `Lanes` where x is
-    The position must not be 0, and squares must not overflow. A straight line through the centre is followed as the
-    limit of narrow orbits: the motion bounces. Input that is not finite gives what is not finite. Cannot hang.
+    The position must not be 0, and squares must not overflow. A radial orbit is treated as the limit of narrow orbits:
+    the motion bounces. Input that is not finite gives results that are not finite. Always terminates.
     """
     r0 = sqrt(fma(x, x, fma(y, y, z * z)))
     near = 1.0 / r0
@@ -336,8 +338,8 @@ def kepler_increments(x, y, z, vx, vy, vz, gm, dt):
     turn = slope * there
     d = fma(-0.5 * d * d, turn, d)
     easy = (abs(angle2) <= 1.0) * (abs(d) <= NEAR * abs(s)) * (abs(d * turn) <= NEAR) * (r > 2.0**-10 * r0)
-    # On a circle s is nearly the same at every step, and so would be the roundings of the G_k: a slow spiral. So the
-    # leading terms are rounded last, with d and the rounding of s^2 in them, which differ from step to step.
+    # On a circle s is nearly the same at every step, and so would be the rounding errors of the G_k: a slow spiral. So
+    # the leading terms are rounded last, including d and the rounding of s^2, which differ from step to step.
     half = 0.5 * d * d
     carried = fma(half, G1, d * G2)
     G2 = fma(0.5, s2, fma(s2, c2, fma(0.5, fma(s, s, -s2), fma(half, G0, d * G1))))

@@ -1,13 +1,13 @@
-"""What a kernel becomes in memory: machine code that calls nothing but what was compiled into it.
+"""A kernel in memory: machine code that calls only code compiled into its own library.
 
-A kernel that is not copied into its caller stands beside it, once in its own library and once in that of each caller,
-optimized anew each time: after another round a*b + c*d may be fused the other way, and differ in its last bit. Numba
-gives the copies one name, and all calls go to the first that a process has loaded: while the cache on disk is empty to
-the callee's own, later to a copy beside the caller, or to one beside another kernel that happened to be needed before.
-Here each library calls its own copies, which no other sees: equal inputs then give equal bits, in whatever order code
-was compiled or loaded.
+A kernel that is not inlined into its caller is copied: it exists once in its own library and once in that of each
+caller, and is optimized each time. A second optimization may fuse a*b + c*d the other way, and change the last bit.
+Numba gives the copies one name, and all calls go to the copy that a process has loaded first: with an empty cache on
+disk the callee's own, later a copy in the library of the caller, or of another kernel that happened to be loaded
+before. Here each library calls its own copies, which are invisible to others: equal inputs then give equal bits, in
+whatever order code was compiled or loaded.
 
-Private to Numba, as the cache; pyproject.toml pins the range in which tests have seen it work.
+It uses private parts of Numba, as the cache does; pyproject.toml pins the tested range of versions.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler import Compiler
 
 ENVIRONMENT = "_ZN08NumbaEnv"
-"""How the names of the variables begin by which Numba finds the constants of a function."""
+"""Prefix of the names of the variables by which Numba finds the constants of a function."""
 
 
 class KernelLibrary(JITCodeLibrary):
     """The machine code of one kernel for one signature."""
 
     def _finalize_final_module(self) -> None:
-        """Hide the copies of other kernels from the linker, once all is optimized and before it becomes machine code.
+        """Hide the copies of other kernels from the linker, after optimization and before code generation.
 
-        Callers are given a module in which nothing is hidden, so that they hold one copy of a kernel, not one for each
-        way that leads to it.
+        Callers get a module in which nothing is hidden, so that they contain one copy of a kernel, not one for each
+        path to it.
         """
         self._shared_module = _open(self._final_module.clone())
         for function in self._final_module.functions:
@@ -39,13 +39,15 @@ class KernelLibrary(JITCodeLibrary):
 
 
 class CalleeLibrary(KernelLibrary):
-    """A kernel that only kernels call: what they copy, without machine code of its own, which nobody would run.
+    """A kernel that is called only by kernels, which copy it; it has no machine code of its own, which would never run.
 
-    Kernels that call each other go by addresses, and have machine code.
+    Kernels that call each other recursively are called by address, and have machine code.
     """
 
     def _finalize_final_module(self) -> None:
-        """Keep the module for callers; what becomes machine code is that by which Numba finds its constants."""
+        """Keep the module for callers; machine code is made only of the variables by which Numba finds its
+        constants.
+        """
         variables = list(self._final_module.global_variables)
         if any(variable.name.startswith(RuntimeLinker.PREFIX) for variable in variables):
             super()._finalize_final_module()
@@ -60,7 +62,7 @@ class CalleeLibrary(KernelLibrary):
         JITCodeLibrary._finalize_final_module(self)
 
     def get_llvm_str(self) -> str:
-        """Return what callers copy."""
+        """Return the code that callers copy."""
         return str(self._get_module_for_linking())
 
 
@@ -70,7 +72,7 @@ class KernelCompiler(Compiler):
     library: type[KernelLibrary] = KernelLibrary
 
     def define_pipelines(self) -> Any:
-        """Return Numba's passes. They make a library of Numba's own only where there is none."""
+        """Return Numba's passes. They make one of Numba's own libraries only if there is none."""
         if self.state.library is None:
             self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
             self.state.library.enable_object_caching()
@@ -78,13 +80,13 @@ class KernelCompiler(Compiler):
 
 
 class CalleeCompiler(KernelCompiler):
-    """A compiler for what only kernels call."""
+    """The compiler of kernels that are called only by kernels."""
 
     library = CalleeLibrary
 
 
 def _open(module: Any) -> Any:
-    """Return a module whose functions may stand in several libraries."""
+    """Return a module whose functions may be in several libraries."""
     for function in module.functions:
         if not function.is_declaration and function.linkage == Linkage.external:
             function.linkage = "linkonce_odr"

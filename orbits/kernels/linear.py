@@ -10,8 +10,8 @@ from orbits.kernels.lanes import load, store
 def factorize(matrix, n, pivots):
     """Replace the leading n x n block of `matrix` by its LU factors and write the row exchanges into `pivots` (n,).
 
-    Returns False, and leaves the block spoilt, if a pivot is zero or not finite, or below 1e-14 of the largest element
-    that its column had: columns may differ in size by any factor, as the masses of bodies do.
+    Returns False, with the block overwritten, if a pivot is zero, not finite, or below 1e-14 of the largest element of
+    its original column: columns may differ in scale by any factor, as the masses of bodies do.
     """
     for column in range(n):
         pivots[column] = 0.0
@@ -56,7 +56,7 @@ def solve(matrix, n, pivots, x):
 
 @kernel
 def solve_rows(matrix, n, pivots, x):
-    """The same for eight right sides, the lanes of the n rows of x."""
+    """As `solve`, for eight right-hand sides: the lanes of the n rows of x."""
     for k in range(n):
         other = int(pivots[k])
         mine = load(x, k)

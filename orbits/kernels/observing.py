@@ -1,8 +1,8 @@
 """Calling an observer by its address.
 
-What looks at a block of steps is compiled once, not into each method that marches: compiled code is given the address
-of the observer, and of the memory in which the observer finds all that it needs (see `watch.py`). Addresses are
-arguments, which no cached code holds; address 0 stands for no observer.
+An observer of blocks of steps is compiled once, not into each method: compiled code gets the address of the observer,
+and of the memory with everything that the observer needs (see `watch.py`). Addresses are arguments, so that they are
+not part of cached code; address 0 means no observer.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _LOCK = Lock()
 def observer_address(kernel: Any, signature: Any = OBSERVER) -> int:
     """Return the machine address of a kernel compiled for a signature, or loaded from the cache on disk.
 
-    The code stays in memory for the life of the process. Raises TypeError where the kernel returns something else.
+    The code stays in memory for the life of the process. Raises TypeError if the kernel returns another type.
     """
     with _LOCK:
         if (kernel, signature) not in _KEPT:
@@ -71,13 +71,13 @@ def call_observer(typingctx, address, context, track, h, steps, start, stop):
 
 @intrinsic
 def call_search(typingctx, address, context, track, h, steps, j, row, valid):
-    """Call the kernel at an address that looks at eight pairs."""
+    """Call the kernel at an address, which searches among eight pairs."""
     return _call(SEARCH)
 
 
 @intrinsic
 def call_enter(typingctx, address, context, track, row, j, begin, end, h):
-    """Call the kernel at an address that enters a closest approach."""
+    """Call the kernel at an address, which records a closest approach."""
     return _call(ENTER)
 
 
@@ -88,7 +88,7 @@ def observe(address, context, track, h, steps, start, stop):
 
 
 def _call(signature):
-    """Return what an intrinsic returns that calls, at the address in its first argument, code of that signature."""
+    """Return the type and code generator of an intrinsic that calls the code of a signature at an address."""
     result, kinds = signature.return_type, signature.args
 
     def codegen(context, builder, sig, args):

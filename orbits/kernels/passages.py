@@ -1,7 +1,7 @@
-"""The fastest passage that is ahead of a system: what decides how long a step may be.
+"""The fastest passage ahead of a system, which determines how long a step may be.
 
-Each body is paired with the massive one that rules it at the moment, that of the largest GM/r^3, and their two-body
-orbit is followed to its pericentre, unless that lies beyond the time span.
+Each body is paired with the massive body that dominates its motion at the start, that of the largest GM/r^3, and their
+two-body orbit is followed to its pericentre, if that lies within the time span.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ TWO_PI = 2.0 * math.pi
 
 @kernel
 def fastest_passage(gm, softening, q, v, massive, span):
-    """Return what passes fastest within the time `span`, whose sign is the direction: (row, partner, distance, speed,
-    eccentricity, shortest period of any body); row -1 where there is no pair.
+    """Return the fastest passage within the time `span`, whose sign is the direction: (row, partner, distance, speed,
+    eccentricity, shortest period of any body); row -1 if there is no pair.
 
     gm : (n,); q, v : (n, 3); massive : indices of the bodies with GM > 0
     """
     fastest, row, partner, distance, speed, eccentricity, period = -1.0, -1, -1, 0.0, 0.0, 0.0, math.inf
     forwards = 1.0 if span >= 0.0 else -1.0
     for i in range(q.shape[0]):
-        ruler, strongest = -1, -1.0
+        centre, strongest = -1, -1.0
         x = y = z = 0.0
         xi, yi, zi = q[i, 0], q[i, 1], q[i, 2]
         for k in range(massive.shape[0]):
@@ -35,12 +35,12 @@ def fastest_passage(gm, softening, q, v, massive, span):
             mu = gm[i] + gm[j]
             pull = mu * mu / (r2 * r2 * r2)
             if pull > strongest:
-                ruler, strongest = j, pull
+                centre, strongest = j, pull
                 x, y, z = dx, dy, dz
-        if ruler < 0:
+        if centre < 0:
             continue
-        u, v_y, w = v[i, 0] - v[ruler, 0], v[i, 1] - v[ruler, 1], v[i, 2] - v[ruler, 2]
-        mu = gm[i] + gm[ruler]
+        u, v_y, w = v[i, 0] - v[centre, 0], v[i, 1] - v[centre, 1], v[i, 2] - v[centre, 2]
+        mu = gm[i] + gm[centre]
         r2, speed2, rv = x * x + y * y + z * z, u * u + v_y * v_y + w * w, (x * u + y * v_y + z * w) * forwards
         r = math.sqrt(r2)
         inverse_a = 2.0 / r - speed2 / mu
@@ -61,6 +61,6 @@ def fastest_passage(gm, softening, q, v, massive, span):
             reached2 = mu * (2.0 / nearest - inverse_a) if nearest > 0.0 else math.inf
         rate2 = reached2 / (nearest * nearest + softening * softening)
         if not rate2 <= fastest:
-            fastest, row, partner = rate2, i, ruler
+            fastest, row, partner = rate2, i, centre
             distance, speed, eccentricity = nearest, math.sqrt(reached2), e
     return row, partner, distance, speed, eccentricity, period

@@ -1,6 +1,6 @@
-"""The states at the beginning of each step of a block: written by the methods, looked at between the blocks.
+"""The states at the beginning of each step of a block: recorded by the loop, read by observers after the block.
 
-Rows are the massive bodies, then the massless particles, of which eight at a time have their states in `track`.
+Rows are the massive bodies, then the massless particles; `track` has the states of eight particles at a time.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from orbits.kernels.watch import flat
 
 @kernel(inline=True)
 def steps_between(watch, h, begin, end):
-    """Return how long it is from the beginning of one step to that of another, in steps of h: where all are alike, how
-    many there are.
+    """Return the time from the beginning of one step to that of another, in units of h: the number of steps if all have
+    the same length.
     """
     if watch.times.shape[0] == 0:
         return 1.0 * (end - begin)
@@ -22,7 +22,7 @@ def steps_between(watch, h, begin, end):
 
 @kernel(inline=True)
 def reading(watch, step, s):
-    """Return what the clock reads at the fraction s of a step: whole steps, or the time."""
+    """Return the reading of the clock at the fraction s of a step: a number of steps, or the time."""
     if watch.times.shape[0] == 0:
         return watch.first + step + s
     begin = watch.times[step]
@@ -37,7 +37,7 @@ def relative(watch, track, row, j, step):
     n, path = watch.bodies, watch.path
     a = 2 * step * watch.stride + j
     b = a + watch.stride
-    # The row's own x and v_x, and how far the next component is behind.
+    # The indices of the row's x and v_x, and the offset of the next component.
     states, c, d, spacing = path, a - j + row, b - j + row, n
     if row >= n:
         first = 6 * WIDTH * step + (row - n) % WIDTH
@@ -54,13 +54,13 @@ def relative(watch, track, row, j, step):
 
 @kernel(inline=True)
 def record_state(path, step, q, v, size):
-    """Write the state of the bodies at the beginning of a step into `path`, where there is one."""
+    """Write the state of the bodies at the beginning of a step into `path`, unless it is empty."""
     record_strip(path, step, q, v, 0, size)
 
 
 @kernel(inline=True)
 def record_strip(path, step, q, v, start, stop):
-    """As `record_state`, of the coordinates start ... stop - 1; start is a multiple of 8."""
+    """As `record_state`, for the coordinates start ... stop - 1; start is a multiple of 8."""
     if path.shape[0] > 0:
         first = 2 * step * q.shape[0]
         for k in range(start, stop, WIDTH):
@@ -106,7 +106,7 @@ def least_distance(watch, track, row, j, step, h):
             low = s
         else:
             high = s
-        # Newton's method, kept between the bounds.
+        # Newton's method within the bounds.
         slope = (speed2 + x * ax + y * ay + z * az) * h * h
         s_next = s - fall / slope if slope > 0.0 else low
         if not low < s_next < high:

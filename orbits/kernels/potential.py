@@ -1,4 +1,4 @@
-"""The potential energy of a system to the last digit: what is left of it in a drift is the drift of the states.
+"""The potential energy of a system to the last digit, so that a measured drift of the energy is one of the states.
 
 Numbers are pairs hi + lo of about 32 digits. Source: Dekker (1971), Numer. Math. 18, 224; Joldes, Muller & Popescu
 (2017), ACM TOMS 44, 15, algorithms 6 and 10.
@@ -13,7 +13,7 @@ from orbits.kernels.lanes import WIDTH, exact_add, exact_mul, fma, full, lane, l
 from orbits.kernels.summation import quick_two_sum, two_product, two_sum
 
 TOO_NEAR = 1e-290
-"""Of a squared distance: 2^53 above the least float that keeps its digits when it is split."""
+"""Lower limit of a squared distance: 2^53 above the smallest float that can be split without loss."""
 
 
 @kernel(inline=True, exact=True)
@@ -36,8 +36,8 @@ def _multiply(a, a_lo, b, b_lo):
 def doubled_attraction(gm, q, softening2, softening2_lo):
     """Return sum over i < j of gm_i gm_j / sqrt(r_ij^2 + softening^2) as (hi, lo).
 
-    gm : (n + 8,) and q : (3, n + 8), padded with what takes no part; softening^2 as a pair
-    NaN where some r_ij^2 + softening^2 is below 1e-290: its low part would not be a float.
+    gm : (n + 8,) and q : (3, n + 8), with padding that is ignored; softening^2 as a pair
+    NaN if some r_ij^2 + softening^2 is below 1e-290: its low part would underflow.
     """
     n = gm.shape[0] - WIDTH
     x, y, z = q[0], q[1], q[2]

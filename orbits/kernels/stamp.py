@@ -1,16 +1,16 @@
-"""A hash of all code that can end up in a compiled kernel: code, not prose.
+"""A hash of all code that can become part of a compiled kernel: code, not prose.
 
 Numba's disk cache looks at the file of the function it compiles, not at the files of the functions called from it:
 after an edit in `gravity.py` a loop cached from `gauss.py` would go on computing the old digits. Every cache entry is
-therefore stamped with this hash. It sees syntax trees, without docstrings, comments and formatting, of
+therefore stamped with this hash. It covers syntax trees, without docstrings, comments and formatting, of
 
 * the files that hold kernels: they import Numba, LLVM, `kernel` or `Tag`, or write modules of kernels;
-* what these files import from other files of the package and compiled code freezes: constants, members of
-  enumerations, and what those are made of;
-* NamedTuples, whose fields compiled code knows by their places.
+* values that these files import from other files of the package and that compiled code freezes: constants, members of
+  enumerations, and their parts;
+* NamedTuples, whose fields compiled code accesses by position.
 
-To read the trees takes a few tenths of a second, so the hash is kept in a small file together with one of the bytes
-that it was made from; a start compares the bytes.
+Parsing takes a few tenths of a second, so the hash is stored in a small file together with a hash of the bytes that it
+was computed from; later processes compare the bytes.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from orbits.kernels import trust
 PACKAGE = Path(__file__).resolve().parent.parent
 
 KERNEL_FOLDERS = ("kernels", "lagrangians", "forces", "integrators", "marching")
-"""Where files with kernels may stand; a test sees to it that none stands elsewhere."""
+"""The folders that may have files with kernels; a test checks that there are none elsewhere."""
 
 GENERATORS = "lagrangians/symbolic/"
-"""What stands here writes modules of kernels."""
+"""The files in this folder write modules of kernels."""
 
 COMPILERS = frozenset({"numba", "llvmlite"})
 GENERATING = {("numba.extending", "overload"), ("numba.extending", "intrinsic"), ("llvmlite", "ir")}
 MARKS = {("orbits.kernels.compile", "kernel"), ("orbits.kernels.binding", "Tag")}
 FROZEN_CLASSES = ("NamedTuple", "namedtuple", "Enum", "Flag")
-"""How the bases of classes end that compiled code looks into."""
+"""Endings of the names of base classes whose subclasses compiled code looks into."""
 
 
 class Stamp(NamedTuple):
@@ -57,14 +57,14 @@ def source_stamp() -> str:
 
 @lru_cache(maxsize=1024)
 def is_covered(file: str) -> bool:
-    """Whether the stamp sees each change of the kernels in a file."""
+    """Whether the stamp covers the kernels in a file."""
     path = Path(file).resolve()
     return path.is_relative_to(PACKAGE) and path.relative_to(PACKAGE).as_posix() in stamp_of(PACKAGE).covers
 
 
 @lru_cache(maxsize=8)
 def stamp_of(package: Path) -> Stamp:
-    """Return the stamp of the package in a folder, as kept or else made from its syntax trees."""
+    """Return the stamp of the package in a folder, from the stored file or else from its syntax trees."""
     own = hashlib.sha256()
     for name in _own(package):
         _add_file(own, package, name)
@@ -100,7 +100,7 @@ def _add_file(total: hashlib._Hash, package: Path, name: str) -> None:
 
 
 def _with_others(own: hashlib._Hash, package: Path, others: list[str]) -> str:
-    """The hash of the bytes of all files in the folders of kernels, and of some others."""
+    """Return the hash of the bytes of all files in the folders of kernels, and of some others."""
     total = own.copy()
     for name in others:
         _add_file(total, package, name)
@@ -110,7 +110,7 @@ def _with_others(own: hashlib._Hash, package: Path, others: list[str]) -> str:
 class Code:
     """The code of a package that its kernels depend on.
 
-    kernels : files that hold kernels, relative to the package; read : all files that it was found in
+    kernels : files that hold kernels, relative to the package; read : all files that were parsed for it
     """
 
     def __init__(self, package: Path) -> None:
@@ -131,11 +131,11 @@ class Code:
         return self._files[name]
 
     def digest(self) -> str:
-        """Return the SHA-256 of it all."""
+        """Return the SHA-256 of all this code."""
         for name in _own(self.package):
             if name in self.kernels:
                 self._follow(name, self.file(name))
-            else:  # an argument brings its type along without being named
+            else:  # the type of an argument is used without being named
                 records = [node for node in self.file(name).tree.body if isinstance(node, ast.ClassDef)]
                 self._parts |= {(name, node.lineno): shape(node).encode() for node in records if _is_frozen(node)}
         total = hashlib.sha256()
@@ -146,9 +146,9 @@ class Code:
         return total.hexdigest()
 
     def _follow(self, name: str, file: File) -> None:
-        """Add what a file with kernels takes from files without."""
+        """Add the definitions that a file with kernels takes from files without."""
         used = _names(file.tree)
-        # What functions return that run while a module is imported, or that generate code, is frozen.
+        # The results of functions that run on import, or that generate code, are frozen.
         generates = not GENERATING.isdisjoint(file.imports.values())
         module = f"orbits.{name.removesuffix('.py').removesuffix('/__init__').replace('/', '.')}"
         taken = {local for origin, local in self._taken if origin == module}
@@ -157,9 +157,9 @@ class Code:
             self._add(*file.imports[local], wanted=local in runs)
 
     def _add(self, module: str, name: str, *, wanted: bool) -> None:
-        """Add the definition of a name in a module, with what it is made of.
+        """Add the definition of a name in a module, with its parts.
 
-        wanted : also where it is a function or an ordinary class
+        wanted : also if it is a function or an ordinary class
         """
         found = self._find(module, name)
         if found is None or found in self.kernels:
@@ -168,7 +168,7 @@ class Code:
         if not name or found != self._find(module, ""):  # a module as a whole
             module = f"{module}.{name}".rstrip(".")
             statements = [node for node in file.tree.body if wanted or _is_frozen(node)]
-        elif name in file.imports:  # handed on
+        elif name in file.imports:  # imported from elsewhere
             self._add(*file.imports[name], wanted=wanted)
             return
         else:
@@ -186,7 +186,7 @@ class Code:
                     self._add(*file.imports[used], wanted=used in called)
 
     def _find(self, module: str, name: str) -> str | None:
-        """Return the file of a module of the package, or None for a module of somebody else's."""
+        """Return the file of a module of the package, or None for a module of another package."""
         parts = module.split(".")
         if parts[0] != "orbits":
             return None
@@ -198,9 +198,9 @@ class Code:
 
 
 class File:
-    """A syntax tree, without prose, and where its names come from.
+    """A syntax tree, without prose, and the origins of its names.
 
-    package : the names of the package that it stands in
+    package : the names of the package that contains it
     """
 
     def __init__(self, source: bytes, package: list[str]) -> None:
@@ -209,7 +209,7 @@ class File:
 
     @cached_property
     def imports(self) -> dict[str, tuple[str, str]]:
-        """Module and name behind each imported local name, wherever in the file; of a module the name is ""."""
+        """The module and name of each imported local name, anywhere in the file; for a module, the name is ""."""
         found: dict[str, tuple[str, str]] = {}
         for node in _at_run_time(self.tree):
             if isinstance(node, ast.Import):
@@ -237,18 +237,18 @@ class File:
 
     @property
     def holds_kernels(self) -> bool:
-        """Whether what it says can end up in compiled code."""
+        """Whether its code can become part of compiled code."""
         origins = set(self.imports.values())
         return not MARKS.isdisjoint(origins) or any(module.partition(".")[0] in COMPILERS for module, _ in origins)
 
     def names_used_on_import(self, taken: set[str]) -> set[str]:
-        """Return the names that are read while the module is imported, for what kernels make use of.
+        """Return the names that are read while the module is imported, for definitions used by kernels.
 
         taken : names that other files with kernels import from this one
         """
         parts: list[ast.AST] = []
         functions = [node for node in self.tree.body if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
-        # Those with a decorator may be compiled; one that is compiled by a call is assigned to a name.
+        # Decorated functions may be compiled; a function compiled by a call is assigned to a name.
         used = taken.union(*(_names(node) for node in functions if node.decorator_list))
         for function in functions:
             parts += [*function.decorator_list, *function.args.defaults, *filter(None, function.args.kw_defaults)]
@@ -264,7 +264,7 @@ class File:
 
 
 def _names(node: ast.AST, context: type = ast.expr_context) -> set[str]:
-    """Return the names in a tree, annotations aside; with ast.Store, those that it binds."""
+    """Return the names in a tree except in annotations; with ast.Store, those that it binds."""
     if isinstance(node, ast.Name):
         return {node.id} if isinstance(node.ctx, context) else set()
     found: set[str] = set()
@@ -276,7 +276,7 @@ def _names(node: ast.AST, context: type = ast.expr_context) -> set[str]:
 
 
 def _at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
-    """Walk a tree, past what is there for type checkers only."""
+    """Walk a tree, skipping code for type checkers only."""
     for node in ast.iter_child_nodes(tree):
         if not (isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")):
             yield node
@@ -284,14 +284,14 @@ def _at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def _is_frozen(node: ast.stmt) -> bool:
-    """Whether compiled code keeps what a statement of a module defines."""
+    """Whether compiled code freezes the definition made by a statement of a module."""
     if isinstance(node, ast.ClassDef):
         return any(ast.unparse(base).endswith(FROZEN_CLASSES) for base in node.bases)
     return isinstance(node, ast.Assign | ast.AnnAssign)
 
 
 def shape(node: object) -> str:
-    """Return a syntax tree as text: the same for all versions of Python, without prose and places in the file."""
+    """Return a syntax tree as text, without prose and line numbers, and the same for all versions of Python."""
     if isinstance(node, ast.AST):
         fields = (
             f"{name}={shape(value)}"
@@ -305,5 +305,5 @@ def shape(node: object) -> str:
 
 
 def _is_prose(node: object) -> bool:
-    """Whether it is a docstring, or any other text that stands alone."""
+    """Whether a node is a docstring, or any other bare text."""
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)

@@ -11,7 +11,7 @@ from orbits.kernels.summation import accumulate, add_product
 
 
 class Columns(NamedTuple):
-    """Massless particles, (3, padded) each: as `State`, a particle a column."""
+    """Massless particles, (3, padded) each: like `State`, with a column for each particle."""
 
     q: Any
     q_lo: Any
@@ -39,7 +39,7 @@ def drift(q, q_lo, h, v, v_lo, start, stop):
 
 @kernel(inline=True)
 def copy(source, start, stop, out):
-    """Write elements start ... stop - 1 of a vector into those of another; padded as for `kick`."""
+    """Copy elements start ... stop - 1 of a vector into another; padded as for `kick`."""
     for k in range(start, stop, WIDTH):
         store(out, k, load(source, k))
 
@@ -97,7 +97,7 @@ def load_particles(columns, p):
 
 @kernel(inline=True)
 def store_particles(columns, p, particles):
-    """Write what `load_particles` would read."""
+    """Write eight particles to where `load_particles` reads them."""
     q, q_lo, v, v_lo = columns
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
     store(q[0], p, x)
@@ -126,7 +126,7 @@ def load_particle(columns, p):
 
 @kernel(inline=True)
 def store_particle(columns, p, particle):
-    """Write what `load_particle` would read."""
+    """Write a particle to where `load_particle` reads it."""
     q, q_lo, v, v_lo = columns
     q[0, p], q[1, p], q[2, p], q_lo[0, p], q_lo[1, p], q_lo[2, p] = particle[:6]
     v[0, p], v[1, p], v[2, p], v_lo[0, p], v_lo[1, p], v_lo[2, p] = particle[6:]

@@ -1,26 +1,26 @@
-"""The contract of a step: what a method's compiled functions take, and how the driver finds them.
+"""The contract of a step: the compiled functions of a method, their arguments, and how the driver finds them.
 
-A step is a function of values. It knows nothing of recording, watching, sampling, threads or files; the loop that calls
-it (`orbits.marching.driver`) knows nothing of stages. A method enters compiled code as a tag, as a Lagrangian does (see
-`orbits.kernels.binding`), and each function below is resolved at compile time to the method's own:
+A step is a function of values. It is independent of recording, observers, samples, threads and files; the loop that
+calls it (`orbits.marching.driver`) is independent of stages. A method enters compiled code as a tag, like a Lagrangian
+(see `orbits.kernels.binding`), and each function below is resolved at compile time to the method's own:
 
     begin(method, model, t, h, state, storage)
-        what can be derived from the state, such as the first force; called when a block of steps begins.
-        For forms that threads share it depends on q alone, and is left out where q is that of the last block's end
+        computes what is derived from the state, such as the first force; called at the beginning of a block of steps.
+        For forms divided among threads it depends on q alone, and is skipped if q is that at the end of the last block
     step(method, model, t, h, state, storage) -> (status, where, evaluations)
-        one step of h from time t, in place. One that fails says at which body or coordinate. It may spoil state and
-        carry: to go on, restore both and call `begin` again. Explicit methods always succeed: whether the state is
-        finite is looked at once a block
+        one step of h from time t, in place. A step that fails returns the body or coordinate. It may leave state and
+        carry invalid: to go on, restore both and call `begin` again. Explicit methods always succeed: the driver checks
+        once a block that the state is finite
     prepare(method, h, before, storage)
-        for clocks that change h: write the coefficients of steps of h, after one of `before`
+        for clocks that change h: writes the coefficients of a step of h that follows one of `before`
     signal(method, model, storage) -> float
-        how much of the forces the step just taken could not resolve: 0 for none, 1 for all
+        the fraction of the forces that the step just taken did not resolve: 0 for none, 1 for all
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
-        the same for massless particles, which are values: eight in lanes, or one with its stages in lanes, as the
-        constant `width` of the method says. `storage.stages` is what the massive bodies' step went through.
-        In lanes the status goes unread: what cannot be stepped becomes NaN in its lane, and is found there after the
-        block; `begin_particles` is called for lanes only, and what they carry ends with the block
+        the same for massless particles, which are passed as values: eight in lanes, or one with its stages in lanes,
+        depending on the constant `width` of the method. `storage.stages` has the stages of the massive bodies.
+        In lanes the status is ignored: a particle that cannot be stepped becomes NaN in its lane, and is detected after
+        the block; `begin_particles` is called for lanes only, whose carry lasts for one block
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from orbits.kernels.binding import OPTIONS, kernel_of
 from orbits.kernels.lanes import WIDTH
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
-"""What became of a step."""
+"""The status of a step."""
 
 BEYOND, TOO_SHORT = 4, 5
-"""Why a clock took none: it would lead too far, or it is too short to change the time."""
+"""Why a clock took no step: it would pass the goal, or it is too short to change the time."""
 
 
 class State(NamedTuple):
-    """Where d coordinates are: vectors padded to whole lanes; (q, q_lo) and (p, p_lo) are numbers of doubled precision.
+    """The state of d coordinates: vectors padded to whole lanes; (q, q_lo) and (p, p_lo) have doubled precision.
 
-    In second-order form the velocities stand for the momenta p. Of n bodies all x come first, then all y, all z.
+    In second-order form p holds the velocities. The coordinates of n bodies are all x, then all y, then all z.
     """
 
     q: Any
@@ -69,24 +69,24 @@ class Particles(NamedTuple):
 
 
 class Model(NamedTuple):
-    """What is solved: the tag of a Lagrangian, and its parameters."""
+    """The problem: the tag of a Lagrangian, and its parameters."""
 
     tag: Any
     parameters: Any
 
 
 class Method(NamedTuple):
-    """How it is solved: the tag of a form of a method, and its numbers for steps of this length."""
+    """The method: the tag of a form, and its coefficients for steps of this length."""
 
     tag: Any
     coefficients: Any
 
 
 class Share(NamedTuple):
-    """The coordinates that are one thread's to move, start ... stop - 1, start being a multiple of eight; of massless
-    particles the numbers of those in the lanes, or of the one.
+    """The coordinates start ... stop - 1 that one thread advances, with start a multiple of eight; for massless
+    particles, the numbers of those in the lanes, or of the single one.
 
-    barrier : None for a thread alone, else a `Barrier`
+    barrier : None for a single thread, else a `Barrier`
     """
 
     start: Any
@@ -95,12 +95,12 @@ class Share(NamedTuple):
 
 
 class Storage(NamedTuple):
-    """What a step finds and leaves beside the state.
+    """The arrays that a step reads and writes in addition to the state.
 
-    carry : (rows, 8), carried from step to step and into archives; zeros for a cold start
-    scratch : (rows, columns), free to use; explicit methods keep the last force there between `begin` and `step`
-    stages : (rows, columns), where the step goes through: what massless particles feel
-    share : which coordinates to move
+    carry : (rows, 8), kept from step to step and in archives; zeros for a cold start
+    scratch : (rows, columns), workspace; explicit methods keep the last force there between `begin` and `step`
+    stages : (rows, columns), the stages of the step, from which massless particles are accelerated
+    share : the coordinates to advance
     """
 
     carry: Any
@@ -110,7 +110,7 @@ class Storage(NamedTuple):
 
 
 def begin(method, model, t, h, state, storage):
-    """Prepare what is derived from the state; nothing for a method without it."""
+    """Compute what is derived from the state; does nothing for a method without `begin`."""
     raise NotImplementedError("begin() is for compiled code only")
 
 
@@ -134,7 +134,7 @@ def _step(method, model, t, h, state, storage):
 
 
 def prepare(method, h, before, storage):
-    """Write the coefficients of steps of h, after one of `before`."""
+    """Write the coefficients of a step of h that follows one of `before`."""
     raise NotImplementedError("prepare() is for compiled code only")
 
 
@@ -145,7 +145,7 @@ def _prepare(method, h, before, storage):
 
 
 def signal(method, model, storage):
-    """Return how much of the forces the step just taken could not resolve."""
+    """Return the fraction of the forces that the step just taken did not resolve."""
     raise NotImplementedError("signal() is for compiled code only")
 
 
@@ -156,7 +156,7 @@ def _signal(method, model, storage):
 
 
 def begin_particles(method, model, particles, storage):
-    """Return what particles carry into a block of steps; by default their rows of `storage.carry`."""
+    """Return the carry of particles at the beginning of a block of steps; by default their rows of `storage.carry`."""
     raise NotImplementedError("begin_particles() is for compiled code only")
 
 
@@ -182,10 +182,12 @@ def _step_particles(method, model, t, h, particles, carry, storage):
 
 
 def lanes_of(method):
-    """Return how many particles `step_particles` of a `Method` of that Numba type takes at once: 8 or 1."""
+    """Return the number of particles, 8 or 1, that `step_particles` of a `Method` of that Numba type takes at a
+    time.
+    """
     return _kernel(method, "width") or WIDTH
 
 
 def _kernel(method, name):
-    """Return what a method's tag has under a name; `method` is the Numba type of a `Method`."""
+    """Return the kernel of that name of a method's tag; `method` is the Numba type of a `Method`."""
     return kernel_of(method.types[0], name)

@@ -1,4 +1,4 @@
-"""Conditions that end a run, looked at after each step of a block."""
+"""Conditions that end a run, tested after each step of a block."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ KIND, FIRST, SECOND, BOUND2 = 0, 1, 2, 3
 
 @kernel(inline=True)
 def _concerns(stops, c, row, j):
-    """Return whether condition c is about a row and body j."""
+    """Return whether condition c applies to a row and body j."""
     a, b = stops[c, FIRST], stops[c, SECOND]
     return (a in (ANY, row) and b in (ANY, j)) or (a in (ANY, j) and b in (ANY, row))
 
 
 @kernel
 def first_met(context, track, h, steps, start, stop):
-    """Return after how many of `steps` steps (steps + 1: never) which condition first holds for which row and body.
+    """Return the number of steps after which a condition first holds (steps + 1: never), the condition, row and body.
 
-    Rows start ... stop - 1 are looked at. "Closer" holds as well after a step within which the pair came closer than it
-    is at either end.
+    Rows start ... stop - 1 are tested. "Closer" also holds after a step within which the pair came closer than at
+    either end.
     """
     watch = watch_at(context)
     stops, n = watch.stops, watch.bodies
@@ -42,7 +42,7 @@ def first_met(context, track, h, steps, start, stop):
             for j in range(min(row, n)):
                 if not _concerns(stops, c, row, j):
                     continue
-                # Two bodies travel twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
+                # Two bodies approach by at most twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
                 x, y, z, u, v, w = relative(watch, track, row, j, 0 * steps)
                 d2 = x * x + y * y + z * z
                 if (closer and d2 > 2.0 * (bound2 + 4.0 * way * way)) or (
@@ -72,7 +72,7 @@ def _enter(hits, row, found):
 
 @kernel
 def find_met(context, track, h, steps, start, stop):
-    """Look for met conditions: of massive bodies start ... stop - 1 or, where there is a track, of particles."""
+    """Find conditions that are met, for massive bodies start ... stop - 1, or for particles if `track` is not empty."""
     watch = watch_at(context)
     group, row = watch.hits.shape[0] - 1, 0
     if track.shape[0] > 0:
@@ -95,7 +95,7 @@ def path_energy(context, strength, step):
 
 @kernel
 def first_energy_error(context, strength, steps, reference, bound):
-    """Return after how many of `steps` steps |E - reference| exceeds `bound`, or steps + 1."""
+    """Return the number of steps after which |E - reference| first exceeds `bound`, or steps + 1."""
     for step in range(1, steps + 1):
         if not abs(path_energy(context, strength, step) - reference) <= bound:
             return step

@@ -43,7 +43,7 @@ def add_compensated(hi, lo, x):
 def accumulate(hi, lo, x):
     """Return the pair (hi, lo) + x with one rounding of the size of x: Kahan's addition, for an x itself rounded.
 
-    Where |hi| < |x| the pair may be off by one more such rounding.
+    If |hi| < |x|, the pair may have one more such rounding error.
     """
     y = exact_add(lo, x)
     s = exact_add(hi, y)

@@ -1,4 +1,4 @@
-"""Folders and files of a cache: what is read from them is executed, so nobody else may have written it."""
+"""Folders and files of a cache: their contents are executed, so no other user may have written them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pathlib import Path
 from orbits.errors import OrbitsWarning
 
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
-"""Permission bits with which someone else than the owner writes."""
+"""Permission bits that let users other than the owner write."""
 
 ROOT = 0
 
 
 def distrusted(status: os.stat_result, *, owners: frozenset[int] = frozenset(), shared: int = 0) -> str | None:
-    """Return why someone else may have written what has this status, in words; None where nobody can have.
+    """Return the reason why another user may have written a file with this status, or None.
 
-    owners : users who are trusted beside this process's own and root
+    owners : trusted users, in addition to that of this process and root
     shared : permission bits that are harmless here
     """
     if not hasattr(os, "getuid"):
@@ -36,26 +36,26 @@ def distrusted(status: os.stat_result, *, owners: frozenset[int] = frozenset(), 
 
 
 class DistrustedError(Exception):
-    """Someone else may have written a file; the reason, in words."""
+    """Another user may have written a file; the message says why."""
 
 
 def read(path: Path, owners: frozenset[int] = frozenset()) -> bytes:
-    """Return what a file holds.
+    """Return the contents of a file.
 
-    The file that is judged is the one that is read: both go through one descriptor. Raises OSError, and
-    DistrustedError where someone else may have written it.
+    The file is checked and read through one descriptor, so that both are the same file. Raises OSError, and
+    DistrustedError if another user may have written it.
     """
     with path.open("rb") as file:
         reason = distrusted(os.fstat(file.fileno()), owners=owners)
         if reason is None:
             return file.read()
-    raise DistrustedError(f"{path} {reason}: it is not used, because what it holds would be executed. It is made anew.")
+    raise DistrustedError(f"{path} {reason}: it is not used, because its contents would be executed. It is made anew.")
 
 
 def write(path: Path, data: bytes, *, replace: bool = True) -> None:
-    """Write a file that other processes see whole or not at all, and that only its owner may change.
+    """Write a file that other processes see complete or not at all, and that only its owner may change.
 
-    replace : False where the first to come is the one that stays
+    replace : False to keep an existing file
     Raises OSError.
     """
     name = path.parent / f"{path.name}.{secrets.token_hex(8)}.partial"
@@ -85,15 +85,15 @@ def _put_first(name: Path, path: Path) -> None:
 
 
 def make_private(place: Path) -> None:
-    """Make a folder of our own, or see that it is one, and that it takes files. Raises OSError otherwise.
+    """Make a private folder, or check that it is private and writable. Raises OSError otherwise.
 
-    Warns, naming the folder, where it is there but others may write in it.
+    Warns, naming the folder, if it exists but others may write in it.
     """
     place.mkdir(parents=True, exist_ok=True, mode=0o700)
     reason = distrusted(place.stat())
     if reason is not None:
         warn(
-            f"the folder {place} {reason}: compiled code is not read from it nor kept there, because it would be "
+            f"the folder {place} {reason}: compiled code is neither read from it nor kept there, because it would be "
             "executed. Another folder is used; take that permission away (chmod go-w), or choose a folder of your "
             "own with NUMBA_CACHE_DIR."
         )
@@ -102,8 +102,8 @@ def make_private(place: Path) -> None:
 
 
 def user_folder(name: str) -> Path:
-    """Return a folder of this user's for what is kept between processes: in NUMBA_CACHE_DIR, else in XDG_CACHE_HOME or
-    ~/.cache, else a private temporary folder. A folder in which other users may write is passed over, with a warning.
+    """Return a folder of this user for files kept between processes: in NUMBA_CACHE_DIR, else in XDG_CACHE_HOME or
+    ~/.cache, else a private temporary folder. A folder in which other users may write is skipped, with a warning.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
@@ -116,7 +116,7 @@ def user_folder(name: str) -> Path:
 
 @lru_cache(maxsize=1)
 def temporary_folder() -> Path:
-    """Return a private folder for where there is no other: kept until the machine restarts, or else this process's."""
+    """Return a private temporary folder, kept until the machine restarts, or else only for this process."""
     with contextlib.suppress(KeyError, OSError):
         place = Path(tempfile.gettempdir()) / f"orbits-{getpass.getuser()}"
         make_private(place)
@@ -126,9 +126,9 @@ def temporary_folder() -> Path:
 
 @lru_cache(maxsize=256)
 def warn(text: str) -> None:
-    """Warn once of a file or folder of the cache.
+    """Warn once about a file or folder of the cache.
 
-    Of a file that cannot be used only when it is out of the way: a warning may be an error, which the next process
-    would raise again.
+    An unusable file must be removed before the warning: warnings may be raised as errors, which the next process would
+    otherwise raise again.
     """
     warnings.warn(text, OrbitsWarning, stacklevel=3)

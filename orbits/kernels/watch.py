@@ -1,29 +1,31 @@
-"""What is looked at in a block of steps, and the memory in which compiled code finds it.
+"""The data of observers of a block of steps, in memory that compiled code can read.
 
-An observer is given one number, the *context*: the address of a row of words that Python has written. Its fields:
+An observer gets one number, the *context*: the address of a row of words written by Python. Its fields:
 
 path : flat; n bodies' q and v at the beginning of each step and at the end, each padded to `stride`
 stride : length of a padded vector
 bodies : n
 first : steps taken before this block
-origin : time at which it begins; for clocks whose steps differ
-times : when its steps begin, since then, and the last one ends; empty where steps are all alike
-dominant : the body that rules the motion of the others, or -1
+origin : time at which this block begins; for clocks whose steps differ
+times : times, since `origin`, at which its steps begin and the last one ends; empty if all steps have the same length
+dominant : the body that dominates the motion of the others, or -1
 mu : its GM
 annuli : (n, 3), see `encounters.py`
-reaches : (n + padding,), how close to a body flybys are listed; 0 where no body dominates
-record : (4, 2, rows + 8) squared distance, time as the clock reads it, squared speed and partner of the closest
+reaches : (n + padding,), the distance from each body within which flybys are listed; 0 if no body dominates
+record : (4, 2, rows + 8) squared distance, reading of the clock, squared speed and partner of the closest
     approaches
 stops : (conditions, 4), see `stopping.py`
-hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies, after how many steps
-    which condition first held for which row and body
-bold : angle of a step, h x speed / distance, from which on every passage by another than the dominant body is listed
-mild, keen : eccentricity, and angle of a step, from which on pericentres about the dominant body are listed
+hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies: the number of steps
+    after which a condition first held, the condition, row and body
+passage_angle : angle of a step, h x speed / distance, above which every passage of a body other than the dominant one
+    is listed
+least_eccentricity, pericentre_angle : eccentricity and angle of a step above which pericentres about the dominant body
+    are listed
 passages : (room, columns), see `encounters.py`: the passages of this block that are listed
-listed : (2,) int64; how many are in the list, and how many there were
-search, enter : addresses of `approach_search.search` and `encounters.enter_passage`: the search among bodies and that
-    of particles share them, and each is compiled once
-then : address of the observer that comes after `follow_particles`, or 0
+listed : (2,) int64; the number of passages in the list, and the number found
+search, enter : addresses of `approach_search.search` and `encounters.enter_passage`, shared by the searches among
+    bodies and particles, so that each is compiled once
+then : address of the observer called after `follow_particles`, or 0
 
 A kernel reads them as attributes of `watch_at(context)`.
 """
@@ -66,16 +68,16 @@ _KINDS: dict[str, Any] = {
     "record": _array(3),
     "stops": _array(2),
     "hits": _array(2, types.int64),
-    "bold": types.float64,
-    "mild": types.float64,
-    "keen": types.float64,
+    "passage_angle": types.float64,
+    "least_eccentricity": types.float64,
+    "pericentre_angle": types.float64,
     "passages": _array(2),
     "listed": _array(1, types.int64),
     "search": types.int64,
     "enter": types.int64,
     "then": types.int64,
 }
-"""The fields of a context. A number takes a word; an array its address and the length of each dimension."""
+"""The fields of a context. A number takes one word; an array takes its address and the length of each dimension."""
 
 _LENGTHS = {name: 1 + kind.ndim if isinstance(kind, types.Array) else 1 for name, kind in _KINDS.items()}
 _PLACES = dict(zip(_KINDS, accumulate(_LENGTHS.values(), initial=0), strict=False))
@@ -84,7 +86,7 @@ WORDS = sum(_LENGTHS.values())
 
 
 class WatchType(types.Type):
-    """The Numba type of what `watch_at` returns: an address, whose attributes are the fields of the context there."""
+    """The Numba type of the result of `watch_at`: an address whose attributes are the fields of the context there."""
 
     def __init__(self) -> None:
         super().__init__(name="Watch")
@@ -122,7 +124,7 @@ def _load_field(cx, builder, watch, value, name):
 
 def _made(cx, builder, kind, data, shape):
     """Return a contiguous array of 8-byte numbers that owns no memory."""
-    from numba.np.arrayobj import populate_array  # for compiling only: a process that loads its kernels goes without
+    from numba.np.arrayobj import populate_array  # for compiling only: processes that load their kernels need no import
 
     strides = [INT64(8)]
     for length in reversed(shape[1:]):
@@ -134,7 +136,7 @@ def _made(cx, builder, kind, data, shape):
 
 @intrinsic
 def watch_at(typingctx, context):
-    """Return the fields at an address, as attributes that are loaded where they are used."""
+    """Return the fields at an address, as attributes that are loaded on use."""
     return _WATCH(types.int64), lambda cx, builder, sig, args: args[0]
 
 
@@ -155,7 +157,7 @@ def flat(typingctx, array):
 
 @intrinsic
 def no_particles(typingctx):
-    """Return an empty array in the place of the states of particles."""
+    """Return an empty array, for the states of no particles."""
     kind = _array(2)
 
     def codegen(cx, builder, sig, args):
@@ -165,9 +167,9 @@ def no_particles(typingctx):
 
 
 class Contexts:
-    """One context for each task that looks at a block at the same time as others; the arrays in them are kept alive.
+    """One context for each of the tasks that observe a block in parallel; the arrays in them are kept alive.
 
-    addresses : of the contexts
+    addresses : the addresses of the contexts
     """
 
     def __init__(self, count: int) -> None:
@@ -177,11 +179,11 @@ class Contexts:
         self.addresses = [self._words.ctypes.data + 8 * WORDS * k for k in range(count)]
 
     def __getstate__(self) -> None:
-        """Refuse to be copied or pickled: the addresses would still be those of the arrays of the original."""
+        """Refuse to be copied or pickled: the addresses would still refer to the arrays of the original."""
         raise TypeError("contexts hold addresses and cannot be copied or pickled; make new ones and enter the arrays.")
 
     def enter(self, **values: Any) -> None:
-        """Enter values into all contexts. Raises TypeError for an array of another kind than kernels read."""
+        """Enter values into all contexts. Raises TypeError for an array of the wrong kind."""
         for name, value in values.items():
             kind, at = _KINDS[name], _PLACES[name]
             if isinstance(kind, types.Array):
@@ -194,14 +196,14 @@ class Contexts:
                 self._words[:, at] = value
 
     def enter_each(self, name: str, arrays: Sequence[NDArray[Any]]) -> None:
-        """Enter an array of its own into each context."""
+        """Enter a separate array into each context."""
         at = _PLACES[name]
         for row, array in zip(self._words, arrays, strict=True):
             row[at : at + 1 + array.ndim] = _described(name, array)
         self._kept[name] = list(arrays)
 
     def share(self, others: Contexts, own: Sequence[str]) -> None:
-        """Take over the first of other contexts in all of these, but for the fields `own`."""
+        """Copy the first of other contexts into all of these, except for the fields `own`."""
         shared = np.ones(WORDS, dtype=bool)
         for name in own:
             shared[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = False
@@ -210,7 +212,7 @@ class Contexts:
 
 
 def _described(name: str, array: NDArray[Any]) -> tuple[int, ...]:
-    """Return the words of an array."""
+    """Return the words that describe an array."""
     kind = _KINDS[name]
     expected = np.int64 if kind.dtype == types.int64 else np.float64
     if array.dtype != expected or array.ndim != kind.ndim or not array.flags.c_contiguous:

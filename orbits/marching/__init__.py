@@ -1,1 +1,1 @@
-"""The loop that marches: driver, threads, observers, and what a march gives back."""
+"""The march over steps: its loop, clocks, threads, observers and results."""

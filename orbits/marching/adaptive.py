@@ -1,12 +1,12 @@
-"""Steps that are chosen one by one: long where nothing happens, short in encounters, as accurate as floats are.
+"""Steps that are chosen one by one: long in quiet phases, short in encounters, with errors at the level of round-off.
 
-A step is h = theta g, with g the dynamical time of the bodies there, taken half a step ahead; theta follows what the
-step just taken could not resolve: the last Legendre coefficient of the forces, as a share w of the largest. With s
-stages and f = (tolerance / w)^(1 / (s - 1)), a step with f < 3/4 is taken again, shorter by 0.95 f; otherwise theta
-grows by f, at most by one half.
+A step is h = theta g, where g is the dynamical time of the bodies, extrapolated by half a step; theta is controlled by
+the error signal of the step just taken: the last Legendre coefficient of the forces, as a fraction w of the largest.
+With s stages and f = (tolerance / w)^(1 / (s - 1)), a step with f < 3/4 is repeated with 0.95 f times its length;
+otherwise theta is multiplied by f, but at most by 3/2.
 
-The steps depend on the state alone, not on the samples: a march stops before the step that would lead past its goal.
-Not symplectic, as no method is whose steps depend on where it was; at round-off no drift of the energy is seen.
+The steps depend on the state alone, not on the samples: a march stops before the step that would pass its goal.
+The method is then not symplectic, as the steps depend on the state; at the level of round-off, no energy drift is seen.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from orbits.kernels.summation import two_sum
 from orbits.marching.clocks import Clock, Place
 
 TIME, TIME_LO, LENGTH, THETA, TOLERANCE, POWER, DIRECTION, LIMIT, EXACT, ORIGIN = range(10)
-"""What the clock knows: the time reached, a number of doubled precision; the last step; theta; the tolerance and the
-power 1 / (s - 1); 1 or -1; the time not to pass; whether a step ends there (1) or the march before it (0); and when the
-block began.
+"""The state of the clock: the time reached, in doubled precision; the last step; theta; the tolerance and the power
+1 / (s - 1); the direction 1 or -1; the time limit; whether a step ends at the limit (1) or the march stops before it
+(0); and the time at which the block began.
 """
 
 NUMBERS = 10
@@ -41,20 +41,20 @@ FIRST_THETA = 0.2
 
 REFUSED, CAUTION, GROWTH = 0.75, 0.95, 1.5
 LEAST, MOST = 0.3, 2.0
-"""Of f: below which a step is taken again, how much shorter still, and by how much theta grows; and its bounds."""
+"""The f below which a step is repeated, the safety factor of its length, the largest growth of theta; its bounds."""
 
 ATTEMPTS = 100
 
 
 @kernel(inline=True)
 def step_of(clock, k):
-    """Return when step k of a block began, and how long it was."""
+    """Return the time at which step k of a block began, and its length."""
     return clock.numbers[ORIGIN] + clock.room[k], clock.room[k + 1] - clock.room[k]
 
 
 @kernel(inline=True)
 def _keep(room, at, state, carry):
-    """Write state and carry into the room, from `at` on."""
+    """Copy the state and carry into `room`, starting at `at`."""
     for x in (state.q, state.q_lo, state.p, state.p_lo):
         for k in range(0, x.shape[0], WIDTH):
             store(room, at + k, load(x, k))
@@ -65,7 +65,7 @@ def _keep(room, at, state, carry):
 
 @kernel(inline=True)
 def _put_back(room, at, state, carry):
-    """Read state and carry from the room, from `at` on."""
+    """Restore the state and carry from `room`, starting at `at`."""
     for x in (state.q, state.q_lo, state.p, state.p_lo):
         for k in range(0, x.shape[0], WIDTH):
             store(x, k, load(room, at + k))
@@ -76,7 +76,7 @@ def _put_back(room, at, state, carry):
 
 @kernel(inline=True)
 def take_step(clock, method, model, k, state, storage):
-    """Take a step, if there is room for it before the limit; again and shorter until it resolves the forces."""
+    """Take a step, if it ends before the limit; repeat it with shorter lengths until it resolves the forces."""
     numbers, room = clock.numbers, clock.room
     kept = room.shape[0] - 4 * state.q.shape[0] - WIDTH * storage.carry.shape[0]
     direction, theta, before = numbers[DIRECTION], numbers[THETA], numbers[LENGTH]
@@ -120,8 +120,8 @@ def take_step(clock, method, model, k, state, storage):
 ADAPTIVE = Tag("adaptive-steps", {"step_of": step_of, "take_step": take_step})
 
 ROUND_OFF = 1e-9 ** (16 / 7)
-"""The error of a step of order 2s is about w^(2s / (s - 1)): by default that of every method is as small as that of
-1e-9 with 8 stages, at which nothing but round-off is left."""
+"""The error of a step of order 2s is about w^(2s / (s - 1)): the default tolerance of every method gives the error of
+1e-9 with 8 stages, which leaves only round-off."""
 
 TIGHTEST, LOOSEST = 1e-15, 0.1
 
@@ -130,15 +130,15 @@ FEWEST_STAGES, MOST_STAGES = 3, WIDTH
 
 @dataclass(frozen=True)
 class Adaptive(Clock):
-    """Steps chosen one by one, so that each resolves what happens in it; the clock of a run without dt.
+    """Steps chosen one by one, so that each resolves the motion; the clock of a run without dt.
 
         orbits.propagate(system, dt=orbits.Adaptive(tolerance=1e-9), duration=10 * u.yr)
 
-    tolerance : what a step may leave of the forces, as a share of them, by their last Legendre coefficient: with 8
-        stages 1e-9, the default, leaves nothing but round-off; 1e-8 takes a quarter less time
-    direction : 1 forwards in time, -1 backwards; a run sets it
+    tolerance : bound of the last Legendre coefficient of the forces in a step, as a fraction of the forces. The
+        default, 1e-9 with 8 stages, leaves only round-off; 1e-8 takes a quarter less time
+    direction : 1 forwards in time, -1 backwards; set by the run
 
-    For Gauss with 3 to 8 stages. Raises InputError for a tolerance that cannot be.
+    For Gauss with 3 to 8 stages. Raises InputError for a tolerance that is not a number or out of range.
     """
 
     tolerance: float | None = None
@@ -155,13 +155,13 @@ class Adaptive(Clock):
         if not TIGHTEST <= tolerance <= LOOSEST:
             raise InputError(
                 f"tolerance is {tolerance:g}; expected {TIGHTEST:g} ... {LOOSEST:g}. With 8 stages 1e-9 leaves nothing "
-                "but round-off, and no smaller one is more accurate."
+                "but round-off, and a smaller tolerance is not more accurate."
             )
         object.__setattr__(self, "tolerance", float(tolerance))
 
     @property
     def h(self) -> float:  # type: ignore[override]
-        """NaN: there is no one length."""
+        """NaN: the steps have no common length."""
         return math.nan
 
     @property
@@ -170,7 +170,7 @@ class Adaptive(Clock):
         return True
 
     def check(self, integrator: Integrator) -> None:
-        """Raise InputError, saying which can, for a method whose steps this clock cannot choose."""
+        """Raise InputError, naming suitable methods, for a method whose steps this clock cannot choose."""
         stages = getattr(integrator, "stages", 0)
         if integrator.name != "gauss" or not FEWEST_STAGES <= stages <= MOST_STAGES:
             raise InputError(
@@ -180,11 +180,11 @@ class Adaptive(Clock):
             )
 
     def room(self, block: int, size: int) -> int:
-        """Return room for the times of a block, and for the state before a step."""
+        """Return the length of the workspace: the times of a block, and the state before a step."""
         return block + 1 + size
 
     def numbers_for(self, integrator: Any) -> Array:
-        """Return what the clock knows at the start of a march by a method that it can choose steps for."""
+        """Return the state of the clock at the start of a march by a method whose steps it can choose."""
         stages = integrator.stages
         tolerance = ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
         numbers = np.zeros(NUMBERS)
@@ -197,7 +197,7 @@ class Adaptive(Clock):
         return reading * 1.0
 
     def place(self, time: float | Fraction) -> Place:
-        """Return where a time lies: no whole steps are known beforehand."""
+        """Return the place of a time: no whole steps, as they are not known beforehand."""
         return Place(0, float(time))
 
     def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:

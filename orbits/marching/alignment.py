@@ -11,8 +11,8 @@ from orbits.kernels.lanes import WIDTH
 
 
 def aligned(*shapes: tuple[int, ...]) -> list[Array]:
-    """Return zeros of these shapes, each beginning where a line of the processor's cache does: where eight lanes lie
-    across two lines, a step of `Gauss` takes up to a sixth of its time longer.
+    """Return zeros of these shapes, each aligned to a cache line: with eight lanes across two lines, a step of `Gauss`
+    takes up to a sixth longer.
     """
     sizes = [math.prod(shape) for shape in shapes]
     memory = np.zeros(sum(padded(size) for size in sizes))

@@ -1,4 +1,4 @@
-"""Which form of a method marches a Lagrangian."""
+"""The choice of the form of a method for a Lagrangian."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from orbits.marching.clocks import Clock
 
 
 def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool = False) -> Form:
-    """Return the form, in positions and momenta if that is asked for or the only one.
+    """Return the form of a method for a Lagrangian: the canonical one if it is requested or the only one.
 
-    Raises InputError, naming the methods that can, where there is none.
+    Raises InputError, naming suitable methods, if there is none.
     """
     integrator.check(lagrangian, registry())
     form = integrator.form(lagrangian, canonical=canonical)
@@ -35,12 +35,12 @@ def form_of_bodies(
     with_particles: bool,
     forces: Sequence[str] = (),
 ) -> Form:
-    """Return the form in which bodies are marched by their positions and velocities.
+    """Return the form that marches bodies in positions and velocities.
 
     forces : the names of the forces without a Lagrangian that act on them
 
-    Raises InputError as `form_for`, where the method takes neither the Lagrangian nor the forces so, naming those that
-    do, and for massless particles where the form has none.
+    Raises InputError as `form_for` does; if the method supports neither the Lagrangian nor the forces in this form,
+    naming those that do; and for massless particles if the form does not support them.
     """
     if clock.changes:
         return _changing(integrator, lagrangian, with_particles=with_particles, forces=forces)
@@ -49,7 +49,7 @@ def form_of_bodies(
     else:
         form = _form_with(integrator, lagrangian, forces)
     if with_particles and MASSLESS_PARTICLES not in lagrangian.traits:
-        raise InputError(f"'{lagrangian.name}' says nothing of massless particles; give them a small mass.")
+        raise InputError(f"'{lagrangian.name}' does not define how massless particles move; give them a small mass.")
     if with_particles and not form.serves_particles:
         raise InputError(
             f"{integrator.label} steps '{lagrangian.name}' for massive bodies only; give the massless ones a small "
@@ -57,8 +57,8 @@ def form_of_bodies(
         )
     if with_particles and form.particle_carry_rows and form.own_kernels().get("width", WIDTH) == WIDTH:
         raise InputError(
-            f"{integrator.label} carries numbers of massless particles that lie in lanes from step to step, which are "
-            "not kept; expected particle_carry_rows = 0, or the constant width = 1: one particle at a time"
+            f"{integrator.label} has a carry of massless particles in lanes, which is not kept from block to block; "
+            "expected particle_carry_rows = 0, or the constant width = 1: one particle at a time"
         )
     return form
 
@@ -66,10 +66,10 @@ def form_of_bodies(
 def _changing(
     integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[str]
 ) -> Form:
-    """Return the form for steps that differ in length: bodies come close, and distances keep their digits."""
+    """Return the form for steps of different lengths, with distances accurate in close encounters."""
     if SEPARABLE not in lagrangian.traits or forces:
         what = f"the force of {forces[0]}" if forces else f"'{lagrangian.name}', which is not separable"
-        raise InputError(f"steps are chosen for what depends on positions alone, and not with {what}: give dt=...")
+        raise InputError(f"steps are chosen only if forces depend on positions alone, not with {what}: give dt=...")
     form = form_for(integrator, lagrangian)
     if with_particles or not isinstance(form, Collocation):
         raise InputError(
@@ -79,7 +79,7 @@ def _changing(
 
 
 def _form_with(integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[str]) -> Form:
-    """Return the form for what is not separable, or has forces without a Lagrangian."""
+    """Return the form for a Lagrangian that is not separable, or with forces without a Lagrangian."""
     form = integrator.form_with(len(forces)) if GRADIENTS in lagrangian.traits else None
     if form is not None:
         return form

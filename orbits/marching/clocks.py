@@ -1,6 +1,6 @@
-"""Clocks: when the steps of a run are. A run asks its clock, so that nobody else multiplies steps by a length.
+"""Clocks: the times of the steps of a run. No other code multiplies a number of steps by their length.
 
-`ConstantSteps` is the clock of t = k h. What compiled code needs of a clock stands in `orbits.kernels.clocks`.
+`ConstantSteps` is the clock t = k h. The compiled part of a clock is described in `orbits.kernels.clocks`.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from orbits.kernels.clocks import CONSTANT_STEPS
 
 
 class Place(NamedTuple):
-    """Where a time lies in a march: so many whole steps, and the part of a step, a time of its sign, that is left.
+    """The place of a time in a march: a number of whole steps, and the remaining time, with the sign of a step.
 
-    For a clock whose steps differ there are no whole steps, and the rest is the time.
+    With a clock whose steps differ, there are no whole steps, and the rest is the time itself.
     """
 
     steps: int
@@ -31,14 +31,14 @@ class Place(NamedTuple):
 
 
 class Clock:
-    """When the steps of a run are: a frozen value.
+    """The times of the steps of a run: a frozen value.
 
-    timing : the tag under which compiled code knows it
+    timing : the tag by which compiled code identifies it
     direction : 1 forwards in time, -1 backwards
-    h : the length of its steps with that sign; NaN where they differ
+    h : the length of its steps, with that sign; NaN if they differ
 
-    A clock *reads* whole numbers of steps where these tell the time, and times elsewhere: readings stand in the records
-    of a run, and `time` makes times of them.
+    The *reading* of a clock is a number of steps if all have the same length, and otherwise a time. The records of a
+    run contain readings, and `time` converts them to times.
     """
 
     timing: ClassVar[Tag]
@@ -54,7 +54,7 @@ class Clock:
         """Raise InputError for a method whose steps this clock cannot choose."""
 
     def room(self, block: int, size: int) -> int:
-        """Return how many numbers compiled code may use, for a block of steps of a state of so many numbers."""
+        """Return the length of the workspace for a block of `block` steps and a state of `size` numbers."""
         return 0
 
     def time(self, reading: Any) -> Any:
@@ -62,11 +62,11 @@ class Clock:
         raise NotImplementedError
 
     def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:
-        """Return where times lie in a march, as whole steps (n,) and rests (n,); see `Place`."""
+        """Return the places of times in a march: whole steps (n,) and rests (n,); see `Place`."""
         raise NotImplementedError
 
     def place(self, time: float | Fraction) -> Place:
-        """Return where a time lies in a march."""
+        """Return the place of a time in a march."""
         raise NotImplementedError
 
 
@@ -91,27 +91,27 @@ class ConstantSteps(Clock):
 
     @property
     def changes(self) -> bool:
-        """No."""
+        """False: all steps have the same length."""
         return False
 
     def numbers(self, start: float, steps: int) -> Array:
-        """Return what compiled code needs to know after so many steps of a march that began at `start`."""
+        """Return the state of the clock for compiled code, after `steps` steps of a march that began at `start`."""
         return np.array([start, float(steps), self.h])
 
     def time(self, reading: Any) -> Any:
-        """Return how long so many steps take; fractions of a step, and arrays of them, are allowed."""
+        """Return the duration of a number of steps, which may be fractional or an array."""
         return reading * self.h
 
     def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:
-        """Return (k, r) with times = k h + r exactly: k >= 0 whole steps and a rest of less than a step in the
-        direction of h.
+        """Return (k, r) with times = k h + r exactly: k >= 0 whole steps, and a rest shorter than a step with the sign
+        of h.
         """
         rest = np.fmod(times, self.h)
         steps = np.rint((times - rest) / self.h).astype(np.int64)
         return steps, rest
 
     def place(self, time: float | Fraction) -> Place:
-        """Return where a time lies, the rest rounded once; of an exact time the exact steps."""
+        """Return the place of a time, with the rest rounded once; of an exact time, the exact number of steps."""
         if isinstance(time, Fraction):
             steps = max(0, math.floor(time / Fraction(self.h)))
             return Place(steps, float(time - steps * Fraction(self.h)))
@@ -120,5 +120,5 @@ class ConstantSteps(Clock):
 
 
 def clock_of(step: float | Clock) -> Clock:
-    """Return a clock as it is, for a number the clock of steps of that length. Raises InputError for anything else."""
+    """Return a clock unchanged; for a number, constant steps of that length. Raises InputError for anything else."""
     return step if isinstance(step, Clock) else ConstantSteps(single_number(step, "step"))

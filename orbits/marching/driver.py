@@ -1,7 +1,7 @@
-"""The loops over steps: a clock, a step, and what is recorded of it.
+"""The loops over steps: clock, step and recording.
 
-Arguments are flat, because Python calls these functions: building records on the way costs more than a step. When a
-step begins and how long it is says the clock (`orbits.kernels.clocks`).
+Arguments are flat, because Python calls these functions: building records for each call would cost more than a step.
+The clock determines when a step begins and how long it is (`orbits.kernels.clocks`).
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from orbits.kernels.steps import (
 )
 
 NOWHERE = 1e6
-"""Where the particles that fill the last eight are, and those that were retired: finite, and never read. Observers see
-NaN for a retired one, which no comparison holds for.
+"""Position of the padding in the last group of eight particles, and of retired particles: finite, and never read.
+Observers see NaN for a retired particle, so that every comparison with it is false.
 """
 
 
@@ -55,8 +55,8 @@ def march(
 
     timing, numbers, room : the tag of a clock, and its vectors; see `orbits.kernels.clocks`
     q, q_lo, p, p_lo : see `State`; carry, scratch : see `Storage`
-    stages : (slots, rows, columns), a slot for each step, or slots that are used over and over
-    path : flat, receives q and p, each padded, at the beginning of each `every`-th step; nothing where it is empty
+    stages : (slots, rows, columns), a slot for each step, or fewer slots that are reused in turn
+    path : flat, receives q and p, each padded, at the beginning of each `every`-th step; empty for no recording
 
     Returns (status, steps done, body or coordinate, evaluations).
     """
@@ -87,9 +87,9 @@ def march_together(
 ):  # fmt: skip
     """March thousands of bodies as one of several threads: each moves a share of the coordinates.
 
-    rounds : (threads, 8) int64, a row for each thread; its second number is how many evaluations there were
-    fresh : whether the scratch holds what `begin` would write
-    Other arguments are those of `march`.
+    rounds : (threads, 8) int64, a row for each thread; its second number is the number of evaluations
+    fresh : whether the scratch already holds what `begin` would write
+    The other arguments are those of `march`.
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
     clock, size = Clock(timing, numbers, room), dimension(tag, parameters)
@@ -115,12 +115,12 @@ def march_particles(
     """March massless particles start ... stop - 1 by `steps` steps through the stages of the massive bodies.
 
     q, q_lo, v, v_lo : (3, padded); carry : (particles, rows, 8); stages : (steps, rows, columns)
-    retired : (padded, 2) int64, a row for each particle: why it was given up (0: it was not), and before which step.
-        A particle that cannot be stepped is retired alone: its state stays that before the step
-    observer, context : see `orbits.kernels.observing`; track : (rows, 8), where the states of eight, or of twice eight,
-        particles at the beginning of each step are kept for it
+    retired : (padded, 2) int64, a row for each particle: why it was retired (0: it was not), and before which step.
+        A particle that cannot be stepped is retired alone, and keeps its state before the step
+    observer, context : see `orbits.kernels.observing`
+    track : (rows, 8), receives the states of eight, or of twice eight, particles at the beginning of each step
 
-    Returns how many evaluations there were.
+    Returns the number of evaluations.
     """
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
     clock, storage = Clock(timing, numbers, room), Storage(carry, scratch, stages, Share(0, 0, None))
@@ -129,7 +129,7 @@ def march_particles(
 
 
 def _march_particles(method, model, clock, columns, storage, retired, block, watched):
-    """March particles as their method has them: eight in lanes, or one with its stages in lanes."""
+    """March particles in the layout of their method: eight in lanes, or one with its stages in lanes."""
     raise NotImplementedError("_march_particles() is for compiled code only")
 
 
@@ -143,7 +143,7 @@ def _choose(method, model, clock, columns, storage, retired, block, watched):
 
 @kernel(inline=True)
 def _march_in_lanes(method, model, clock, columns, storage, retired, block, watched):
-    """March eight particles in lanes, and eight more: while one register waits, the other is busy with forces."""
+    """March two groups of eight particles in lanes, so that their instructions overlap."""
     steps, start, stop = block
     observer, context, track = watched
     other = track[track.shape[0] // 2 :]
@@ -171,7 +171,7 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
 
 @kernel(inline=True)
 def _march_one_by_one(method, model, clock, columns, storage, retired, block, watched):
-    """March one particle after the other."""
+    """March the particles one after another."""
     steps, start, stop = block
     observer, context, track = watched
     evaluations = 0
@@ -205,7 +205,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
 
 @kernel(inline=True)
 def _at(storage, k, start, stop):
-    """Return the storage of particles start ... stop - 1 for step k: its stages."""
+    """Return the storage for particles start ... stop - 1 in step k, with the stages of that step."""
     return Storage(storage.carry, storage.scratch, storage.stages[k], Share(start, stop, None))
 
 
@@ -219,7 +219,7 @@ def _record_one(track, k, slot, x, y, z, vx, vy, vz):
 
 @kernel
 def _present(columns, retired, p):
-    """Return particles p ... p + 7, those that are retired being far away from all others."""
+    """Return particles p ... p + 7, with retired ones far away from all others."""
     particles = load_particles(columns, p)
     there, any_retired = full(1.0), False
     for k in range(WIDTH):
@@ -246,7 +246,7 @@ def _present(columns, retired, p):
 
 @kernel
 def _finish(columns, retired, track, steps, p, particles, stop):
-    """Keep eight particles at the end of a block; those whose state is no longer finite are retired before that."""
+    """Store eight particles at the end of a block; retire those whose state is no longer finite."""
     record_particles(track, steps, particles.x, particles.y, particles.z, particles.vx, particles.vy, particles.vz)
     kept = load_particles(columns, p)
     store_particles(columns, p, particles)
@@ -264,7 +264,7 @@ def _finish(columns, retired, track, steps, p, particles, stop):
 
 @kernel(inline=True)
 def _put_back(columns, j, kept):
-    """Write the state of one particle that was loaded before."""
+    """Write back the state of one particle that was loaded earlier."""
     q, q_lo, v, v_lo = columns
     slot = j % WIDTH
     q[0, j], q[1, j], q[2, j] = lane(kept.x, slot), lane(kept.y, slot), lane(kept.z, slot)

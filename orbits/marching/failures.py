@@ -1,4 +1,4 @@
-"""A step that cannot be taken: which one it is, and what is said of it."""
+"""Steps that cannot be taken: how they are located, and their messages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from orbits.marching.clocks import Clock
 
 
 def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
-    """Return how many steps can be taken of `bad` that cannot, by bisection."""
+    """Return the largest number of steps, less than `bad`, that can be taken, by bisection; `bad` steps cannot."""
     good = 0
     while bad - good > 1:
         middle = (good + bad) // 2
@@ -32,15 +32,16 @@ def failure_of_bodies(
     *,
     momenta: bool = False,
 ) -> IntegrationError:
-    """Return the error of bodies that cannot take the next step after `step` steps, at this time.
+    """Return the error for bodies that cannot take the step after `step` steps, at this time.
 
     momenta : whether a term adds to the momenta m v
     """
     where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
     if clock.changes:
         return SingularityError(
-            f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or what they "
-            "feel is out of the range of floats. Use softening, or end the run before: stop=orbits.CloserThan(...).",
+            f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their "
+            "accelerations are out of the range of floats. Use softening, or end the run before: "
+            "stop=orbits.CloserThan(...).",
             step=step,
             time=time,
             bodies=list(names),
@@ -48,7 +49,7 @@ def failure_of_bodies(
     if status == NOT_CONVERGED:
         return ConvergenceError(
             f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "
-            "the result would not be symplectic. Use a smaller dt, or softening if bodies meet closely."
+            "the result would not be symplectic. Use a smaller dt, or softening if bodies come very close."
             + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without particles.",
             step=step,
             time=time,
@@ -74,7 +75,11 @@ def failure_of_bodies(
 def failure_of_coordinates(
     status: int, step: int, time: float, where: str, integrator: Integrator, *, newton: bool
 ) -> IntegrationError:
-    """Return the error of a Lagrangian's coordinates; `where` says where they are, newton whether that was tried."""
+    """Return the error for the coordinates of a Lagrangian.
+
+    where : step, time and state, for the message
+    newton : whether Newton's method was tried
+    """
     if status == NOT_CONVERGED:
         tried = "neither by fixed point nor by Newton's method" if newton else "by fixed point"
         return ConvergenceError(

@@ -1,7 +1,7 @@
-"""The flow of a method on a Lagrangian: its one-step map on positions and momenta, and marches recorded on the way.
+"""The flow of a method on a Lagrangian: its one-step map on positions and momenta, and recorded marches.
 
-`Flow` is the plain view of an integrator, for any Lagrangian on R^d: states are vectors, momenta are dL/dv. (Systems of
-bodies with massless particles, units and archives are marched by `orbits.propagate`.)
+`Flow` is the direct interface to an integrator, for any Lagrangian on R^d: states are vectors, momenta are dL/dv.
+(`orbits.propagate` marches systems of bodies with massless particles, units and archives.)
 """
 
 from __future__ import annotations
@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import finite_number, nonzero_number, whole_number
 from orbits.errors import InputError, shown
 from orbits.integrators import named
 from orbits.integrators.base import Integrator
@@ -31,17 +32,17 @@ from orbits.marching.failures import failure_of_coordinates, last_good
 Array = NDArray[np.float64]
 
 PATH_BYTES = 1024 * 1024
-"""Of the states that are recorded before they are handed on."""
+"""Size of the states that are recorded in one call of the kernel."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiscretePath:
-    """A discrete trajectory: positions and the step's own momenta at uniform times.
+    """A discrete trajectory: positions and discrete momenta at uniform times.
 
-    lagrangian, integrator, dt : what was marched, how, and the step
+    lagrangian, integrator, dt : the problem, the method and the step
     t : (n,) times of the n samples
     q, p : (n, d) positions and momenta, p = dL/dv
-    evaluations : of the forces, in all
+    evaluations : the total number of force evaluations
 
     All are plain numbers in the Lagrangian's own units, arrays of float64.
     """
@@ -82,10 +83,11 @@ class Flow:
     """The one-step map of `integrator` on `lagrangian` with step dt.
 
     integrator : a method, or its name as on the command line: "gauss(stages=4)"
-    dt : not 0; negative goes back in time. t : time of the first step, for Lagrangians that depend on it
-    canonical : march in canonical form even where the faster second-order form would serve
+    dt : the step, not 0; negative for backwards in time
+    t : time of the first step, for Lagrangians that depend on it
+    canonical : use the canonical form even if the faster second-order form is possible
 
-    Raises InputError if the method cannot serve the Lagrangian.
+    Raises InputError if the method cannot integrate the Lagrangian.
     """
 
     def __init__(
@@ -101,9 +103,7 @@ class Flow:
             raise InputError(f"expected a Lagrangian such as orbits.lagrangians.pendulum, got {shown(lagrangian)}")
         integrator = named(integrator)
         self.lagrangian, self.integrator = lagrangian, integrator
-        self.dt, self.t = _finite(dt, "dt"), _finite(t, "t")
-        if self.dt == 0.0:
-            raise InputError("dt must not be zero")
+        self.dt, self.t = nonzero_number(dt, "dt"), finite_number(t, "t")
         form = self._form = form_for(integrator, lagrangian, canonical=canonical)
         self._has_canonical = integrator.canonical is not None and GRADIENTS in lagrangian.traits
         self.canonical = canonical or not (integrator.requires <= lagrangian.traits and integrator.second_order)
@@ -125,14 +125,14 @@ class Flow:
         """March from (q, p) and record every `every`-th state, the first included.
 
         q, p : (d,) positions and momenta; steps : a multiple of `every`
-        v : velocities at the start, where they are known; otherwise they are found from p
-        Where the fixed point of the second-order form does not converge, the march is done in canonical form, with
-        Newton's method.
+        v : velocities at the start, if known; otherwise they are computed from p
+        If the fixed-point iteration of the second-order form does not converge, the march is repeated in canonical
+        form, with Newton's method.
         Raises ConvergenceError or SingularityError, with the step and the state, if a step cannot be taken; the error's
         `trajectory` holds the samples before.
         """
         x, y = self.lagrangian.vector(q, "q"), self.lagrangian.vector(p, "p")
-        steps, every = _count(steps, "steps"), _count(every, "every")
+        steps, every = whole_number(steps, "steps"), whole_number(every, "every")
         if steps % every:
             raise InputError(f"steps must be a multiple of every, got {steps} and {every}")
         samples = steps // every
@@ -158,7 +158,7 @@ class Flow:
 
     def _record(self, q: Array, p: Array, every: int, out_q: Array, out_p: Array) -> tuple[int, int, int]:
         order = self.lagrangian.kernel_order
-        mass = None  # the constant matrix of a separable Lagrangian; None where p is v
+        mass = None  # the constant mass matrix of a separable Lagrangian; None if p is v
         if not self.canonical and GRADIENTS in self.lagrangian.traits:
             mass = self.lagrangian.hessians(q, np.zeros_like(q))[2]
         second = p if mass is None else self.lagrangian.solve_mass(mass, p, q)
@@ -181,7 +181,7 @@ class Flow:
             )  # fmt: skip
             evaluations += more
             done += first * every
-            # What is recorded is the state at the beginning of each sample: the first one is that of the block before.
+            # Recorded are the states at the beginning of each sample; the first is the last of the block before.
             last = first + count - 1
             out_q[first:last], out_p[first:last] = path[1:count, 0, :d], path[1:count, 1, :d]
             out_q[last], out_p[last] = state[0][:d], state[2][:d]
@@ -189,7 +189,7 @@ class Flow:
                 break
         out_q[:], out_p[:] = self.lagrangian.caller_order(out_q), self.lagrangian.caller_order(out_p)
         if mass is not None:
-            with np.errstate(invalid="ignore"):  # what is past a failure is not handed on
+            with np.errstate(invalid="ignore"):  # states after a failure are not returned
                 out_p[:] = out_p @ mass
         return int(status), int(done), int(evaluations)
 
@@ -199,7 +199,7 @@ class Flow:
 
     def _fail(self, status: int, done: int, q: Array, p: Array, path: DiscretePath, every: int) -> NoReturn:
         if status not in (NOT_CONVERGED, NOT_REGULAR):
-            # Explicit methods look at the end of a march only, implicit ones at each step, `done` being the last good.
+            # Explicit methods are checked only at the end of a march; implicit ones at each step, so `done` is right.
             rest_q, rest_p = np.empty((1, len(q))), np.empty((1, len(q)))
             done = last_good(lambda steps: self._record(q, p, steps, rest_q, rest_p)[0] == OK, done + 1)
         good = done // every + 1
@@ -234,12 +234,12 @@ def march(
 
     integrator : a method, or its name as on the command line: "gauss(stages=4)"
     q, v, p : (d,); give either v or p, which is dL/dv(q, v); without q, the Lagrangian's own example
-    dt : the step, not 0; negative goes back in time
+    dt : the step, not 0; negative for backwards in time
     steps, every : whole numbers >= 1; steps must be a multiple of every, and steps/every + 1 states are recorded
     t : time at the start, for Lagrangians that depend on it
 
     All are plain numbers in the Lagrangian's own units.
-    Raises InputError if the method cannot serve the Lagrangian, or for values that do not fit; ConvergenceError or
+    Raises InputError if the method cannot integrate the Lagrangian, or for invalid values; ConvergenceError or
     SingularityError, with the step and the state, if a step cannot be taken: its `trajectory` holds the samples before.
 
         path = orbits.march(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), q=[1.0], v=[0.0], dt=0.1, steps=1000)
@@ -254,12 +254,12 @@ def march(
 def starting_state(
     lagrangian: Lagrangian, q: ArrayLike | None, v: ArrayLike | None, p: ArrayLike | None = None, t: float = 0.0
 ) -> tuple[Array, Array]:
-    """Return (q, p) from what a caller gave; the Lagrangian's example where nothing was given."""
+    """Return (q, p) from the arguments of a caller; without any, those of the Lagrangian's example."""
     if q is None:
         if v is not None or p is not None:
             raise InputError(f"'{lagrangian.name}': a start needs q together with v or p; got no q")
         if lagrangian.example is None:
-            raise InputError(f"'{lagrangian.name}' has no example of a motion: give its start, q and v")
+            raise InputError(f"'{lagrangian.name}' has no example of a motion: give its initial state, q and v")
         q, v = lagrangian.example.q, lagrangian.example.v
     elif (v is None) == (p is None):
         raise InputError(
@@ -292,24 +292,6 @@ def _padded(x: Array) -> Array:
     out = np.zeros(padded(len(x)))
     out[: len(x)] = x
     return out
-
-
-def _finite(value: Any, what: str) -> float:
-    try:
-        if isinstance(value, str) or np.iscomplexobj(value):
-            raise TypeError
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{what} must be a real number, got {shown(value)}") from None
-    if not np.isfinite(number):
-        raise InputError(f"{what} must be finite, got {shown(value)}")
-    return number
-
-
-def _count(value: Any, what: str) -> int:
-    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(f"{what} must be a whole number >= 1, got {shown(value)}")
-    return int(value)
 
 
 __all__: Sequence[str] = ["DiscretePath", "Flow", "march", "starting_state", "velocities"]

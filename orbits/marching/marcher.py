@@ -1,8 +1,8 @@
 """A system bound to an integrator and a clock: floats in, floats out.
 
-The massive bodies march a block of steps; then the massless particles follow through the recorded stages, shared among
-threads in groups of whole lanes, so that the bits do not depend on the number of threads nor on the size of the block.
-On the way closest approaches are recorded, and conditions end the march at the step where they first hold.
+The massive bodies march a block of steps; the massless particles then follow through the recorded stages, divided among
+threads in groups of whole lanes, so that the bits depend neither on the number of threads nor on the size of the block.
+Closest approaches are recorded after each block, and conditions end the march at the step at which they first hold.
 """
 
 from __future__ import annotations
@@ -39,40 +39,40 @@ from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
 
 STAGES_BYTES = 512 * 1024
-"""Size of the recorded stages and of the track of eight particles: they should stay in the second-level cache."""
+"""Size of the recorded stages and of the states of eight particles: they should stay in the second-level cache."""
 
 PATH_BYTES = 4 * 1024 * 1024
-"""Size of the path of massive bodies without particles: written once, read here and there."""
+"""Size of the recorded path of massive bodies without particles: written once, read sparsely."""
 
 LEAST_BLOCK = 16
-"""Steps in one call of a kernel, however many the bodies are: the search for close approaches looks at its ends."""
+"""Steps in one call of a kernel, for any number of bodies: the search for closest approaches runs once a block."""
 
 BLOCK_WORK = 20_000_000
-"""Pairs times steps in one call of a kernel: a fraction of a second, after which a signal is seen."""
+"""Pairs times steps in one call of a kernel: a fraction of a second, after which signals are handled."""
 
 
 def available_threads() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Marcher:
     """The state of a run between two calls of its kernels.
 
-    lagrangian, integrator : what is solved and how
-    parameters : vector of the Lagrangian's kernels, for the massive bodies; of a sum of terms a tuple, Newton's first
+    lagrangian, integrator : the problem and the method
+    parameters : vector of the Lagrangian's kernels, for the massive bodies; for a sum of terms a tuple, Newton's first
     massive : (n,) bool; which bodies are massive
     q, v : (n, 3) float64 in the order of the caller
-    clock : when the steps are (see `orbits.marching.clocks`); a number h stands for steps of h
+    clock : the times of the steps (see `orbits.marching.clocks`); a number h is the clock of constant steps h
     names : (n,) names for messages
     threads : how many threads massless particles, and thousands of massive bodies, may use
-    stops : (conditions, 4), see `orbits.kernels.stopping`, rows counting bodies in the order of the caller
+    stops : (conditions, 4), see `orbits.kernels.stopping`, with rows numbered in the order of the caller
     energy_bound : relative energy error that ends the march, or None
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
-    forces : those without a Lagrangian, bound to these bodies
+    forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the march begins
 
-    After `advance`, `met` tells (condition, row, body) that ended it, the condition -1 for the energy; else it is None.
+    After `advance`, `met` is the (condition, row, body) that ended it, with condition -1 for the energy, or None.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Marcher:
         )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
-        h = self.clock.h  # coefficients of steps that differ are prepared before each
+        h = self.clock.h  # coefficients of steps of different lengths are prepared before each step
         first = self._form.coefficients(1.0, 1.0) if self.clock.changes else coefficients_of(self._form, h)
         self._coefficients = {h: first}
         self._arrived = False
@@ -163,7 +163,7 @@ class Marcher:
         self._retire, self._retired = retire, Retired(m)
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
-        bold, mild, keen = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
+        limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -172,20 +172,18 @@ class Marcher:
             self._state["v"],
             stops,
             energy_bound,
-            bold,
-            mild,
-            keen,
+            *limits,
             self._room,
             len(self._tasks),
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
-        self._passages = PassageList(masses, self._watcher.dominant, bold, self.clock)
+        self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
         self._overflowed = False
 
     def advance(self, steps: int) -> None:
-        """March on by `steps` >= 0 steps, or by all before the place that it approaches.
+        """March on by `steps` >= 0 steps, or by those before the place that it approaches.
 
-        Raises ConvergenceError or SingularityError; the state is then the one before the step that failed.
+        Raises ConvergenceError or SingularityError; the state is then that before the step that failed.
         """
         self._stopped = self._arrived = False
         while steps > 0 and not (self._stopped or self._arrived):
@@ -193,7 +191,7 @@ class Marcher:
             before = self.step
             try:
                 failure = self._advance_block(min(steps, self.block))
-            except BaseException:  # an interrupt: the state is that of the last whole block
+            except BaseException:  # an interrupt: return to the state after the last complete block
                 self._replay(0)
                 self.step = before
                 raise
@@ -202,7 +200,7 @@ class Marcher:
             steps -= self.step - before
 
     def _advance_block(self, count: int) -> IntegrationError | None:
-        """March on by at most `count` steps; return why not one more can be taken, if it cannot."""
+        """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
         failure: IntegrationError | None = None
         try:
             count = self._march_block(self._state, self.clock, count)
@@ -212,10 +210,10 @@ class Marcher:
             count = last_good(self._can_be_taken, count)
             self._replay(count)
         lost = self._retired.lost()
-        if lost is not None:  # a particle: again, up to the step that it cannot take, and on without it
+        if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
             count = lost.steps
             self._replay(count)
-        if self._overflowed and count > 1:  # more passages than a list of a block holds: again, in shorter blocks
+        if self._overflowed and count > 1:  # more passages than the list of a block holds: repeat in shorter blocks
             self._replay(0)
             self.block = count // 2
             return None
@@ -226,21 +224,23 @@ class Marcher:
             return self._lose(lost)
         if failure is None:
             return None
-        try:  # for the step and the time of the step that failed
+        try:  # to find the number and the time of the step that failed
             self._march_block(self._copied(), self.clock, 1)
         except IntegrationError as error:
             return error
         return failure
 
     def _lose(self, lost: Lost) -> IntegrationError | None:
-        """Retire particles; or return the error of the first one, where retirement was not asked for."""
+        """Retire particles; or return the error for the first one, if `retire` is not set."""
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         self._retired.add(lost, self.step)
         return None
 
     def _stop(self, count: int) -> bool:
-        """Look whether a condition was met in the block of `count` steps just marched; then go to where it was."""
+        """Return whether a condition was met in the block of `count` steps just marched; if so, go back to that
+        step.
+        """
         found = self._watcher.met(count)
         if found is None:
             return False
@@ -251,7 +251,7 @@ class Marcher:
         return True
 
     def _back_up(self) -> None:
-        """Keep the state at the beginning of a block."""
+        """Copy the state at the beginning of a block."""
         if self._backup:
             for name, array in self._state.items():
                 self._backup[name][...] = array
@@ -261,7 +261,7 @@ class Marcher:
         self._listed = self._passages.passages, self._passages.left_out
 
     def _can_be_taken(self, steps: int) -> bool:
-        """Whether so many steps of the block that has just failed can be taken; they then are."""
+        """Return whether `steps` steps of the block that has just failed can be taken, after taking them."""
         try:
             self._replay(steps)
         except IntegrationError:
@@ -279,7 +279,7 @@ class Marcher:
             self._march_block(self._state, self.clock, count)
 
     def _copied(self) -> dict[str, Array]:
-        """Return a copy of the state that is not watched."""
+        """Return a copy of the state, which is marched without observers."""
         return {name: array.copy() for name, array in self._state.items() if name != "approaches"}
 
     @property
@@ -289,31 +289,33 @@ class Marcher:
 
     @property
     def reading(self) -> float:
-        """What the clock reads: whole steps, or the time."""
+        """The reading of the clock: whole steps, or the time."""
         return self.time if self.clock.changes else self.step
 
     def _time_of(self, step: int) -> float:
         return self._start + float(self.clock.time(step))
 
     def is_before(self, place: Place) -> bool:
-        """Whether there may be whole steps to take before a place."""
+        """Return whether there may be whole steps left before a place."""
         if self.clock.changes:
             return not (self._arrived and self._state["clock"][adaptive.LIMIT] == place.rest)
         return self.step < place.steps
 
     def approach(self, place: Place) -> None:
-        """March on by a block of steps, or by all before a place; raises as `advance`."""
+        """March on by a block of steps, or by those before a place. Raises what `advance` raises."""
         if self.clock.changes:
             self._state["clock"][adaptive.LIMIT] = place.rest
         self.advance(self.block if self.clock.changes else min(self.block, place.steps - self.step))
 
     def advance_to(self, place: Place) -> None:
-        """March on by all whole steps before a place that is not behind; raises as `advance`."""
+        """March on by all whole steps before a place, which must lie ahead. Raises what `advance` raises."""
         while self.is_before(place):
             self.approach(place)
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return (q, v) at a place to which the march has advanced, on a copy: the march itself does not notice."""
+        """Return (q, v) at a place up to which the march has advanced; computed on a copy, without changing the
+        march.
+        """
         if not self.clock.changes:
             return self.state_after(place.rest)
         copy, before = self._copied(), self.evaluations
@@ -326,7 +328,7 @@ class Marcher:
         return self._gather(copy)
 
     def ended_at(self, time: float) -> Marcher:
-        """Return a marcher that has gone on from here to end exactly at a time; for clocks whose steps differ."""
+        """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
         massive = np.ones(len(self._massive), dtype=bool)
         q, v = self.state()
         end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, names=self.names)
@@ -342,13 +344,13 @@ class Marcher:
         return self._gather(self._state)
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
-        """Return (q, v) a partial step `offset` later, by a step on a copy: the march itself does not notice."""
+        """Return (q, v) after a partial step of `offset`; computed on a copy, without changing the march."""
         if offset == 0.0:
             return self.state()
         if self.clock.changes:
             return self.state_at(Place(0, self.time + offset))
         copy = self._copied()
-        # What is carried from step to step belongs to steps of h; a partial step starts cold.
+        # The carry belongs to steps of h; a partial step has a cold start.
         self._form.forget(copy["memory"])
         copy["particle_memory"][:] = 0.0
         self._seen = copy["memory"]
@@ -364,8 +366,8 @@ class Marcher:
         return self._gather(copy)
 
     def part_of_a_step(self, offset: float) -> Marcher:
-        """Return a marcher that has gone from here to a partial step `offset` later, looking at what happens there: its
-        record is of that step alone, in parts of it.
+        """Return a marcher that has taken a partial step of `offset` from here in several parts, with observers: its
+        record covers this step alone.
         """
         massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
         massive[self._massive] = True
@@ -380,7 +382,7 @@ class Marcher:
         return part
 
     def approaches(self) -> Array:
-        """Return the closest approaches up to now, (4, 2, rows + padding), see `orbits.kernels.encounters`."""
+        """Return the closest approaches so far, (4, 2, rows + padding); see `orbits.kernels.encounters`."""
         self._retired.begin()
         q = self._state["particle_q"].copy()
         q[:, : len(self._particles)][:, self._retired.gone()] = np.nan
@@ -388,13 +390,15 @@ class Marcher:
         return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], state)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
-        """Return all that is needed to go on bit for bit; the arrays are copies."""
+        """Return all that is needed to resume bit for bit; the arrays are copies."""
         counts = np.array([self.step, self.evaluations, self.particle_evaluations], dtype=np.int64)
         state = {name: array.copy() for name, array in self._state.items()}
         return {"counts": counts, **state, **self._passages.checkpoint(), **self._retired.checkpoint()}
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go back to a checkpoint of an equally bound marcher. Raises InputError if it belongs to another problem."""
+        """Restore a checkpoint of a marcher bound in the same way. Raises InputError if it belongs to another
+        problem.
+        """
         for name, array in self._state.items():
             if name not in checkpoint or checkpoint[name].shape != array.shape:
                 got = checkpoint[name].shape if name in checkpoint else "nothing"
@@ -412,8 +416,8 @@ class Marcher:
         return retirements(self._retired.table(), q, v, self._particles)
 
     def accounts(self) -> Array:
-        """Return what each force did to the massive bodies up to the state that was returned last, (forces, 7): work,
-        torque about the origin and impulse, times G.
+        """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):
+        work, torque about the origin and impulse, times G.
         """
         return self._form.accounts(self._seen)
 
@@ -424,17 +428,19 @@ class Marcher:
 
     @property
     def reaches(self) -> Array:
-        """How close to each massive body, in the kernels' order, flybys are listed; 0 where no body dominates."""
+        """The distance from each massive body, in the kernels' order, below which flybys are listed; 0 if none
+        dominates.
+        """
         return self._watcher.listed_within[: self._bodies]
 
     def passages(self) -> tuple[Array, int]:
-        """Return the passages listed up to now, in the kernels' rows and columns (see `orbits.kernels.encounters`), and
-        how many more there were: `UNKNOWN` for a march that was restored from a checkpoint without a list.
+        """Return the passages listed so far, in the kernels' rows and columns (see `orbits.kernels.encounters`), and
+        the number of those left out: `UNKNOWN` for a march that was restored from a checkpoint without a list.
         """
         return self._passages.passages, self._passages.left_out
 
     def compile(self) -> None:
-        """Compile, or load from the cache, all that `advance` needs: one step on a copy, whatever comes of it."""
+        """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""
         kind = (self._form.tag.name, self._tag.name, bool(self._tasks), self._parallel is None)
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
@@ -451,7 +457,7 @@ class Marcher:
             self._pool.shutdown()
 
     def _march_block(self, state: dict[str, Array], clock: Clock, count: int) -> int:
-        """March `count` steps, or all before the place that the clock is bound for; return how many."""
+        """March `count` steps, or those before the goal of the clock; return their number."""
         if isinstance(clock, ConstantSteps):
             if clock.h not in self._coefficients:
                 usual = self.clock.h
@@ -464,7 +470,7 @@ class Marcher:
         timing = (clock.timing, now, self._room)
         bound = (self._form.tag, self._coefficients[clock.h], self._tag, self._vectors, *timing)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        record = state.get("approaches")  # a copy without one is not watched
+        record = state.get("approaches")  # a copy has none, and is marched without observers
         path = self._nothing if record is None else self._watcher.path(count)
         status, done, body, evaluations = self._march(*bound, *vectors, self._scratch, self._stages, path, 1, count)
         self.evaluations += evaluations
@@ -475,7 +481,7 @@ class Marcher:
         if status in (NOT_CONVERGED, TOO_SHORT):
             raise self._failure(status, done, self._meeting(state, body), now)
         if status != OK:
-            # The state is spoilt; the bodies that met are found in the one before, if the block is a single step.
+            # The state is invalid; the bodies that met are found in the previous state, if the block is a single step.
             lost = np.flatnonzero(~np.isfinite(state["q"][: 3 * self._bodies] + state["v"][: 3 * self._bodies]))
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0
@@ -512,18 +518,18 @@ class Marcher:
             for task in range(len(self._tasks)):
                 shares.append(self._pool.submit(share, task))
         finally:
-            wait(shares)  # also after an interrupt: only then may others use the arrays
+            wait(shares)  # also after an interrupt: the arrays may be used only afterwards
         self.particle_evaluations += sum(future.result() for future in shares)
 
     def _closest(self, state: dict[str, Array]) -> int:
-        """Return one of the two massive bodies that are closest to each other."""
+        """Return one of the two massive bodies closest to each other."""
         n = self._bodies
         q = state["q"][: 3 * n].reshape(3, n)
         distance = np.sum((q[:, :, None] - q[:, None, :]) ** 2, axis=0) + np.where(np.eye(n) > 0, np.inf, 0.0)
         return int(np.argmin(distance)) // n
 
     def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
-        """Return two massive bodies: `body` and the one next to it, the lighter one first."""
+        """Return two massive bodies: `body` and its nearest neighbour, the lighter one first."""
         n = self._bodies
         q = state["q"][: 3 * n].reshape(3, n)
         distance = np.sum((q - q[:, [body]]) ** 2, axis=0)
@@ -542,7 +548,7 @@ class Marcher:
         return self._in_order(state["q"], state["particle_q"]), self._in_order(state["v"], state["particle_v"])
 
     def _in_order(self, bodies: Array, particles: Array) -> Array:
-        """Return one vector of the massive bodies and one of the particles as (n, 3), in the order of the caller."""
+        """Combine vectors of the massive bodies and of the particles into (n, 3), in the order of the caller."""
         n, m = self._bodies, len(self._particles)
         columns = bodies[: 3 * n].reshape(3, n)
         if not m:
@@ -555,4 +561,4 @@ class Marcher:
 
 
 _COMPILED: set[tuple[Any, str, bool, bool]] = set()
-"""Methods with Lagrangians, with and without particles, of few and of many bodies, that are ready in this process."""
+"""The combinations of method, Lagrangian, particles or none, and few or many bodies compiled in this process."""

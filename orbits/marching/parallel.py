@@ -1,7 +1,7 @@
-"""Thousands of bodies: the march of a splitting, and the look for closest approaches, by several threads.
+"""Thousands of bodies: the march of a splitting, and the search for closest approaches, by several threads.
 
-The bits do not depend on the number of threads, and those of the states are those of the method's own compiled loop.
-The records of closest approaches are those of that loop as long as the steps resolve the passages.
+The bits do not depend on the number of threads, and the states are bit for bit those of the method's own loop. So are
+the records of closest approaches as long as the steps resolve the passages.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from orbits.marching.driver import march_together
 from orbits.marching.watcher import Watcher
 
 LEAST_BODIES = 1000
-"""Bodies from which on a force evaluation outlasts the meetings of threads by far."""
+"""The number of bodies above which synchronizing threads is much faster than a force evaluation."""
 
 PARTS = 32
-"""Into how many parts the looking at pairs is divided: each has a record of its own, whoever fills it."""
+"""Number of parts of the search among pairs: each has its own record, whichever thread fills it."""
 
 PART_ROOM = 64
-"""Passages that a part can list in a block."""
+"""Number of passages that a part can list in a block."""
 
 
 @kernel
 def follow_together(counters, threads, member, context, h, steps, parts):
-    """Look for closest approaches among the bodies, as one of several threads.
+    """Search for closest approaches among the bodies, as one of several threads.
 
     parts : addresses of PARTS contexts, each with a record and a list of its own
     """
@@ -65,8 +65,8 @@ def follow_together(counters, threads, member, context, h, steps, parts):
 
 @kernel
 def follow_part(context, own, h, steps, way, part):
-    """Look at each PARTS-th body from `part` on and those behind it, into a record that begins as the whole one, and
-    into an empty list: those of the context `own`.
+    """Search among every PARTS-th body from `part` on and the bodies after it. The context `own` has the record, which
+    starts as a copy of the whole record, and an empty list.
     """
     whole, record, listed = watch_at(context).record, watch_at(own).record, watch_at(own).listed
     for quantity in range(record.shape[0]):
@@ -78,9 +78,9 @@ def follow_part(context, own, h, steps, way, part):
 
 
 class Threads:
-    """Threads that run one compiled function together; of one, the caller's own.
+    """Threads that run one compiled function together; a single one is the caller's own.
 
-    pool : at least as many workers as there are threads, or None for one alone
+    pool : at least as many workers as there are threads, or None for a single thread
     """
 
     def __init__(self, count: int, pool: Executor | None) -> None:
@@ -109,7 +109,7 @@ class Threads:
                 members.append(self._pool.submit(work, member))
             wait(members)
         except BaseException:
-            # Threads that wait for one that was never started are let go, and end; only then may others use the arrays.
+            # Threads waiting for one that was never started are released and end; only then may the arrays be used.
             counters[ABANDONED] = 1
             for future in members:
                 future.cancel()
@@ -120,7 +120,9 @@ class Threads:
 
 
 class Parallel:
-    """Marches the massive bodies as `driver.march` does, and looks for closest approaches, with several threads."""
+    """The march of the massive bodies, as by `driver.march`, and the search for closest approaches, by several
+    threads.
+    """
 
     def __init__(self, bodies: int, threads: int, pool: Executor | None) -> None:
         self._threads = Threads(min(threads, PARTS, (bodies + PIECE - 1) // PIECE), pool)
@@ -137,11 +139,11 @@ class Parallel:
 
     @staticmethod
     def serves(form: Form, tag: Tag, bodies: int) -> bool:
-        """Whether the bodies are that many, and method and Lagrangian can be shared out."""
+        """Whether there are enough bodies, and the method and the Lagrangian can be divided among threads."""
         return bodies >= LEAST_BODIES and tag.provides("accelerate_some") and form.shared
 
     def march(self, *arguments: Any) -> tuple[int, int, int, int]:
-        """March the bodies with the arguments of `driver.march`, and return what it does."""
+        """March the bodies; the arguments and the result are those of `driver.march`."""
         *flat, _, steps = arguments
         q, p = flat[7], flat[9]
         fresh = bool(np.array_equal(q[: self._size], self._at))
@@ -152,7 +154,7 @@ class Parallel:
         return status, steps, 0, int(self._rounds[0, 1])
 
     def follow(self, watcher: Watcher, h: float, steps: int) -> None:
-        """Look for closest approaches among the bodies, as `Watcher.follow` does."""
+        """Search for closest approaches among the bodies, as `Watcher.follow` does."""
         self._parts.share(watcher.contexts, own=("record", "passages", "listed"))
         self._threads.run(follow_together, watcher.contexts.addresses[0], h, steps, self._addresses)
         whole = watcher.lists[0]

@@ -1,4 +1,4 @@
-"""The list of the passages of a march: what the kernels listed in each block, sifted, sorted and kept within bounds."""
+"""The list of the passages of a march: those listed by the kernels in each block, filtered, sorted and bounded."""
 
 from __future__ import annotations
 
@@ -15,58 +15,58 @@ from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, RO
 from orbits.marching.clocks import Clock
 
 BLOCK_ROOM = 8192
-"""Passages that are listed in a block, by all calls of kernels together: each has room for all of them, so that what
-fits does not depend on the number of threads."""
+"""The most passages that are listed in a block, by all calls of kernels together. Each call has room for all of them,
+so that the list does not depend on the number of threads."""
 
 ROOM, ROOM_PER_BODY = 256, 2
-"""How many passages of each kind, revolutions and flybys, are kept: those of the largest angle in a step."""
+"""The number of passages of each kind, revolutions and flybys, that are kept: those of the largest angle in a step."""
 
 UNKNOWN = -1
-"""How many passages are not in a list that begins in the middle of a march."""
+"""The number of passages left out of a list that begins in the middle of a march."""
 
 
 class BlockList(NamedTuple):
-    """Where a kernel lists the passages of a block: (BLOCK_ROOM, COLUMNS), and how many it kept and saw."""
+    """A kernel's list of the passages of a block, (BLOCK_ROOM, COLUMNS), and how many it listed and found."""
 
     passages: Array
     listed: NDArray[np.int64]
 
     @classmethod
     def empty(cls, listed: NDArray[np.int64]) -> BlockList:
-        """Return a list without any, whose numbers are in `listed`."""
+        """Return an empty list, whose counts are in `listed`."""
         return cls(np.empty((BLOCK_ROOM, COLUMNS)), listed)
 
 
 class PassageList:
-    """The passages of a march up to now, in the order of time; a value that `add` replaces never changes.
+    """The passages of a march so far, in the order of time; `add` replaces arrays and never changes them.
 
     gm : (rows,), of the massive bodies, then of the massless particles
-    dominant : the row of the body that rules the others, or -1
-    bold : angle of a step from which on revolutions are listed
+    dominant : the row of the body that dominates the others, or -1
+    passage_angle : angle of a step above which revolutions are listed
     clock : of the march; steps and times in the list are its readings
 
-    Revolutions of a moon are kept only where the step covers more than the bold angle; pericentres about the dominant
-    body and flybys all. Beyond the room there is, of each kind those of the largest speed / distance are
-    kept, which does not depend on how the march was cut.
+    Revolutions of a moon are kept only if a step covers more than `passage_angle`; flybys and pericentres about the
+    dominant body are always kept. If there are more than there is room for, those with the largest speed / distance of
+    each kind are kept, however the march was divided into blocks.
     """
 
-    def __init__(self, gm: Array, dominant: int, bold: float, clock: Clock) -> None:
-        rate = math.inf if clock.changes else bold / abs(clock.h)
-        self._gm, self._dominant, self._bold2, self._clock = gm, dominant, rate * rate, clock
+    def __init__(self, gm: Array, dominant: int, passage_angle: float, clock: Clock) -> None:
+        rate = math.inf if clock.changes else passage_angle / abs(clock.h)
+        self._gm, self._dominant, self._rate2, self._clock = gm, dominant, rate * rate, clock
         self._room = ROOM + ROOM_PER_BODY * len(gm)
         self.passages: Array = np.empty((0, COLUMNS))
         self.left_out = 0
 
     def add(self, blocks: list[BlockList]) -> None:
-        """Take over what was listed in a block, and empty those lists. What did not fit there is counted."""
+        """Add the lists of a block and empty them; passages that did not fit into them are counted."""
         if not any(listed[1] for _, listed in blocks):
             return
         new = np.concatenate([passages[: listed[0]] for passages, listed in blocks])
         missed = sum(int(listed[1] - listed[0]) for _, listed in blocks)
         for _, listed in blocks:
             listed[:] = 0
-        ruled = (new[:, ROW] == self._dominant) | (new[:, MATE] == self._dominant)  # the kernel has chosen among them
-        known = np.concatenate([self.passages, new[ruled | ~self._is_revolution(new) | self._is_bold(new)]])
+        central = (new[:, ROW] == self._dominant) | (new[:, MATE] == self._dominant)  # already selected by the kernel
+        known = np.concatenate([self.passages, new[central | ~self._is_revolution(new) | self._is_fast(new)]])
         revolution = self._is_revolution(known)
         kept = [self._worst(known[kind]) for kind in (revolution, ~revolution)]
         missed += len(known) - sum(len(kind) for kind in kept)
@@ -77,12 +77,12 @@ class PassageList:
 
     @staticmethod
     def overflows(blocks: list[BlockList]) -> bool:
-        """Whether a block held more passages than are listed in one."""
+        """Return whether a block had more passages than could be listed."""
         seen = sum(int(listed[1]) for _, listed in blocks)
         return seen > min(BLOCK_ROOM, sum(int(listed[0]) for _, listed in blocks))
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
-        """Return the list as arrays of a fixed shape; nothing for a march that began without one."""
+        """Return the list as arrays of a fixed shape; {} for a march that began without one."""
         if self.left_out == UNKNOWN:
             return {}
         padded = np.zeros((2 * self._room, COLUMNS))
@@ -90,7 +90,7 @@ class PassageList:
         return {"passages": padded, "passage_counts": np.array([len(self.passages), self.left_out], dtype=np.int64)}
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go back to a checkpoint; those of earlier versions have no list. Raises InputError for what is no list."""
+        """Restore a checkpoint; those of earlier versions have no list. Raises InputError for an invalid list."""
         if "passages" not in checkpoint:
             self.passages, self.left_out = np.empty((0, COLUMNS)), UNKNOWN
             return
@@ -105,11 +105,13 @@ class PassageList:
             fits = fits and bool(((step == np.floor(step)) & (step >= 0) & (step <= steps)).all())
             fits = fits and bool(((when >= step) & (when <= step + 1)).all())
         if not fits or (passages[:, [LEAST2, FASTEST2]] < 0.0).any():
-            raise InputError("the list of passages in its checkpoint holds bodies, steps or numbers that cannot be.")
+            raise InputError("the list of passages in its checkpoint has impossible bodies, steps or numbers.")
         self.passages, self.left_out = passages, left_out
 
     def _is_revolution(self, passages: Array) -> NDArray[np.bool_]:
-        """Whether the two go round one another: about the dominant body, or on an ellipse within its Hill radius."""
+        """Return which passages are of two bound bodies: about the dominant body, or on an ellipse within its Hill
+        sphere.
+        """
         row, mate = passages[:, ROW].astype(int), passages[:, MATE].astype(int)
         state, about = passages[:, STATE : STATE + 6], passages[:, ABOUT : ABOUT + 6]
         r, speed2 = np.linalg.norm(state[:, :3], axis=1), np.sum(state[:, 3:] ** 2, axis=1)
@@ -127,8 +129,8 @@ class PassageList:
             stays = bound & (farthest < np.linalg.norm(heavier, axis=1) * np.cbrt(share))
         return np.asarray(stays | (row == self._dominant) | (mate == self._dominant))
 
-    def _is_bold(self, passages: Array) -> NDArray[np.bool_]:
-        return np.asarray(passages[:, FASTEST2] > self._bold2 * passages[:, LEAST2])
+    def _is_fast(self, passages: Array) -> NDArray[np.bool_]:
+        return np.asarray(passages[:, FASTEST2] > self._rate2 * passages[:, LEAST2])
 
     def _worst(self, passages: Array) -> Array:
         if len(passages) <= self._room:

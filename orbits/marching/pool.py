@@ -10,10 +10,10 @@ from orbits.errors import InputError
 
 
 class Pool(ThreadPoolExecutor):
-    """Threads that say in words when the system does not grant as many as were asked for."""
+    """Threads, with a clear error if the system does not grant as many as requested."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Have a thread do this. Raises InputError where no further thread can be started."""
+        """Run a function in a thread. Raises InputError if no further thread can be started."""
         try:
             return super().submit(fn, *args, **kwargs)
         except RuntimeError as error:

@@ -1,4 +1,4 @@
-"""Massless particles that cannot be stepped any further are retired alone: the others go on to the same bits."""
+"""Massless particles that cannot be stepped any further are retired alone; the bits of the others do not change."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REASONS = {
 
 
 class Lost(NamedTuple):
-    """Particles that could not take the step after so many steps of a block, and why."""
+    """Particles that could not take the step after a number of steps of a block, and why."""
 
     steps: int
     particles: NDArray[np.intp]
@@ -27,7 +27,9 @@ class Lost(NamedTuple):
 
 
 class Retirement(NamedTuple):
-    """A massless particle that was retired: its number, after how many steps, why, and where it then was, (3,) each."""
+    """A retired massless particle: its number, the number of steps before, the reason, and its last q and v, (3,)
+    each.
+    """
 
     body: int
     step: int
@@ -37,16 +39,16 @@ class Retirement(NamedTuple):
 
 
 def retirements(table: NDArray[np.int64], q: Array, v: Array, particles: NDArray[np.intp]) -> list[Retirement]:
-    """Return the retired particles that a table tells of, as a checkpoint holds it.
+    """Return the retired particles of a table from a checkpoint.
 
     table : (m, 2), status and step; q, v : (3, padded); particles : (m,), their numbers among all bodies
-    Raises InputError for a status that is none.
+    Raises InputError for an unknown status.
     """
     gone = np.flatnonzero(table[:, 0] != OK)
     unknown = set(table[gone, 0].tolist()) - set(REASONS)
     if unknown:
         raise InputError(
-            f"its checkpoint retired particles for the reasons {sorted(unknown)}; known are {sorted(REASONS)}."
+            f"its checkpoint has retired particles with the reasons {sorted(unknown)}; known are {sorted(REASONS)}."
         )
     return [
         Retirement(int(particles[k]), int(table[k, 1]), REASONS[int(table[k, 0])], q[:, k].copy(), v[:, k].copy())
@@ -55,9 +57,9 @@ def retirements(table: NDArray[np.int64], q: Array, v: Array, particles: NDArray
 
 
 class Retired:
-    """Which of m particles are retired: why, and after how many steps of the march.
+    """The retired ones of m particles: why, and after how many steps of the march.
 
-    block : (padded, 2) int64, what kernels read and write: status, and step of the block
+    block : (padded, 2) int64, read and written by kernels: status, and step of the block
     """
 
     def __init__(self, particles: int) -> None:
@@ -66,11 +68,11 @@ class Retired:
         self.block = self._known.copy()
 
     def begin(self) -> None:
-        """Prepare for a block: only those are retired that were before."""
+        """Prepare for a block: reset it to the particles retired before."""
         self.block[...] = self._known
 
     def lost(self) -> Lost | None:
-        """Return those that were lost first in the block just marched."""
+        """Return the particles that were lost first in the block just marched, or None."""
         new = np.flatnonzero(self.block[: self._count, 0] != self._known[: self._count, 0])
         if not new.size:
             return None
@@ -84,30 +86,32 @@ class Retired:
         self.begin()
 
     def take(self, other: Retired) -> None:
-        """Retire those that another march of as many particles has retired, before the first step of this one."""
+        """Retire, before the first step of this march, the particles retired in another march of as many particles."""
         self._known[:, 0] = other._known[:, 0]
         self.begin()
 
     def gone(self) -> NDArray[np.bool_]:
-        """Return which particles are retired or were lost in the block just marched, (m,)."""
+        """Return a mask (m,) of the particles that are retired or were lost in the block just marched."""
         return np.asarray(self.block[: self._count, 0] != OK)
 
     def table(self) -> NDArray[np.int64]:
-        """Return the status of each particle, and after how many steps of the march it was retired, (m, 2)."""
+        """Return the status of each particle and the number of steps after which it was retired, (m, 2)."""
         return self._known[: self._count]
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
-        """Return the table as an array of a fixed shape; nothing where there are no particles."""
+        """Return the table as an array of a fixed shape; {} if there are no particles."""
         return {"retired": self._known[: self._count].copy()} if self._count else {}
 
     def restore(self, retired: NDArray[np.generic] | None, steps: int) -> None:
-        """Go back to a checkpoint; those of earlier versions retired nobody. Raises InputError for what cannot be."""
+        """Restore a checkpoint; those of earlier versions have no retired particles. Raises InputError if it is
+        invalid.
+        """
         self._known[:] = 0
         if retired is not None:
             if retired.shape != (self._count, 2):
                 raise InputError(f"the retired particles in its checkpoint are {retired.shape}, not {self._count, 2}.")
             status, step = np.asarray(retired)[:, 0], np.asarray(retired)[:, 1]
             if not (np.isin(status, [OK, *REASONS]).all() and (step >= 0).all() and (step <= steps).all()):
-                raise InputError("the retired particles in its checkpoint have reasons or steps that cannot be.")
+                raise InputError("the retired particles in its checkpoint have impossible reasons or steps.")
             self._known[: self._count] = retired
         self.begin()

@@ -1,4 +1,4 @@
-"""What a march looks at on its way: closest approaches, and conditions that end it."""
+"""The observers of a march: closest approaches, and conditions that end it."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from orbits.kernels.watch import Contexts
 from orbits.marching.passage_list import BlockList
 
 RULE = 0.9
-"""Share of the total mass from which on a body dominates the others."""
+"""Fraction of the total mass above which a body dominates the others."""
 
 HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
-"""The reach of a body, within which every flyby is listed and beyond which those of massless particles are not even
-recorded: Hill radii, or a share of the distance between the body and the dominant one, whichever is larger."""
+"""The reach of a body: within it every flyby is listed; outside it, flybys of massless particles are not recorded. It
+is a number of Hill radii, or a fraction of the distance between the body and the dominant one, whichever is larger."""
 
-BOLD_PER_ORDER, LEAST_BOLD, MOST_BOLD = 0.05, 0.1, 0.8
-"""The angle of a step from which on passages are listed wherever they are, for each order of a method, and its bounds:
-of Gauss with 8 stages 0.8, at which a flyby of the Earth gets 1 m wrong in a year, of orders up to 2 0.1."""
+PASSAGE_ANGLE_PER_ORDER, LEAST_PASSAGE_ANGLE, LARGEST_PASSAGE_ANGLE = 0.05, 0.1, 0.8
+"""The angle of a step above which passages are listed at any distance, per order of the method, and its bounds: 0.8 for
+Gauss with 8 stages, at which a flyby of the Earth causes an error of 1 m in a year, and 0.1 for orders up to 2."""
 
-KEENNESS = 0.65
-"""By this factor smaller for each order below 16 is the angle of a step from which on pericentres of eccentric orbits
-about the dominant body are listed: 0.8 for Gauss with 8 stages, 0.002 for methods of order 2."""
+PERICENTRE_ANGLE_RATIO = 0.65
+"""The factor by which each order below 16 reduces the angle of a step above which pericentres of eccentric orbits about
+the dominant body are listed: 0.8 for Gauss with 8 stages, 0.002 for methods of order 2."""
 
 USUAL = 30.0
-"""By this factor a pericentre may add more to the error than a circle, before it counts as a passage."""
+"""The largest ratio of the error at a pericentre to that on a circle at which it does not count as a passage."""
 
 
 if TYPE_CHECKING:
@@ -42,15 +42,18 @@ if TYPE_CHECKING:
 
 
 def thresholds(order: int) -> tuple[float, float, float]:
-    """Return `bold`, `mild` and `keen` (see `orbits.kernels.watch`) for a method of this order."""
-    bold = min(max(BOLD_PER_ORDER * order, LEAST_BOLD), MOST_BOLD)
-    return bold, _mild(order), MOST_BOLD * KEENNESS ** max(16 - order, 0)
+    """Return the limits that `orbits.kernels.watch` calls `passage_angle`, `least_eccentricity` and `pericentre_angle`,
+    for a method of this order.
+    """
+    passage_angle = min(max(PASSAGE_ANGLE_PER_ORDER * order, LEAST_PASSAGE_ANGLE), LARGEST_PASSAGE_ANGLE)
+    pericentre_angle = LARGEST_PASSAGE_ANGLE * PERICENTRE_ANGLE_RATIO ** max(16 - order, 0)
+    return passage_angle, _least_eccentricity(order), pericentre_angle
 
 
 @lru_cache(maxsize=64)
-def _mild(order: int) -> float:
-    """Return the eccentricity at which speed / distance at the pericentre, to this power, is `USUAL` times that of the
-    circle with the same period.
+def _least_eccentricity(order: int) -> float:
+    """Return the eccentricity at which (speed / distance)^order at the pericentre is `USUAL` times that of the circle
+    with the same period.
     """
     low, high = 0.0, 1.0
     for _ in range(50):
@@ -60,21 +63,21 @@ def _mild(order: int) -> float:
 
 
 def empty_record(rows: int) -> Array:
-    """Return a record of closest approaches without any, for massive bodies and particles together."""
+    """Return an empty record of closest approaches, for massive bodies and particles together."""
     record = np.zeros((QUANTITIES, 2, padded(rows)))
     record[0] = np.inf
     return record
 
 
 class Watcher:
-    """Conditions and closest approaches of one bound system.
+    """The conditions and closest approaches of one bound system.
 
     parameters : vector of the Lagrangian's kernels; gm from its second element on
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
     stops, energy_bound : see `Marcher`
-    bold, mild, keen, times : see `orbits.kernels.watch`
-    tasks : how many tasks march particles at the same time
+    passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
+    tasks : the number of tasks that march particles at the same time
 
     contexts, lists : of the massive bodies, then of each task
     """
@@ -88,9 +91,9 @@ class Watcher:
         v: Array,
         stops: Array | None,
         energy_bound: float | None,
-        bold: float,
-        mild: float,
-        keen: float,
+        passage_angle: float,
+        least_eccentricity: float,
+        pericentre_angle: float,
         times: Array,
         tasks: int = 0,
     ) -> None:
@@ -119,9 +122,9 @@ class Watcher:
             reaches=self.listed_within,
             stops=self._stops,
             hits=self._hits,
-            bold=bold,
-            mild=mild,
-            keen=keen,
+            passage_angle=passage_angle,
+            least_eccentricity=least_eccentricity,
+            pericentre_angle=pericentre_angle,
             times=times,
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
@@ -134,20 +137,22 @@ class Watcher:
 
     @property
     def observer(self) -> int:
-        """The address of what a task calls with its context and the states of eight particles after each block."""
+        """The address of the observer that a task calls after each block with its context and the states of eight
+        particles.
+        """
         if not self._observer:
             self._observer = observer_address(follow_particles)
         return self._observer
 
     def begin(self, record: Array, first: int, origin: float = 0.0) -> None:
-        """Prepare for a block after `first` steps, at the time `origin`: its finds go into `record` and empty lists."""
+        """Prepare for a block after `first` steps, at the time `origin`, with this `record` and empty lists."""
         if not self._compiled:
             self._compile()
         self.contexts.enter(record=record, first=first, origin=origin)
         self._listed[:] = 0
 
     def _compile(self) -> None:
-        """Compile, or load from the cache, what observers share."""
+        """Compile, or load from the cache, the kernels shared by the observers."""
         self._find_met = observer_address(find_met) if len(self._stops) else 0
         self.contexts.enter(
             search=observer_address(search, SEARCH), enter=observer_address(enter_passage, ENTER), then=self._find_met
@@ -155,7 +160,7 @@ class Watcher:
         self._compiled = True
 
     def path(self, steps: int) -> Array:
-        """Return where a block of steps is recorded, no longer than it has to be: memory that is new is slow."""
+        """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
         size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
             self._path = np.empty(size)
@@ -163,13 +168,13 @@ class Watcher:
         return self._path
 
     def follow(self, h: float, steps: int) -> None:
-        """Look for closest approaches among the massive bodies."""
+        """Search for closest approaches among the massive bodies."""
         follow_bodies(self.contexts.addresses[0], h, steps)
 
     def look(self, h: float, steps: int, q: Array, v: Array, parallel: Parallel | None = None) -> None:
-        """Look at the massive bodies in the block of `steps` steps just marched, which ended at q and v.
+        """Observe the massive bodies in the block of `steps` steps just marched, which ended at q and v.
 
-        parallel : what looks for closest approaches instead, where there are thousands of bodies
+        parallel : searches for closest approaches with several threads, for thousands of bodies
         """
         self._set_state(steps, q, v)
         if parallel is None:
@@ -185,9 +190,8 @@ class Watcher:
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
     def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
-        """Return after how many of the `steps` steps just looked at a condition first held, and which
-        one for which bodies of the caller: (condition, body, massive body), condition -1 for the energy.
-        None if none did.
+        """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,
+        body, massive body) in the numbers of the caller, with condition -1 for the energy. None if none held.
         """
         if not steps or (not len(self._stops) and self._energy_bound is None):
             return None
@@ -204,7 +208,7 @@ class Watcher:
         return found, (which[0], int(self._rows[which[1]]), int(self._massive[which[2]]))
 
     def approaches(self, record: Array, first: int, track: Array, state: dict[str, Array]) -> Array:
-        """Return a record with the distances at its end entered."""
+        """Return a copy of a record that includes the distances at the end of the run."""
         record = record.copy()
         self.begin(record, first)
         self._set_state(0, state["q"], state["v"])
@@ -218,7 +222,7 @@ class Watcher:
         self._path[start + self._stride : start + 2 * self._stride] = v
 
     def _in_rows(self, stops: Array) -> Array:
-        """Return the conditions with the bodies numbered as the kernels number them."""
+        """Return the conditions with the bodies numbered in the kernels' order."""
         row = np.empty(len(self._rows) + 1)
         row[self._rows], row[-1] = np.arange(len(self._rows)), -1
         out = np.array(stops, dtype=np.float64)
@@ -232,7 +236,7 @@ class Watcher:
         return -1 if gm[heaviest] <= RULE * gm.sum() else heaviest
 
     def _reaches(self, q: Array) -> Array:
-        """Return how close to each body is close, in `annuli`."""
+        """Return `annuli` with the reach of each body."""
         gm, dominant = self._parameters[1:], self.dominant
         annuli = np.zeros((len(gm), 3))
         if dominant < 0:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
-from orbits.propagation.binding import bound
+from orbits.propagation.marchers import bound
 from orbits.time_grid import snapped, times_since
 
 if TYPE_CHECKING:

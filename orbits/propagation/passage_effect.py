@@ -26,7 +26,7 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
 from orbits.point_masses import PointMasses
-from orbits.propagation.binding import march_of
+from orbits.propagation.marchers import march_of
 
 Array = NDArray[np.float64]
 

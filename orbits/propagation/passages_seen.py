@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, IntegrationError
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.propagation.binding import bound, restore
+from orbits.propagation.marchers import bound, restore
 from orbits.propagation.passage_effect import Pair
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.marching.clocks import Clock, Place
-from orbits.propagation.binding import march_of
+from orbits.propagation.marchers import march_of
 from orbits.propagation.passages_seen import Passage, Seen
 from orbits.system.model import model
 

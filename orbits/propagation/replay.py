@@ -24,7 +24,7 @@ class Replay:
 
     def begun(self, run: Trajectory) -> March:
         """Return a march of a run from its initial state."""
-        from orbits.propagation.binding import bound
+        from orbits.propagation.marchers import bound
 
         return bound(run.system, run.integrator, run.clock)
 

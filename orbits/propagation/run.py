@@ -12,8 +12,8 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.propagation import step_check
-from orbits.propagation.binding import bound, differences, provenance, restore
 from orbits.propagation.loop import Callback, RunEnds, march
+from orbits.propagation.marchers import bound, differences, provenance, restore
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback

@@ -232,7 +232,7 @@ def _interrupted(scenario: Scenario, system: System, grid: TimeGrid, path: Path)
     """Whether `path` has this same run, interrupted, so that continuing it gives the bits of an uninterrupted run."""
     from orbits import integrators
     from orbits.archive import Archive
-    from orbits.propagation.binding import differences
+    from orbits.propagation.marchers import differences
 
     try:
         with Archive.open(path) as old:

@@ -18,14 +18,14 @@ RUN = """
 import orbits
 from orbits.archive import creation, writer
 from orbits.errors import Interrupted
-from orbits.propagation import binding, sample_store
+from orbits.propagation import marchers, sample_store
 from tests.faults import small
 
 path, number, moment = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
 owner, name = {
     "before the file exists": (creation.Storage, "resize"),
     "before it has its name": (writer, "take_name"),
-    "before the kernels are ready": (binding.Marcher, "compile"),
+    "before the kernels are ready": (marchers.Marcher, "compile"),
     "in the middle": (sample_store.SampleStore, "add"),
 }[moment]
 real = getattr(owner, name)

@@ -131,7 +131,7 @@ WRONG = {
     "no dt": ({"dt": None}, "dt must be a real number"),
     "dt beyond floats": ({"dt": 10**400}, "dt must be a real number"),
     "infinite dt": ({"dt": float("-inf")}, "dt must be finite"),
-    "zero dt": ({"dt": 0}, "dt must not be zero"),
+    "zero dt": ({"dt": 0}, "dt must be finite and not zero, got 0"),
     "t as text": ({"t": "0"}, "t must be a real number"),
     "infinite t": ({"t": float("nan")}, "t must be finite"),
     "no steps": ({"steps": 0}, "steps must be a whole number >= 1, got 0"),

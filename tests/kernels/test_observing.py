@@ -30,7 +30,7 @@ ARRAYS = {
     "listed": (2,),
 }
 WHOLE = ("hits", "listed")
-NUMBERS = ("stride", "bodies", "first", "dominant", "mu", "bold", "mild", "keen")
+NUMBERS = ("stride", "bodies", "first", "dominant", "mu", "passage_angle", "least_eccentricity", "pericentre_angle")
 
 
 @kernel
@@ -54,7 +54,7 @@ def note_numbers(context, track, h, steps, start, stop):
     watch = watch_at(context)
     seen = watch.record[0, 0]
     seen[0], seen[1], seen[2], seen[3] = watch.stride, watch.bodies, watch.first, watch.dominant
-    seen[4], seen[5], seen[6], seen[7] = watch.mu, watch.bold, watch.mild, watch.keen
+    seen[4], seen[5], seen[6], seen[7] = watch.mu, watch.passage_angle, watch.least_eccentricity, watch.pericentre_angle
 
 
 @kernel

@@ -167,7 +167,7 @@ WRONG_USES = {
     "ragged": (lambda: KEPLER.value([[1.0], [1.0, 2.0]], [0.0, 0.0]), "must be 2 real numbers"),
     "parameter": (lambda: PENDULUM.with_parameters(length=2.0), "no parameter length; it has: m, l, g"),
     "parameter value": (lambda: PENDULUM.with_parameters(g="x"), "parameter g must be a real number"),
-    "dt": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.0, steps=3), "dt must not be zero"),
+    "dt": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.0, steps=3), "dt must be finite and not zero"),
     "dt nan": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=float("nan"), steps=3), "dt must be finite"),
     "steps": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=0), "steps must be a whole number >= 1"),
     "every": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=5, every=2), "multiple of every"),

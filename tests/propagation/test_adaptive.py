@@ -12,7 +12,7 @@ from orbits.archive import Archive
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
 from orbits.marching.clocks import Place
-from orbits.propagation.binding import bound
+from orbits.propagation.marchers import bound
 
 from ..encounters import APOPHIS_MISS, apophis_2029
 from ..problems import kepler, three_bodies

@@ -185,9 +185,9 @@ def test_an_existing_file_is_kept_unless_overwritten(tmp_path):
 def test_other_kernels_or_another_processor_are_not_resumed_silently(tmp_path, monkeypatch):
     path = tmp_path / "run.h5"
     orbits.propagate(belt(), METHODS[0], **ARGUMENTS, archive=path)
-    from orbits.propagation import binding
+    from orbits.propagation import marchers
 
-    monkeypatch.setattr(binding, "cpu_features", lambda: frozenset({"abacus"}))
+    monkeypatch.setattr(marchers, "cpu_features", lambda: frozenset({"abacus"}))
     with pytest.raises(ArchiveError, match=r"cpu features.*same_bits=False"):
         orbits.resume(path, until=500 * u.day)
     longer = orbits.resume(path, until=500 * u.day, same_bits=False)

@@ -10,7 +10,7 @@ from astropy.time import Time
 import orbits
 from orbits.marching import passage_list
 from orbits.marching.passage_list import UNKNOWN
-from orbits.propagation import binding
+from orbits.propagation.marchers import bound
 from tests.encounters import APOPHIS_MISS, apophis_2029, comet
 
 from ..problems import belt
@@ -162,10 +162,10 @@ def test_the_list_survives_archives_resumption_and_copies(apophis, tmp_path):
 
 
 def test_a_checkpoint_of_an_earlier_version_has_no_list_and_says_so(apophis):
-    before = binding.bound(apophis, GAUSS, 0.5)
+    before = bound(apophis, GAUSS, 0.5)
     before.advance(150)
     old = {name: array for name, array in before.checkpoint().items() if not name.startswith("passage")}
-    after = binding.bound(apophis, GAUSS, 0.5)
+    after = bound(apophis, GAUSS, 0.5)
     after.restore(old)
     after.advance(100)
     listed, left_out = after.passages()
@@ -179,7 +179,7 @@ def test_of_more_passages_than_there_is_room_for_the_fastest_are_kept_and_the_ot
     system = orbits.System.from_elements(
         {"star": {"gm": 1.0}, "planet": {"gm": 0.0, "a": 1.0, "e": e, "M": np.pi}}, units=orbits.DIMENSIONLESS
     )
-    whole, parts = (binding.bound(system, GAUSS, h) for _ in range(2))
+    whole, parts = (bound(system, GAUSS, h) for _ in range(2))
     steps = round(n * 2 * np.pi / h)
     whole.advance(steps)
     for _ in range(4):
@@ -255,7 +255,7 @@ def test_the_list_does_not_depend_on_threads_even_when_a_block_holds_more_than_f
     v[2:, 1] = 1.5 + rng.uniform(0.0, 0.5, n)
     names = ["star", "planet", *(f"stone {i}" for i in range(n))]
     system = orbits.System(names, [1.0, 1e-5, *np.zeros(n)], q, v, units=orbits.DIMENSIONLESS)
-    marchers = [binding.bound(system, VERLET, 0.002, threads) for threads in (1, 2, 5)]
+    marchers = [bound(system, VERLET, 0.002, threads) for threads in (1, 2, 5)]
     for marcher in marchers:
         marcher.advance(150)
     (first, left_out), *others = (marcher.passages() for marcher in marchers)

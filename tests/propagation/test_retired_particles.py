@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 import orbits
 from orbits.archive import Archive, ArchiveWriter
-from orbits.propagation import binding
-from orbits.propagation.binding import bound
+from orbits.propagation import marchers
+from orbits.propagation.marchers import bound
 from orbits.trajectory.retired import moved
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
@@ -247,7 +247,7 @@ def without_list(path, method=GAUSS, samples=3):
 
     writer = ArchiveWriter.create(
         path, system=start, integrator=orbits.integrators.describe(method), grid=grid, checkpoint=checkpoint(),
-        provenance=binding.provenance(),
+        provenance=marchers.provenance(),
     )  # fmt: skip
     states = []
     for step in grid.steps[:samples]:

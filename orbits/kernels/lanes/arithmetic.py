@@ -162,11 +162,11 @@ def rint(typingctx, x):
 
 maximum = _elementwise(
     lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y),
-    "Return the larger of a and b, lane by lane; b where one of them is NaN.",
+    "Return the larger of a and b, lane by lane; b if one of them is NaN.",
 )
 minimum = _elementwise(
     lambda b, x, y: b.select(b.fcmp_ordered("<", x, y), x, y),
-    "Return the smaller of a and b, lane by lane; b where one of them is NaN.",
+    "Return the smaller of a and b, lane by lane; b if one of them is NaN.",
 )
 exact_add = _elementwise(lambda b, x, y: b.fadd(x, y), "Return fl(a + b), never fused; float64 or `Lanes`.")
 exact_mul = _elementwise(lambda b, x, y: b.fmul(x, y), "Return fl(a b), never fused; float64 or `Lanes`.")
@@ -175,7 +175,7 @@ exact_sub = _elementwise(lambda b, x, y: b.fsub(x, y), "Return fl(a - b), never 
 
 @intrinsic
 def select(typingctx, condition, a, b):
-    """Return `a` in the lanes where `condition` is not zero, and `b` in the others; of numbers, one of the two."""
+    """Return `a` in the lanes where `condition` is not zero, and `b` in the others; for numbers, one of the two."""
     kind = common_type(a, b)
     if kind is None or not (isinstance(condition, LanesType | types.Boolean) or is_operand(condition)):
         return None
@@ -206,7 +206,7 @@ def _rsqrt_estimate(typingctx, x):
         value = args[0] if kind is lanes else context.cast(builder, args[0], sig.args[0], kind)
         words = ir.VectorType(INT64, WIDTH) if kind is lanes else INT64
         keep = ir.Constant(words, [-(1 << 36)] * WIDTH if kind is lanes else -(1 << 36))
-        if kind is lanes and "avx512f" in cpu_features():  # LLVM aborts the process where the CPU lacks it
+        if kind is lanes and "avx512f" in cpu_features():  # LLVM aborts the process if the CPU lacks it
             name, every = "llvm.x86.avx512.rsqrt14.pd.512", ir.IntType(8)(255)
             y = call_intrinsic(builder, name, [value, constant(0.0), every], [VECTOR, VECTOR, ir.IntType(8)])
         else:
@@ -219,10 +219,10 @@ def _rsqrt_estimate(typingctx, x):
 
 @kernel(inline=True)
 def rsqrt_cubed(x):
-    """Return x^(-3/2) for x > 0, all but correctly rounded; float64 or `Lanes`. At x = 0 it is not finite.
+    """Return x^(-3/2) for x > 0, almost correctly rounded; float64 or `Lanes`. At x = 0 it is not finite.
 
     With y near x^(-1/2) cut to 17 bits, y^2 and y^3 are exact and e = 1 - x y^2 is small; the result is the series of
-    y^3 (1 - e)^(-3/2), where only the last rounding counts. As |e| < 1.6e-4, the first term left out, 2.7 e^5, is less
+    y^3 (1 - e)^(-3/2), where only the last rounding matters. As |e| < 1.6e-4, the first omitted term, 2.7 e^5, is less
     than 3e-19.
     """
     y = _rsqrt_estimate(x)

@@ -1,4 +1,4 @@
-"""Between memory and lanes: rows of (n, 8) arrays, eight elements of a vector, single lanes."""
+"""Loads and stores of lanes: rows of (n, 8) arrays, eight elements of a vector, single lanes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def load(typingctx, array, index):
 
 @intrinsic
 def store(typingctx, array, index, value):
-    """Write eight lanes where `load` would read them."""
+    """Write eight lanes to where `load` reads them."""
     if not (is_contiguous(array, 1, 2) and isinstance(value, LanesType)):
         return None
 

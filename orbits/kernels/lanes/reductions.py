@@ -1,4 +1,4 @@
-"""Across lanes: sums, maxima, the eight rows of a block at once."""
+"""Operations across lanes: sums, maxima, and the same for eight rows at a time."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def total(typingctx, value):
 
 @intrinsic
 def largest(typingctx, value):
-    """Return the largest lane. NaN lanes may be passed over."""
+    """Return the largest lane. NaN lanes may be ignored."""
     if not isinstance(value, LanesType):
         return None
 

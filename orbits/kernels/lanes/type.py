@@ -1,4 +1,4 @@
-"""The type itself: LLVM's `<8 x double>` as a Numba type, and what the code generators of this package share."""
+"""The type itself: LLVM's `<8 x double>` as a Numba type, and helpers for the code generators of this package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numba.core.datamodel.models import PrimitiveModel
 from numba.extending import register_model
 
 WIDTH = 8
-"""How many float64 a `Lanes` holds."""
+"""The number of float64 in a `Lanes`."""
 DOUBLE = ir.DoubleType()
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
 INT64 = ir.IntType(64)
