@@ -12,6 +12,7 @@ The method is then not symplectic, as the steps depend on the state; at the leve
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -189,7 +190,7 @@ class Adaptive(Clock):
         tolerance = ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
         numbers = np.zeros(NUMBERS)
         numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, tolerance, 1.0 / (stages - 1)
-        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(math.inf, self.direction)
+        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(sys.float_info.max, self.direction)
         return numbers
 
     def time(self, reading: Any) -> Any:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR
 from orbits.marching.clocks import Clock
+
+Array = NDArray[np.float64]
 
 
 def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
@@ -20,6 +25,18 @@ def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
         else:
             bad = middle
     return good
+
+
+def meeting(q: Array, body: int | None) -> list[int]:
+    """Return a body and its nearest neighbour, or the two closest of all; q : (3, n)."""
+    n = q.shape[1]
+    if n == 1:
+        return [0]
+    bodies = np.arange(n) if body is None else np.array([body])
+    distance = np.stack([np.sum((q - q[:, [b]]) ** 2, axis=0) for b in bodies])
+    distance[np.arange(len(bodies)), bodies] = np.inf
+    nearest = int(np.argmin(np.min(distance, axis=1)))
+    return [int(bodies[nearest]), int(np.argmin(distance[nearest]))]
 
 
 def failure_of_bodies(

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import Any
 
@@ -20,35 +19,20 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, IntegrationError
 from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
-from orbits.integrators.forms import Array, coefficients_of, padded
+from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
-from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching import adaptive, driver
+from orbits.marching import adaptive
 from orbits.marching.adaptive import Adaptive
-from orbits.marching.alignment import aligned
+from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
-from orbits.marching.failures import failure_of_bodies, last_good
-from orbits.marching.parallel import Parallel, shares
+from orbits.marching.failures import failure_of_bodies, last_good, meeting
 from orbits.marching.passage_list import PassageList
-from orbits.marching.pool import Pool
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
-
-STAGES_BYTES = 512 * 1024
-"""Size of the recorded stages and of the states of eight particles: they should stay in the second-level cache."""
-
-PATH_BYTES = 4 * 1024 * 1024
-"""Size of the recorded path of massive bodies without particles: written once, read sparsely."""
-
-LEAST_BLOCK = 16
-"""Steps in one call of a kernel, for any number of bodies: the search for closest approaches runs once a block."""
-
-BLOCK_WORK = 20_000_000
-"""Pairs times steps in one call of a kernel: a fraction of a second, after which signals are handled."""
 
 
 def available_threads() -> int:
@@ -116,50 +100,17 @@ class Marcher:
         )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
-        h = self.clock.h  # coefficients of steps of different lengths are prepared before each step
-        first = self._form.coefficients(1.0, 1.0) if self.clock.changes else coefficients_of(self._form, h)
-        self._coefficients = {h: first}
-        self._arrived = False
-        self._backup: dict[str, Array] = {}
-        shape = self._form.stages_shape(3 * n)
-        least = 1 if m else LEAST_BLOCK
-        room = STAGES_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
-        self.block = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
-        self._nothing = np.zeros(0)
-        self._tasks = shares(m, threads)
-        vector, columns, scratch = (padded(3 * n),), (3, padded(m)), self._form.scratch_shape(3 * n)
-        shapes: dict[str, tuple[int, ...]] = {
-            "q": vector,
-            "q_lo": vector,
-            "v": vector,
-            "v_lo": vector,
-            "memory": (self._form.carry_rows(3 * n), WIDTH),
-            "particle_q": columns,
-            "particle_q_lo": columns,
-            "particle_v": columns,
-            "particle_v_lo": columns,
-            "particle_memory": (m, self._form.particle_carry_rows, WIDTH),
-        }
-        self._stages, self._scratch, *arrays = aligned(
-            (self.block if m else 1, *shape), scratch, *shapes.values(), *(scratch for _ in self._tasks)
-        )
-        self._state = dict(zip(shapes, arrays, strict=False))
-        self._task_scratch = arrays[len(shapes) :]
-        for name, x in (("q", q), ("v", v)):
-            self._state[name][: 3 * n] = x[self._massive].T.ravel()
-            self._state[f"particle_{name}"][...] = NOWHERE
-            self._state[f"particle_{name}"][:, :m] = x[self._particles].T
+        self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads)
+        self._loops.begin(q, v, self._massive, self._particles)
+        self.block = self._loops.steps
+        self._state = self._loops.state
         if isinstance(self.clock, Adaptive):
             self._state["clock"] = self.clock.numbers_for(integrator)
-        self._room = np.zeros(self.clock.room(self.block, sum(x.size for x in self._state.values())))
         self._state["approaches"] = empty_record(n + m)
+        self._arrived = False
+        self._backup: dict[str, Array] = {}
+        self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
-        rows = 12 * (self.block + 1) if m else 0
-        self._tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self._tasks)))]
-        many = Parallel.serves(self._form, lagrangian.tag, n)
-        self._pool = Pool(threads) if threads > 1 and (many or len(self._tasks) > 1) else None
-        self._parallel = Parallel(n, threads, self._pool) if many else None
-        self._march = driver.march if self._parallel is None else self._parallel.march
         self._retire, self._retired = retire, Retired(m)
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
@@ -173,8 +124,8 @@ class Marcher:
             stops,
             energy_bound,
             *limits,
-            self._room,
-            len(self._tasks),
+            self._loops.times,
+            len(self._loops.tasks),
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
@@ -275,6 +226,7 @@ class Marcher:
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
+        self._arrived = False
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -387,7 +339,7 @@ class Marcher:
         q = self._state["particle_q"].copy()
         q[:, : len(self._particles)][:, self._retired.gone()] = np.nan
         state = {**self._state, "particle_q": q}
-        return self._watcher.approaches(self._state["approaches"], self.step, self._tracks[0], state)
+        return self._watcher.approaches(self._state["approaches"], self.step, self._loops.tracks[0], state)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to resume bit for bit; the arrays are copies."""
@@ -441,7 +393,7 @@ class Marcher:
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""
-        kind = (self._form.tag.name, self._tag.name, bool(self._tasks), self._parallel is None)
+        kind = self._loops.kind
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
             listed = self._passages.passages, self._passages.left_out
@@ -453,33 +405,21 @@ class Marcher:
 
     def close(self) -> None:
         """Release the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._loops.close()
 
     def _march_block(self, state: dict[str, Array], clock: Clock, count: int) -> int:
         """March `count` steps, or those before the goal of the clock; return their number."""
-        if isinstance(clock, ConstantSteps):
-            if clock.h not in self._coefficients:
-                usual = self.clock.h
-                self._coefficients = {usual: self._coefficients[usual], clock.h: coefficients_of(self._form, clock.h)}
-            now = clock.numbers(self._start, self.step) if clock == self.clock else clock.numbers(self.time, 0)
-            h = clock.h
-        else:
-            now = state["clock"]
-            now[adaptive.ORIGIN], h = now[adaptive.TIME], now[adaptive.LENGTH] or clock.direction
-        timing = (clock.timing, now, self._room)
-        bound = (self._form.tag, self._coefficients[clock.h], self._tag, self._vectors, *timing)
-        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        usual = clock == self.clock
+        now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
+        bound = self._loops.bound(clock, now)
         record = state.get("approaches")  # a copy has none, and is marched without observers
         path = self._nothing if record is None else self._watcher.path(count)
-        status, done, body, evaluations = self._march(*bound, *vectors, self._scratch, self._stages, path, 1, count)
+        status, done, body, evaluations = self._loops.march(state, bound, path, count)
         self.evaluations += evaluations
         if status == BEYOND:
             status, count, self._arrived = OK, done, True
-        if status == TOO_SHORT:
-            body = self._closest(state)
         if status in (NOT_CONVERGED, TOO_SHORT):
-            raise self._failure(status, done, self._meeting(state, body), now)
+            raise self._failure(status, done, self._meeting(state, None if status == TOO_SHORT else body), now)
         if status != OK:
             # The state is invalid; the bodies that met are found in the previous state, if the block is a single step.
             lost = np.flatnonzero(~np.isfinite(state["q"][: 3 * self._bodies] + state["v"][: 3 * self._bodies]))
@@ -488,54 +428,20 @@ class Marcher:
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
             self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
-            self._watcher.look(h, count, state["q"], state["v"], self._parallel)
-        if self._tasks:
-            self._march_particles(state, bound, count)
+            self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
+        if self._loops.tasks:
+            self._retired.begin()
+            watcher = None if record is None else self._watcher
+            self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None:
             self._overflowed = self._passages.overflows(self._watcher.lists)
             self._passages.add(self._watcher.lists)
         return count
 
-    def _march_particles(self, state: dict[str, Array], bound: tuple[Any, ...], count: int) -> None:
-        """March the massless particles through the block of `count` steps that the bodies have just taken."""
-        particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
-        observer = self._watcher.observer if "approaches" in state else 0
-        self._retired.begin()
-
-        def share(task: int) -> int:
-            start, stop = self._tasks[task]
-            scratch, track = self._task_scratch[task], self._tracks[task]
-            context = self._watcher.contexts.addresses[1 + task]
-            room = (scratch, self._stages, self._retired.block)
-            watched = (observer, context, track)
-            return int(driver.march_particles(*bound, *particles, *room, count, start, stop, *watched))
-
-        if self._pool is None:
-            self.particle_evaluations += sum(map(share, range(len(self._tasks))))
-            return
-        shares: list[Future[int]] = []
-        try:
-            for task in range(len(self._tasks)):
-                shares.append(self._pool.submit(share, task))
-        finally:
-            wait(shares)  # also after an interrupt: the arrays may be used only afterwards
-        self.particle_evaluations += sum(future.result() for future in shares)
-
-    def _closest(self, state: dict[str, Array]) -> int:
-        """Return one of the two massive bodies closest to each other."""
-        n = self._bodies
-        q = state["q"][: 3 * n].reshape(3, n)
-        distance = np.sum((q[:, :, None] - q[:, None, :]) ** 2, axis=0) + np.where(np.eye(n) > 0, np.inf, 0.0)
-        return int(np.argmin(distance)) // n
-
-    def _meeting(self, state: dict[str, Array], body: int) -> list[int]:
-        """Return two massive bodies: `body` and its nearest neighbour, the lighter one first."""
-        n = self._bodies
-        q = state["q"][: 3 * n].reshape(3, n)
-        distance = np.sum((q - q[:, [body]]) ** 2, axis=0)
-        distance[body] = np.inf
-        pair = [body] if n == 1 else sorted((body, int(np.argmin(distance))), key=lambda b: self.parameters[1 + b])
-        return [int(self._massive[b]) for b in pair]
+    def _meeting(self, state: dict[str, Array], body: int | None = None) -> list[int]:
+        """Return two massive bodies, the lighter one first: `body` and its nearest neighbour, or the closest pair."""
+        pair = meeting(state["q"][: 3 * self._bodies].reshape(3, -1), body)
+        return [int(self._massive[b]) for b in sorted(pair, key=lambda b: self.parameters[1 + b])]
 
     def _failure(self, status: int, done: int, bodies: list[int], now: Array | None = None) -> IntegrationError:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
@@ -560,5 +466,5 @@ class Marcher:
         return x
 
 
-_COMPILED: set[tuple[Any, str, bool, bool]] = set()
+_COMPILED: set[tuple[Any, ...]] = set()
 """The combinations of method, Lagrangian, particles or none, and few or many bodies compiled in this process."""

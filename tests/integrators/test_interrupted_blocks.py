@@ -18,7 +18,7 @@ def test_a_march_that_was_interrupted_goes_on_to_the_same_bits(threads):
 
     run = marcher(orbits.Gauss(stages=4), *start, 0.15, threads=threads)
     run.block = 10
-    march, calls = run._march, []
+    march, calls = run._loops.march, []
 
     def interrupted(*arguments):
         calls.append(march(*arguments))
@@ -26,7 +26,7 @@ def test_a_march_that_was_interrupted_goes_on_to_the_same_bits(threads):
             raise KeyboardInterrupt
         return calls[-1]
 
-    run._march = interrupted
+    run._loops.march = interrupted
     with pytest.raises(KeyboardInterrupt):
         run.advance(40)
     assert run.step == 20

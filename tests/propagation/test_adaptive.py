@@ -11,6 +11,7 @@ import orbits
 from orbits.archive import Archive
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
+from orbits.marching import passage_list
 from orbits.marching.clocks import Place
 from orbits.propagation.marchers import bound
 
@@ -230,3 +231,25 @@ def test_a_run_without_dt_becomes_an_spk_file_through_an_encounter(tmp_path):
         (segment,) = [s for s in kernel.segments if s.target == 2099942]
         place = segment.compute(float((start.epoch + miss.time).jd))
     assert np.linalg.norm(place) == pytest.approx(APOPHIS_MISS, abs=0.05)
+
+
+def test_a_block_with_more_passages_than_its_list_holds_is_marched_in_shorter_ones(monkeypatch):
+    """A moon passes its planet once a month: a list of four is full soon, and the march goes on from the same steps."""
+    start = orbits.System.solar_system(bodies=["Sun", "Earth", "Moon", "Jupiter"])
+    whole = propagate(start, 2 * u.yr, samples=3)
+    monkeypatch.setattr(passage_list, "BLOCK_ROOM", 4)
+    short = bound(start, "gauss", orbits.Adaptive(), 1)
+    longest, end = short.block, Place(0, 730.5)
+    short.advance_to(end)
+    assert short.block < longest
+    assert short.step == whole.statistics.steps
+    assert np.array_equal(short.state_at(end)[0], whole.q.value[-1])
+
+
+def test_a_run_that_was_killed_before_its_first_step_is_resumed(tmp_path):
+    start, path = system(*three_bodies()), tmp_path / "run.h5"
+    whole = propagate(start, 5.0, samples=6)
+    propagate(start, 5.0, samples=6, archive=path, callback=lambda t, state: True)  # stops at the start
+    assert np.array_equal(orbits.resume(path, progress=False).q, whole.q)
+    marcher = bound(start, "gauss", orbits.Adaptive(), 1)
+    assert all(np.isfinite(array).all() for name, array in marcher.checkpoint().items() if name != "approaches")
