@@ -45,7 +45,8 @@ import kernels
 right = kernels.horner(0.25, 30), kernels.twice(0.25, 30)
 kinds = random.Random(seed)
 for _ in range(rounds):
-    path = kinds.choice(sorted(p for p in folder.rglob("kernels.*.nb?")))
+    # One that was emptied stays so as long as no process needs it: what `twice` calls is in the file of `twice` too.
+    path = kinds.choice(sorted(p for p in folder.rglob("kernels.*.nb?") if p.stat().st_size))
     data = bytearray(path.read_bytes())
     place = kinds.randrange(len(data))
     kind = kinds.choice(["cut", "emptied", "zeroed", "zeroed from", "flipped"])
@@ -109,7 +110,7 @@ def test_a_run_after_damage_of_the_package_s_own_kernels_gives_the_same_bits(tmp
     """Every file of the loop of a method in turn, in a process of its own each."""
     right = python(RUN, tmp_path).stdout
     assert right
-    files = sorted(tmp_path.rglob("stormer_verlet.*.nb?"))
+    files = sorted(tmp_path.rglob("driver.*.nb?"))
     assert files
     for k, path in enumerate(files):
         data = bytearray(path.read_bytes())
