@@ -163,7 +163,7 @@ def _clock(items: Mapping[str, Any]) -> Adaptive:
         raise ArchiveError(f"@clock is {shown(items['@clock'])}; expected the clock of adaptive steps.")
     if known["direction"] not in (1.0, -1.0):
         raise ArchiveError(f"the direction of its clock is {shown(known['direction'])}; expected 1 or -1.")
-    return Adaptive(**known)
+    return Adaptive(known["tolerance"]).towards(known["direction"])
 
 
 def checksum(items: Mapping[str, Item]) -> str:

@@ -23,7 +23,16 @@ import numpy as np
 from numba.extending import overload
 
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import OPTIONS, accelerate, accelerate_close, bodies, dimension, field, kernel_of
+from orbits.kernels.binding import (
+    OPTIONS,
+    accelerate,
+    accelerate_close,
+    bodies,
+    dimension,
+    field,
+    gross_attraction,
+    kernel_of,
+)
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
@@ -63,6 +72,10 @@ from orbits.tableaux.symplectic import FAR
 # j of the matrix; START follows, in the same form. NODES and WEIGHTS are c and b, BARYCENTRIC the weights of the
 # polynomial through the stages, LAST those of its last Legendre coefficient.
 HC, HC_LO, HB, REST, NODES, WEIGHTS, BARYCENTRIC, LAST, ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
+
+
+CANCELLED = 1e-6
+"""The share of the attractions on a body below which their sum does not count as its force."""
 
 
 def registers(method):
@@ -378,9 +391,12 @@ def prepare(method, h, before, storage):
 
 
 @kernel
-def signal(method, model, storage):
-    """Return the last Legendre coefficient of the forces on a body in the step just taken, as a share of the largest
-    force on it: the largest over all bodies, or coordinates. In one register.
+def signal(method, model, h, state, storage):
+    """Return the last Legendre coefficient of the forces on a body in the step of h just taken, as a share of the
+    largest force on it: the largest over all bodies. In one register.
+
+    Where attractions cancel, what is left of a force is round-off: no force counts as less than `CANCELLED` of the
+    attractions that it is the sum of.
     """
     table, L, scratch = method.coefficients[0], storage.carry, storage.scratch
     size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
@@ -397,14 +413,14 @@ def signal(method, model, storage):
         store(history, b, abs(row_sums(products, WIDTH * b)))
         store(history, blocks + b, row_maxima(sizes, WIDTH * b))
     worst = 0.0
-    for i in range(count if count > 0 else size):
+    for i in range(count):
         rest = most = 0.0
-        for axis in range(3 if count > 0 else 1):
-            k = axis * count + i
+        for k in range(i, size, count):
             rest = max(rest, history[k // WIDTH, k % WIDTH])
             most = max(most, history[blocks + k // WIDTH, k % WIDTH])
         if rest > worst * most:
-            worst = rest / most
+            most = max(most, CANCELLED * abs(h) * gross_attraction(model.tag, model.parameters, state.q, i))
+            worst = max(worst, rest / most)
     return worst
 
 

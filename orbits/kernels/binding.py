@@ -328,6 +328,19 @@ def _dynamical_rate(lagrangian, parameters, q, v):
     return compiled and (lambda lagrangian, parameters, q, v: compiled(parameters, q, v))
 
 
+def gross_attraction(lagrangian, parameters, q, i):
+    """Return the sum of the magnitudes of the attractions on body i, whose vectors may cancel."""
+    raise NotImplementedError("gross_attraction() is for compiled code only")
+
+
+@overload(gross_attraction, jit_options=OPTIONS)
+def _gross_attraction(lagrangian, parameters, q, i):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters, q, i: gross_attraction(first_term(lagrangian), parameters[0], q, i)
+    compiled = kernel_of(lagrangian, "gross_attraction")
+    return compiled and (lambda lagrangian, parameters, q, i: compiled(parameters, q, i))
+
+
 def accelerate_some(lagrangian, parameters, q, out, start, stop):
     """Write the accelerations of bodies start ... stop - 1 only, bit for bit as `accelerate`; start is a multiple of
     8.

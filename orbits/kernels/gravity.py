@@ -208,6 +208,18 @@ def dynamical_rate(strength, q, v):
 
 
 @kernel
+def gross_attraction(strength, q, i):
+    """Return the sum of the magnitudes of the attractions on body i, whose vectors may cancel; q : (3n,) float64."""
+    n = strength.shape[0] - 1
+    gross = 0.0
+    for j in range(n):
+        if j != i:
+            x, y, z = q[j] - q[i], q[n + j] - q[n + i], q[2 * n + j] - q[2 * n + i]
+            gross += strength[1 + j] / (x * x + y * y + z * z + strength[0])
+    return gross
+
+
+@kernel
 def pair_potential(strength, q):
     """Return sum over pairs of -GM_i GM_j / sqrt(r_ij^2 + softening^2); float64, or lanes for q of shape (3n, 8)."""
     n = strength.shape[0] - 1

@@ -13,7 +13,7 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         once a block that the state is finite
     prepare(method, h, before, storage)
         for clocks that change h: writes the coefficients of a step of h that follows one of `before`
-    signal(method, model, storage) -> float
+    signal(method, model, h, state, storage) -> float
         the fraction of the forces that the step just taken did not resolve: 0 for none, 1 for all
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
@@ -144,15 +144,15 @@ def _prepare(method, h, before, storage):
     return compiled and (lambda method, h, before, storage: compiled(method, h, before, storage))
 
 
-def signal(method, model, storage):
+def signal(method, model, h, state, storage):
     """Return the fraction of the forces that the step just taken did not resolve."""
     raise NotImplementedError("signal() is for compiled code only")
 
 
 @overload(signal, jit_options=OPTIONS)
-def _signal(method, model, storage):
+def _signal(method, model, h, state, storage):
     compiled = _kernel(method, "signal")
-    return compiled and (lambda method, model, storage: compiled(method, model, storage))
+    return compiled and (lambda method, model, h, state, storage: compiled(method, model, h, state, storage))
 
 
 def begin_particles(method, model, particles, storage):

@@ -26,6 +26,7 @@ from orbits.kernels.gravity import (
     body_accelerations,
     close_pair_accelerations,
     dynamical_rate,
+    gross_attraction,
     pair_accelerations,
     pair_potential,
     share_of_accelerations,
@@ -116,6 +117,7 @@ def _compiled() -> Compiled:
         "accelerate_stages": pair_accelerations,
         "accelerate_close": close_pair_accelerations,
         "dynamical_rate": dynamical_rate,
+        "gross_attraction": gross_attraction,
         "field": attraction,
         "particle_gradients": particle_gradients,
     }

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -30,13 +30,14 @@ from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, prepare, signal, step
 from orbits.kernels.summation import two_sum
 from orbits.marching.clocks import Clock, Place
 
-TIME, TIME_LO, LENGTH, THETA, TOLERANCE, POWER, DIRECTION, LIMIT, EXACT, ORIGIN = range(10)
+TIME, TIME_LO, LENGTH, THETA, TOLERANCE, POWER, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = range(11)
 """The state of the clock: the time reached, in doubled precision; the last step; theta; the tolerance and the power
 1 / (s - 1); the direction 1 or -1; the time limit; whether a step ends at the limit (1) or the march stops before it
-(0); and the time at which the block began.
+(0); the time at which the block began; and the time at which a step would end that was refused by the limit, or the
+time reached.
 """
 
-NUMBERS = 10
+NUMBERS = 11
 
 FIRST_THETA = 0.2
 
@@ -45,6 +46,9 @@ LEAST, MOST = 0.3, 2.0
 """The f below which a step is repeated, the safety factor of its length, the largest growth of theta; its bounds."""
 
 ATTEMPTS = 100
+
+FARTHEST = sys.float_info.max
+"""The time limit of a march without a goal: finite, as all that archives hold."""
 
 
 @kernel(inline=True)
@@ -89,28 +93,30 @@ def take_step(clock, method, model, k, state, storage):
     if rate > 0.0:
         scale = 1.0 / math.sqrt(rate)
         slope = -0.5 * direction * change * scale * scale * scale
-    _keep(room, kept, state, storage.carry)
     status, where, evaluations = TOO_SHORT, 0, 0
-    for _ in range(ATTEMPTS):
+    for attempt in range(ATTEMPTS):
         h = direction * theta * scale * math.exp(min(max(0.5 * theta * slope, -1.0), 1.0))
         if not direction * (h - left) <= 0.0:
             if numbers[EXACT] == 0.0:
+                numbers[NEXT] = min(max(numbers[TIME] + h, -FARTHEST), FARTHEST)
                 return BEYOND, 0, evaluations
             h = left
         if numbers[TIME] + h == numbers[TIME]:
             return TOO_SHORT if status == OK else status, where, evaluations
+        if attempt == 0:
+            _keep(room, kept, state, storage.carry)
         prepare(method, h, before if before != 0.0 else h, storage)
         status, where, count = step(method, model, numbers[TIME], h, state, storage)
         evaluations += count
         factor = 0.5 / CAUTION
         if status == OK:
-            missed = signal(method, model, storage)
+            missed = signal(method, model, h, state, storage)
             factor = MOST if missed == 0.0 else (numbers[TOLERANCE] / missed) ** numbers[POWER]
             factor = min(max(factor, LEAST), MOST)
             if factor >= REFUSED:
                 time, lost = two_sum(numbers[TIME], h)
                 numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
-                numbers[LENGTH], numbers[THETA] = h, theta * min(factor, GROWTH)
+                numbers[NEXT], numbers[LENGTH], numbers[THETA] = numbers[TIME], h, theta * min(factor, GROWTH)
                 room[k + 1] = room[k] + h
                 return OK, 0, evaluations
         _put_back(room, kept, state, storage.carry)
@@ -143,7 +149,7 @@ class Adaptive(Clock):
     """
 
     tolerance: float | None = None
-    direction: float = 1.0
+    direction: float = field(default=1.0, init=False)
 
     timing: ClassVar[Tag] = ADAPTIVE
 
@@ -164,6 +170,12 @@ class Adaptive(Clock):
     def h(self) -> float:  # type: ignore[override]
         """NaN: the steps have no common length."""
         return math.nan
+
+    def towards(self, direction: float) -> Adaptive:
+        """Return this clock for a run in a direction, 1 or -1."""
+        clock = Adaptive(self.tolerance)
+        object.__setattr__(clock, "direction", math.copysign(1.0, direction))
+        return clock
 
     @property
     def changes(self) -> bool:
@@ -190,7 +202,7 @@ class Adaptive(Clock):
         tolerance = ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
         numbers = np.zeros(NUMBERS)
         numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, tolerance, 1.0 / (stages - 1)
-        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(sys.float_info.max, self.direction)
+        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
         return numbers
 
     def time(self, reading: Any) -> Any:

@@ -45,9 +45,9 @@ class BoundLoops:
 
     def __init__(self, form: Form, tag: Tag, vectors: Any, clock: Clock, n: int, m: int, threads: int) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
-        h = clock.h  # coefficients of steps of different lengths are prepared before each step
-        self._usual = h
-        self._coefficients = {h: form.coefficients(1.0, 1.0) if clock.changes else coefficients_of(form, h)}
+        # Coefficients of steps of different lengths are written before each step, others made for each length.
+        self._usual = form.coefficients(1.0, 1.0) if clock.changes else coefficients_of(form, clock.h)
+        self._clock, self._other = clock, (clock, self._usual)
         shape = form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
         room = STAGES_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
@@ -94,10 +94,11 @@ class BoundLoops:
 
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
-        if clock.h not in self._coefficients and isinstance(clock, ConstantSteps):
-            known = self._coefficients[self._usual]
-            self._coefficients = {self._usual: known, clock.h: coefficients_of(self._form, clock.h)}
-        coefficients = self._coefficients[self._usual if clock.changes else clock.h]
+        coefficients = self._usual
+        if clock != self._clock:  # a partial step
+            if clock != self._other[0]:
+                self._other = clock, coefficients_of(self._form, clock.h)
+            coefficients = self._other[1]
         return self._form.tag, coefficients, self._tag, self._vectors, clock.timing, now, self.times
 
     def march(self, state: dict[str, Array], bound: tuple[Any, ...], path: Array, count: int) -> tuple[int, ...]:

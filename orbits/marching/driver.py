@@ -144,7 +144,7 @@ def _choose(method, model, clock, columns, storage, retired, block, watched):
 @kernel(inline=True)
 def _march_in_lanes(method, model, clock, columns, storage, retired, block, watched):
     """March two groups of eight particles in lanes, so that their instructions overlap."""
-    steps, start, stop = block
+    (steps, start, stop), (_, h) = block, step_of(clock, 0)
     observer, context, track = watched
     other = track[track.shape[0] // 2 :]
     evaluations = 0
@@ -162,7 +162,7 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
             two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, then)
             evaluations += count * min(2 * WIDTH, stop - p)
         _finish(columns, retired, track, steps, p, one, stop)
-        call_observer(observer, context, track, step_of(clock, 0)[1], steps, p, stop)
+        call_observer(observer, context, track, h, steps, p, stop)
         if p < P:
             _finish(columns, retired, other, steps, P, two, stop)
             call_observer(observer, context, other, h, steps, P, stop)
@@ -172,7 +172,7 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
 @kernel(inline=True)
 def _march_one_by_one(method, model, clock, columns, storage, retired, block, watched):
     """March the particles one after another."""
-    steps, start, stop = block
+    (steps, start, stop), (_, h) = block, step_of(clock, 0)
     observer, context, track = watched
     evaluations = 0
     for p in range(start, stop):
@@ -199,7 +199,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
                 )
             store_particle(columns, p, particle)
         if lane_of_p == WIDTH - 1 or p == stop - 1:
-            call_observer(observer, context, track, step_of(clock, 0)[1], steps, p - lane_of_p, stop)
+            call_observer(observer, context, track, h, steps, p - lane_of_p, stop)
     return evaluations
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, IntegrationError
+from orbits.errors import ConvergenceError, InputError, IntegrationError
 from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
@@ -112,6 +112,7 @@ class Marcher:
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
         self._retire, self._retired = retire, Retired(m)
+        self._stops, self._energy_bound = stops, energy_bound
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
@@ -158,7 +159,9 @@ class Marcher:
         except IntegrationError as error:
             failure = error
         if failure is not None:
-            count = last_good(self._can_be_taken, count)
+            # Explicit methods look at the end of a block only; an iteration tells which step did not converge.
+            known = isinstance(failure, ConvergenceError)
+            count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
         lost = self._retired.lost()
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
@@ -250,7 +253,9 @@ class Marcher:
     def is_before(self, place: Place) -> bool:
         """Return whether there may be whole steps left before a place."""
         if self.clock.changes:
-            return not (self._arrived and self._state["clock"][adaptive.LIMIT] == place.rest)
+            now = self._state["clock"]
+            arrived = self._arrived and now[adaptive.LIMIT] == place.rest
+            return not arrived and (place.rest - now[adaptive.NEXT]) * self.clock.direction >= 0.0
         return self.step < place.steps
 
     def approach(self, place: Place) -> None:
@@ -283,9 +288,10 @@ class Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
         massive = np.ones(len(self._massive), dtype=bool)
         q, v = self.state()
-        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, names=self.names)
+        options: dict[str, Any] = {"names": self.names, "stops": self._stops, "energy_bound": self._energy_bound}
+        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, **options)
         end.restore(self.checkpoint())
-        end._state["clock"][adaptive.EXACT] = 1.0
+        end._state["clock"][[adaptive.EXACT, adaptive.NEXT]] = 1.0, end.time
         end.advance_to(Place(0, time))
         return end
 
@@ -339,7 +345,8 @@ class Marcher:
         q = self._state["particle_q"].copy()
         q[:, : len(self._particles)][:, self._retired.gone()] = np.nan
         state = {**self._state, "particle_q": q}
-        return self._watcher.approaches(self._state["approaches"], self.step, self._loops.tracks[0], state)
+        now = self.time if self.clock.changes else 0.0
+        return self._watcher.approaches(self._state["approaches"], self.step, now, self._loops.tracks[0], state)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to resume bit for bit; the arrays are copies."""
@@ -426,14 +433,14 @@ class Marcher:
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
-        if record is not None:
+        if record is not None and count:
             self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
         if self._loops.tasks:
             self._retired.begin()
             watcher = None if record is None else self._watcher
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
-        if record is not None:
+        if record is not None and count:
             self._overflowed = self._passages.overflows(self._watcher.lists)
             self._passages.add(self._watcher.lists)
         return count

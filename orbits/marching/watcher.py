@@ -207,10 +207,10 @@ class Watcher:
             return None
         return found, (which[0], int(self._rows[which[1]]), int(self._massive[which[2]]))
 
-    def approaches(self, record: Array, first: int, track: Array, state: dict[str, Array]) -> Array:
+    def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
         """Return a copy of a record that includes the distances at the end of the run."""
         record = record.copy()
-        self.begin(record, first)
+        self.begin(record, first, now)
         self._set_state(0, state["q"], state["v"])
         count = len(self._particles)
         note_end(self.contexts.addresses[0], track, state["particle_q"], state["particle_v"], count)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -48,13 +49,15 @@ class RunEnds:
         found = None if marcher.met is None else self.conditions.met(*marcher.met)
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is not None:
-            self.note(system, marcher, *found)
+            self.note(system, marcher.time, marcher.state(), *found)
         return found is not None
 
-    def note(self, system: System, marcher: Marcher, reason: str, condition: Condition | None) -> None:
-        """Keep the reason and the state."""
-        at = _moved(system, marcher.time, *marcher.state())
-        t = u.Quantity(marcher.time, system.units.time)
+    def note(
+        self, system: System, now: float, state: tuple[Array, Array], reason: str, condition: Condition | None
+    ) -> None:
+        """Keep the reason, the time and the state, q and v, (bodies, 3)."""
+        at = _moved(system, now, *state)
+        t = u.Quantity(now, system.units.time)
         self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
 
 
@@ -207,10 +210,15 @@ def _sample(
         if watch.callback is not None:
             t = float(grid.times[index])
             if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, t, *state)):
-                watch.note(system, marcher, "the callback ended the run", None)
+                watch.note(system, t, state, "the callback ended the run", None)
                 return
         if store.full:
             store.commit(marcher)
+    if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
+        with suppress(IntegrationError):
+            end = marcher.ended_at(grid.end)  # the last step of the march leads beyond the run
+            if end.met is not None:
+                watch.note(system, end.time, end.state(), *watch.conditions.met(*end.met))
 
 
 def _moved(system: System, t: float, q: Array, v: Array) -> System:

@@ -49,8 +49,9 @@ class Record(NamedTuple):
         """
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
         if marcher.clock.changes:
-            with suppress(IntegrationError):  # where the run itself failed
-                marcher = marcher.ended_at(end)
+            if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
+                with suppress(IntegrationError):  # where the run itself failed
+                    marcher = marcher.ended_at(end)
             return cls(marcher.approaches(), *marcher.passages(), dominant, reaches, marcher.reading)
         closest, (listed, left_out) = marcher.approaches(), marcher.passages()
         h = marcher.clock.h

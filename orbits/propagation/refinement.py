@@ -135,7 +135,7 @@ def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage
     if passage.steps == passage.step:  # at the start or end of the run, or exactly at a step
         least = _Least(0.0, float(np.linalg.norm(state[:3])), float(np.linalg.norm(state[3:])))
     elif clock.changes:
-        guess, end = passage.steps - passage.step, walk.end - passage.step
+        guess, end = passage.steps - passage.step, seen.end - passage.step
         length = min(WIDER * guess, end, key=abs)
         least = _least(pair, passage, seen.gm(passage), length, guess / length, 1.0)
         least = least._replace(part=least.part * length)

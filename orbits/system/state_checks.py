@@ -110,5 +110,5 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
         other = next(i for i in bodies if i != heavy)
         raise InputError(
             f"{names[min(heavy, other)]!r} and {names[max(heavy, other)]!r} are both at {q[heavy].tolist()} {unit}; "
-            "expected different positions: at no distance the attraction is infinite. Move one, or set a softening."
+            "expected different positions: at zero distance the attraction is infinite. Move one, or set a softening."
         )

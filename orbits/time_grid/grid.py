@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -79,7 +79,7 @@ class TimeGrid:
         """
         length = _length(system, duration, until)
         if dt is None or isinstance(dt, Adaptive):
-            clock = replace(dt or Adaptive(), direction=math.copysign(1.0, length))
+            clock = (dt or Adaptive()).towards(length)
             return cls(clock, _sample_times(system, samples, length))
         h = step_length(system, dt, length)
         if abs(length) / h > MOST_STEPS:

@@ -12,7 +12,7 @@ from orbits.integrators.collocation import ETA, HB, HC, HC_LO, REST, Collocation
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import close_pair_accelerations, dynamical_rate, pair_accelerations
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import Method, Model, Storage
+from orbits.kernels.steps import Method, Model, State, Storage
 from orbits.lagrangians.newtonian import newtonian, parameters
 
 from ..problems import three_bodies
@@ -25,9 +25,11 @@ def prepared(form, coefficients, h, before, scratch):
 
 
 @kernel
-def signalled(form, coefficients, tag, strength, carry, scratch):
+def signalled(form, coefficients, tag, strength, h, q, storage):
     """Call `signal` from Python."""
-    return signal(Method(form, coefficients), Model(tag, strength), Storage(carry, scratch, scratch, None))
+    carry, scratch = storage
+    method, model = Method(form, coefficients), Model(tag, strength)
+    return signal(method, model, h, State(q, q, q, q), Storage(carry, scratch, scratch, None))
 
 
 @pytest.mark.parametrize("stages", [3, 5, 8])
@@ -47,7 +49,7 @@ def test_prepared_coefficients_are_those_made_in_many_digits(stages, ratio):
 
 @pytest.mark.parametrize("stages", [3, 8])
 def test_the_error_signal_is_the_last_legendre_coefficient_of_the_forces(stages):
-    form, (gm, _, _) = Collocation(orbits.Gauss(stages=stages).tableau, close=True), three_bodies()
+    form, (gm, q, _) = Collocation(orbits.Gauss(stages=stages).tableau, close=True), three_bodies()
     rng, d, h = np.random.default_rng(3), 9, 0.2
     c, b = form.tableau.nodes, form.tableau.b
     g = 1.0 + 1e-3 * rng.standard_normal((d, stages))
@@ -56,7 +58,8 @@ def test_the_error_signal_is_the_last_legendre_coefficient_of_the_forces(stages)
     fitted = np.array([legendre.legfit(2 * c - 1, row, stages - 1)[-1] for row in h * g])
     bodies = [np.abs(fitted[i::3]).max() / np.abs(h * g[i::3]).max() for i in range(3)]
     scratch = np.ones(form.scratch_shape(d))
-    found = signalled(form.tag, form.coefficients(h, h), newtonian.tag, parameters(gm), carry, scratch)
+    bound = (form.tag, form.coefficients(h, h), newtonian.tag, parameters(gm))
+    found = signalled(*bound, h, q.T.ravel(), (carry, scratch))
     assert found == pytest.approx(max(bodies), rel=1e-12)  # 1e-3 of 1: three digits are lost
 
 

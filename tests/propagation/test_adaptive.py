@@ -253,3 +253,71 @@ def test_a_run_that_was_killed_before_its_first_step_is_resumed(tmp_path):
     assert np.array_equal(orbits.resume(path, progress=False).q, whole.q)
     marcher = bound(start, "gauss", orbits.Adaptive(), 1)
     assert all(np.isfinite(array).all() for name, array in marcher.checkpoint().items() if name != "approaches")
+
+
+def ring(bodies, light=1e-3):
+    """A star and a ring of equal bodies around it, all at rest in a rotating frame."""
+    angle = 0.3 + 2 * np.pi * np.arange(bodies) / bodies
+    out = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    on = np.column_stack([-np.sin(angle), np.cos(angle), 0 * angle])
+    pull = 1 + light * sum(1 / (4 * np.sin(np.pi * k / bodies)) for k in range(1, bodies))
+    return system([1, *[light] * bodies], [[0, 0, 0], *out], [[0, 0, 0], *np.sqrt(pull) * on])
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-8])
+@pytest.mark.parametrize("bodies", [2, 3, 6])
+def test_forces_that_cancel_do_not_shorten_the_steps(bodies, offset):
+    """What is left of the attractions on the star is round-off, 40 to 140 steps; once it stopped the clock."""
+    start = ring(bodies)
+    q = start.values.q.copy()
+    q[0, 0] = offset
+    run = propagate(start.replaced(q=q), 6.0)
+    assert run.statistics.steps < 300
+    assert np.allclose(np.linalg.norm(run.q.value[-1, 1:], axis=1), 1.0, rtol=0, atol=1e-4)
+
+
+def test_the_closest_approach_is_that_at_the_end_where_bodies_still_approach():
+    run = propagate(orbits.System.solar_system("2022-08-09"), 100 * u.day)
+    fixed = orbits.propagate(run.system, "gauss", dt=1 * u.day, duration=100 * u.day, progress=False)
+    for name in ("Mars", "Mercury", "Uranus"):
+        found, expected = (r.closest_approaches()[name] for r in (run, fixed))
+        assert [a.other for a in found] == [a.other for a in expected]
+        np.testing.assert_allclose([a.distance.value for a in found], [a.distance.value for a in expected], rtol=1e-11)
+        times = ([a.time.value for a in approaches] for approaches in (found, expected))
+        np.testing.assert_allclose(*times, rtol=1e-7, atol=1e-7)
+
+
+def test_a_stopped_run_knows_nothing_of_what_would_have_come():
+    start = falling(0.3)
+    stopped = propagate(start, 6.0, stop=orbits.CloserThan(1.0, "b0", "b1"), samples=500)
+    end = stopped.stopped.time.value
+    assert all(abs(a.time.value) <= end for a in stopped.closest_approaches()["b0"])
+    last = stopped.closest_approaches()["b0"][0]
+    assert last.time.value == pytest.approx(end, abs=1e-12)
+    apart = stopped.stopped.system.q.value
+    assert last.distance.value == pytest.approx(np.linalg.norm(apart[0] - apart[1]), rel=1e-12)
+
+
+def test_conditions_are_looked_at_up_to_the_end_of_the_run():
+    """The last step of the march leads beyond the end: what is met before it is told all the same."""
+    start = falling(0.3)
+    whole = propagate(start, 6.0, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped
+    for duration in np.linspace(float(whole.time.value), 3.0, 7):
+        assert propagate(start, duration, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped is not None
+    assert propagate(start, 1.0, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped is None
+
+
+def test_a_callback_ends_a_run_at_its_sample():
+    run = propagate(system(*three_bodies()), 20.0, samples=21, callback=lambda t, state: t.value >= 10)
+    assert run.stopped.time.value == run.times[-1] == 10.0
+    assert np.array_equal(run.stopped.system.q, run.q[-1])
+
+
+def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
+    marcher = bound(system(*three_bodies()), "gauss", orbits.Adaptive(), 1)
+    calls = []
+    march = marcher._loops.march
+    monkeypatch.setattr(marcher._loops, "march", lambda *a: calls.append(1) or march(*a))
+    for time in np.linspace(0.0, 1.0, 1001):
+        marcher.advance_to(Place(0, float(time)))
+    assert len(calls) <= 2 * marcher.step + 2
