@@ -42,8 +42,12 @@ MANY = 1e18
 
 
 @kernel(inline=True)
-def _estimate(h, before, now, x0, y0, z0, u0, v0, w0, x1, y1, z1, u1, v1, w1):
-    """Return the least squared distance between two samples that are h apart, by two secants; `before` < 0 <= `now`."""
+def _estimate(h, before, now, first, second):
+    """Return the least squared distance between two samples that are h apart, by two secants; `before` < 0 <= `now`.
+
+    first, second : relative positions and velocities, six numbers each
+    """
+    (x0, y0, z0, u0, v0, w0), (x1, y1, z1, u1, v1, w1) = first, second
     s = before / (before - now)
     x, u, _ = hermite(s, h, x0, u0, x1, u1)
     y, v, _ = hermite(s, h, y0, v0, y1, v1)
@@ -57,10 +61,11 @@ def _estimate(h, before, now, x0, y0, z0, u0, v0, w0, x1, y1, z1, u1, v1, w1):
 
 
 @kernel(inline=True)
-def _is_near_or_fast(passage_angle, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w):
+def _is_near_or_fast(passage_angle, h, reach, d2, first, second):
     """Return for eight pairs whether the passage may have to be listed, from the velocities at two samples and an
     estimate of the least squared distance.
     """
+    (u0, v0, w0), (u, v, w) = first, second
     speed2 = maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0)
     angle = CAUTION * passage_angle
     return (h * h * speed2 > angle * angle * SLACK * d2) + (SLACK * d2 < reach * reach)
@@ -152,9 +157,7 @@ def search(context, track, h, steps, j, row, valid):
         turned = valid * (before < 0.0) * (now >= 0.0)
         if any_lane(turned):
             many = steps_between(watch, h, last, k)
-            d2 = _estimate(
-                h * many, before * many, now * many, x0, y0, z0, u0, v0, w0, x, y, z, u, v, w
-            )
+            d2 = _estimate(h * many, before * many, now * many, (x0, y0, z0, u0, v0, w0), (x, y, z, u, v, w))
             if row < n:
                 nearest = record[DISTANCE2, OTHER, j]
                 if row <= dominant < row + WIDTH:
@@ -165,7 +168,7 @@ def search(context, track, h, steps, j, row, valid):
             else:
                 known = full(watch.annuli[j, REACH] * watch.annuli[j, REACH])
             wanted = (SLACK * d2 < known) + _is_near_or_fast(
-                watch.passage_angle, h, reach, d2, x0, y0, z0, u0, v0, w0, u, v, w
+                watch.passage_angle, h, reach, d2, (u0, v0, w0), (u, v, w)
             )
             if k - last > 1 and dominant < 0:
                 wanted = full(1.0)
