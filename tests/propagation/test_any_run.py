@@ -86,5 +86,5 @@ def test_comparing_needs_a_system_and_names_of_peers(x: Any) -> None:
 
 
 def test_a_certificate_is_a_certificate(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"certificate is a tuple; expected True or what orbits.certify returns"):
+    with pytest.raises(InputError, match=r"certificate is a tuple; expected True or a result of orbits.certify"):
         orbits.propagate(PAIR, VERLET, dt=0.1, duration=1, archive=tmp_path / "x.h5", certificate=(1, 2))  # type: ignore[arg-type]
