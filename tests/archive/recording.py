@@ -83,7 +83,7 @@ def record(path: Path, chunks: list[int], monkeypatch: pytest.MonkeyPatch) -> Re
 
 
 def trouble(path: Path, image: bytes, chunks: list[int], promised: int) -> str | None:
-    """Say what is wrong with a file after a stop, or None.
+    """Return the fault of a file after a stop, or None.
 
     promised : commits that had returned, or -1 before the file took its name. The file must open with these or more,
     hold exactly what they held, and go on to a whole run from there; or refuse in words where nothing was promised.

@@ -1,4 +1,4 @@
-"""The same bits from kernels just compiled as from kernels loaded, whatever a process compiled or loaded before."""
+"""Compiled and loaded kernels give the same bits, in whatever order a process compiled or loaded others before."""
 
 import importlib.util
 import os

@@ -1,4 +1,4 @@
-"""Observers called by their address, and the context in which they find what they look at."""
+"""Observers called by address, and the context with their data."""
 
 import copy
 import gc

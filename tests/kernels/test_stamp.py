@@ -1,4 +1,4 @@
-"""The stamp of compiled code: blind for prose, awake for everything that a kernel can freeze."""
+"""The stamp of compiled code: it ignores prose, and covers everything that a kernel can freeze."""
 
 import ast
 import json

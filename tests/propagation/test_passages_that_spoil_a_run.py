@@ -19,7 +19,7 @@ GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 
 
 def told(system, method, dt, duration, **options):
-    """The run, and what was said of the step."""
+    """Return the run, and the warnings about its step."""
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         run = orbits.propagate(system, method, dt=dt, duration=duration, **{"samples": 3} | options)

@@ -88,7 +88,7 @@ def three_bodies(row):
 
 
 def closure(system, method, period, steps):
-    """Largest components of what is missing in q and v after a period, and of the energy."""
+    """Return the largest errors of components of q and v after a period, and of the energy."""
     run = orbits.propagate(system, method, dt=period / steps, duration=period, samples=2, check_step=False)
     energy = run.energy().value
     missing = [float(np.abs(x.value[-1] - x.value[0]).max()) for x in (run.q, run.v)]

@@ -1,4 +1,4 @@
-"""Runs with zonal harmonics: what they conserve, how orbits precess, particles, archives; what is refused."""
+"""Runs with zonal harmonics: conserved quantities, precession of orbits, particles, archives, refusals."""
 
 import numpy as np
 import pytest

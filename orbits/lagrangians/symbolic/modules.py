@@ -33,9 +33,8 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
         path = trust.user_folder("lagrangians") / f"{name}.py"
         text, warning = _kept(path)
         if text is None:
-            # The first to come is the one that stays: another one would have another time stamp, with which the code
-            # that Numba keeps goes stale. A file that cannot be used is replaced, not removed first: what is removed
-            # might be the good one that another process has just put there.
+            # The first file is kept: another one would have another time stamp, which makes Numba's stored code stale.
+            # An unusable file is replaced without removing it first: another process may just have written a good one.
             trust.write(path, _signed(write()), replace=bool(warning))
             text = path.read_bytes()
         if warning:
@@ -44,7 +43,7 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
         made.__file__ = str(path)
         sys.modules[name] = made
         try:
-            # What was checked is what is executed: no second look at the file, nor at a .pyc beside it.
+            # The checked text is executed: neither the file nor a .pyc beside it is read again.
             exec(compile(text, str(path), "exec"), made.__dict__)
         except BaseException:
             del sys.modules[name]
