@@ -1,4 +1,4 @@
-"""Archives damaged at random, in a process of its own: nothing hangs, crashes, takes all memory, or lies."""
+"""Archives damaged at random, in a separate process: no hang, crash, exhausted memory or wrong data."""
 
 from __future__ import annotations
 

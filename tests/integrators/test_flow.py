@@ -16,7 +16,7 @@ EXPLICIT = [orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()
 
 @pytest.fixture(scope="module")
 def runaway():
-    """A force that grows with the fifth power: it leaves the floats after a few steps."""
+    """A force that grows with the fifth power: it overflows after a few steps."""
     return orbits.Lagrangian.from_sympy(v**2 / 2 + q**6 / 6, q=[q], v=[v], name="runaway")
 
 

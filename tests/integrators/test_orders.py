@@ -1,4 +1,4 @@
-"""Orders that double precision cannot show, bounds that others hold their methods to, and one map proved twice."""
+"""Orders that double precision cannot show, published bounds, and maps computed in two ways."""
 
 import json
 

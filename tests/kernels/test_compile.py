@@ -1,4 +1,4 @@
-"""The disk cache: hit across processes, and stale as a whole after an edit in any kernel file."""
+"""The disk cache: used across processes, and completely stale after a change of any kernel file."""
 
 import importlib.util
 import os

@@ -1,4 +1,4 @@
-"""Terms of the N-body Lagrangian: their formulas, derivatives, fields, and that every form of them is one function."""
+"""Terms of the N-body Lagrangian: formulas, derivatives, fields, and the equality of all their forms."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""What chooses steps one by one, number by number: coefficients, error signal, dynamical time, close pairs."""
+"""The parts of adaptive steps: coefficients, error signal, dynamical time, close pairs."""
 
 import math
 from fractions import Fraction

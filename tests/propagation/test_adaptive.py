@@ -1,4 +1,4 @@
-"""Runs without dt: steps chosen one by one, to the last digit, through encounters."""
+"""Runs without dt: steps chosen one by one, accurate to round-off, through encounters."""
 
 import json
 

@@ -79,7 +79,7 @@ def cross(a, b):
 
 @pytest.fixture(scope="module")
 def truth():
-    """Where the particle is at the time 1, by Taylor series of 20 digits."""
+    """The position of the particle at time 1, by Taylor series of 20 digits."""
     with mpmath.workdps(20):
         start = [mpmath.mpf(x) for x in (*PARTICLE["p"][1], *PARTICLE["p"][2])]
         return np.array([float(x) for x in mpmath.odefun(equations, 0, start)(1)])
@@ -127,7 +127,7 @@ def test_the_floor_of_a_short_step_is_round_off(truth):
 
 @pytest.mark.parametrize("particle", [False, True])
 def test_a_term_that_depends_on_time_moves_all_by_what_it_is(particle):
-    """Relative orbits do not notice an acceleration that is the same everywhere: Kepler's orbit and a closed form."""
+    """A uniform acceleration does not change relative orbits: a Kepler orbit and a closed form."""
     sway, T = Swaying(phase=0.4), 6.0
     gm, q, v = kepler(0.3)
     gm = np.array([1.0, 0.0]) if particle else gm

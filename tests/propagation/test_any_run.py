@@ -1,4 +1,4 @@
-"""Whatever a run is asked for, it runs or is refused in words."""
+"""For any arguments, a run succeeds or is refused with a message."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::orbits.StepWarning")
 
 
 def is_short(x: Any) -> bool:
-    """Whether a run of that length, or with that step, is over at once."""
+    """Return whether a run of that length, or with that step, is short."""
     return not isinstance(x, int | float) or isinstance(x, bool) or not 0 < abs(x) < 1e-3
 
 

@@ -1,4 +1,4 @@
-"""Runs into archives: the same numbers as in memory, stopped anywhere, gone on with bit for bit."""
+"""Runs into archives: the same numbers as in memory, interrupted anywhere, and resumed bit for bit."""
 
 import os
 import signal
