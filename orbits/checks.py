@@ -13,7 +13,7 @@ from orbits.errors import InputError, shown
 Floats = NDArray[np.float64]
 
 NOT_NUMBERS = str | bytes | bool | np.bool_ | np.timedelta64 | np.datetime64
-"""NumPy turns these into floats, or tries to; nobody who writes one means a number."""
+"""Types that NumPy would convert to floats, but that are never meant as numbers."""
 
 
 def checked_flag(value: Any, what: str) -> bool:

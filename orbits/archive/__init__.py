@@ -1,4 +1,4 @@
-"""Archives: runs in HDF5 files that survive being stopped anywhere, and are gone on with bit for bit.
+"""Archives: runs in HDF5 files that survive an interruption at any point, and are resumed bit for bit.
 
 The schema is described for readers with plain h5py in docs/archive.md.
 """

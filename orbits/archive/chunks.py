@@ -1,4 +1,4 @@
-"""The committed chunks of samples: where each ends, and whether it still holds the checksum it was written with."""
+"""The committed chunks of samples: where each ends, and whether its checksum still matches."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from orbits.errors import ArchiveError, StorageError
 class Chunks:
     """The rows of the table of chunks that belong to a commit.
 
-    Each chunk is checked when something of it is first read, and not again.
+    Each chunk is checked once, when any part of it is first read.
     """
 
     def __init__(self, storage: Storage, path: Path, layout: Layout, table: NDArray[Any]) -> None:
@@ -31,13 +31,13 @@ class Chunks:
 
     @property
     def samples(self) -> int:
-        """Samples in all of them."""
+        """The number of samples in all chunks."""
         return int(self._ends[-1]) if len(self) else 0
 
     def check(self, samples: NDArray[np.intp]) -> None:
-        """Check the chunks of these samples that were not checked before.
+        """Check the chunks of these samples, unless checked before.
 
-        Raises ArchiveError naming the samples that are damaged, StorageError where the device cannot be read.
+        Raises ArchiveError, naming the damaged samples; StorageError if the device cannot be read.
         """
         if self._unchecked.any():
             touched = np.unique(np.searchsorted(self._ends, samples, side="right"))
@@ -45,7 +45,7 @@ class Chunks:
                 self._check(int(chunk))
 
     def check_all(self) -> None:
-        """Check all of them, whatever was checked before; raises as `check`."""
+        """Check all chunks, including those checked before. Raises what `check` raises."""
         for chunk in range(len(self)):
             self._check(chunk)
 
@@ -61,14 +61,14 @@ class Chunks:
 
 
 def samples_crc(storage: Storage, layout: Layout, first: int, end: int) -> int:
-    """CRC-32 of the q of samples first ... end - 1, continued over their v."""
+    """Return the CRC-32 of the q of samples first ... end - 1, continued over their v."""
     row = layout.q.shape[1] * 24
     crc = storage.checksum(layout.q.offset + first * row, (end - first) * row)
     return storage.checksum(layout.v.offset + first * row, (end - first) * row, crc)
 
 
 def whole_chunks(storage: Storage, layout: Layout) -> NDArray[Any]:
-    """Return the rows of the table, from the first one on, whose chunks hold their checksums, whatever commits say."""
+    """Return the leading rows of the table whose chunks match their checksums, independent of the commits."""
     capacity = layout.q.shape[0]
     table = np.frombuffer(bytes(storage.read(layout.chunks.offset, layout.chunks.size)), dtype=CHUNK)
     whole = first = 0

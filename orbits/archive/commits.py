@@ -1,7 +1,7 @@
-"""What makes samples count: a table of chunks with their checksums, and one commit row for each of two checkpoints.
+"""Commits of samples: a table of chunks with their checksums, and one commit row for each of two checkpoints.
 
-A commit that is stopped half way leaves the row of the commit before it, and all that this row stands for, untouched:
-new samples lie behind the committed ones, and its checkpoint and its row go where those of the last but one were.
+An interrupted commit leaves the row of the previous commit, and all data it refers to, unchanged: new samples are
+written after the committed ones, and its checkpoint and row overwrite those of the last commit but one.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 
 SLOTS = 2
 
-_MOST_COMMITS = 2**63  # no run gets there, and one more can always be counted
+_MOST_COMMITS = 2**63  # out of reach of any run, so that the count can always be increased
 
 CHUNK = np.dtype([("samples", "<u8"), ("crc", "<u4")])
 """One row for each chunk: samples in the file up to its end; CRC-32 of its q, continued over its v. 12 bytes."""
 
 _FIELDS = [
-    ("sequence", "<u8"),  # 1, 2, 3, ...; 0 where there is no commit yet
+    ("sequence", "<u8"),  # 1, 2, 3, ...; 0 if there is no commit yet
     ("samples", "<u8"),  # samples committed
     ("chunks", "<u8"),  # rows of the table of chunks that belong to them
     ("chunks_crc", "<u4"),  # CRC-32 of these rows
@@ -37,12 +37,12 @@ _IN_PAGES: Any = {
     "itemsize": 4096,
 }
 ROW: np.dtype[Any] = np.dtype(_IN_PAGES)
-"""A commit row as it lies in the file: each of the two has a page of its own, so that no torn write reaches both."""
+"""The size of a commit row in the file: each of the two has its own page, so that no torn write affects both."""
 
 
 @dataclass(frozen=True)
 class Commit:
-    """One commit: how many samples and chunks there are, and which checkpoint comes after them."""
+    """One commit: the numbers of samples and chunks, and the checkpoint after them."""
 
     sequence: int
     samples: int
@@ -52,11 +52,11 @@ class Commit:
 
     @property
     def slot(self) -> int:
-        """Which of the two checkpoints, and rows, belongs to this commit."""
+        """The slot, 0 or 1, of the checkpoint and row of this commit."""
         return (self.sequence - 1) % SLOTS
 
     def encoded(self) -> bytes:
-        """Return the row as it stands in the file."""
+        """Return the bytes of the row in the file."""
         row = np.zeros((), dtype=_PACKED)
         for field in ("sequence", "samples", "chunks", "chunks_crc", "checkpoint_crc"):
             row[field] = getattr(self, field)
@@ -65,7 +65,7 @@ class Commit:
 
 
 def decoded(row: bytes | bytearray, slot: int) -> Commit | None:
-    """Return the commit in the row of `slot`, or None where none is, or none that was written to its end."""
+    """Return the commit in the row of `slot`, or None if there is none, or it is incomplete."""
     if zlib.crc32(row[: ROW_BYTES - 4]) != int.from_bytes(row[ROW_BYTES - 4 : ROW_BYTES], "little"):
         return None
     values = np.frombuffer(bytes(row[:ROW_BYTES]), dtype=_PACKED)[0]

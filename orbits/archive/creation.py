@@ -1,4 +1,4 @@
-"""Making a file: beside its place, with all of its room on the device, and then under its name in one step."""
+"""Creation of a file: under a temporary name, with all of its space reserved, then renamed in one step."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _WRONG_USE = {
 
 
 def partial_path(path: Path) -> Path:
-    """Where a file is made before it takes its name."""
+    """Return the temporary path under which a file is created."""
     return path.with_name(f".{path.name}.partial")
 
 
 def built(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> tuple[Storage, Layout]:
-    """Make the file beside `path`, locked and with all of its room; nothing is left behind where that fails.
+    """Create the file beside `path`, locked and with all of its space; if that fails, nothing is left behind.
 
-    It has the permissions of the file that it will replace, if there is one.
+    It gets the permissions of the file that it will replace, if there is one.
     """
     for name, array in checkpoint.items():
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "biuf" or "/" in name or name in ("", "."):
@@ -61,13 +61,13 @@ def built(path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) ->
             storage.sync()
             _, layout = schema.read(storage, partial)
     except OSError as error:
-        # Only here, where the unfinished file is gone again, does the device say what is free without it.
+        # Only now, after the unfinished file was removed, does the device report the free space without it.
         raise _failure(error, path, needed) from error
     return storage, layout
 
 
 def _fresh(partial: Path, path: Path, needed: int) -> Storage:
-    """Open a new, empty, locked file; what a run that was killed while creating left there is thrown away."""
+    """Open a new, empty, locked file; remains of a run that was killed during creation are removed."""
     try:
         _clear(partial, path)
         kept = os.stat(path) if os.path.lexists(path) else None
@@ -85,19 +85,19 @@ def _fresh(partial: Path, path: Path, needed: int) -> Storage:
 
 
 def _clear(partial: Path, path: Path) -> None:
-    """Take away what stands where the file is to be made, unless another run is making it."""
+    """Remove a file at the temporary path, unless another run is creating it."""
     try:
         kind = os.lstat(partial).st_mode
     except FileNotFoundError:
         return
     if stat.S_ISLNK(kind):
-        # No run makes a link there, and what it leads to, if anything, is none of ours.
+        # No run makes a link there, and its target, if any, is not ours.
         partial.unlink()
         return
     if not stat.S_ISREG(kind):
         raise ArchiveError(f"{partial} is in the way: {path} is made there first. Remove it, or choose another path.")
     with suppress(FileNotFoundError):
-        # Never written to: it may be another name of a file that has long become an archive.
+        # Never write to it: it may be a second name of a finished archive.
         stale = Storage(partial, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))
         unused = stale.lock()
         if unused:
@@ -109,7 +109,7 @@ def _clear(partial: Path, path: Path) -> None:
 
 @contextmanager
 def discarded_on_failure(storage: Storage, partial: Path) -> Iterator[None]:
-    """Close and remove a file that is being made, if what is done meanwhile fails."""
+    """Close and remove a file that is being created, if the block fails."""
     try:
         yield
     except BaseException:
@@ -121,11 +121,11 @@ def discarded_on_failure(storage: Storage, partial: Path) -> Iterator[None]:
 
 
 def take_name(storage: Storage, path: Path, overwrite: bool) -> None:
-    """Give the finished file its name, in one step. Raises ArchiveError where the name was taken meanwhile."""
+    """Give the finished file its name, in one step. Raises ArchiveError if the name was taken in the meantime."""
     partial = partial_path(path)
     try:
         if not overwrite:
-            # Unlike a rename, a link does not replace a file that another run has just made.
+            # Unlike a rename, a link does not replace a file that another run has just created.
             try:
                 os.link(partial, path)
                 partial.unlink()
@@ -146,7 +146,7 @@ def take_name(storage: Storage, path: Path, overwrite: bool) -> None:
 
 
 def check_target(path: Path, overwrite: bool) -> None:
-    """Refuse, in words, a path where no archive can be made."""
+    """Refuse, with a clear message, a path where no archive can be created."""
     if os.path.isdir(path):
         raise ArchiveError(f"{path} is a folder; give a file in it, such as {path / 'run.h5'}.")
     if not os.path.isdir(path.parent):
@@ -168,7 +168,7 @@ def check_target(path: Path, overwrite: bool) -> None:
 
 
 def _failure(error: OSError, path: Path, needed: int) -> ArchiveError | StorageError:
-    """Say in words why a file could not be made: a wrong path, or a device that fails."""
+    """Return the error for a file that could not be created: a wrong path, or a failing device."""
     number = error.errno
     reason = os.strerror(number) if number else str(error)
     if number == errno.EFBIG:
@@ -192,7 +192,7 @@ def _failure(error: OSError, path: Path, needed: int) -> ArchiveError | StorageE
 
 
 def _largest_file() -> int | None:
-    """Return the largest file in bytes that this process may write, or None where there is no such limit."""
+    """Return the size in bytes of the largest file that this process may write, or None without a limit."""
     try:
         import resource
     except ImportError:
@@ -213,5 +213,5 @@ def _exists(path: Path) -> ArchiveError:
 
 
 def busy(path: Path) -> ArchiveError:
-    """Say that another writer has the file."""
+    """Return the error for a file that another writer has."""
     return ArchiveError(f"{path} is being written by another run; wait for it, or choose another path.")

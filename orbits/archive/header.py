@@ -1,7 +1,8 @@
-"""What an archive says about its run, as plain items: a name such as "system/gm" or "system@epoch", and a value.
+"""The header of an archive, its description of the run, as plain items: a name such as "system/gm" or "system@epoch",
+and a value.
 
-A name with "@" is an attribute, one without is a dataset. One checksum covers all items: a file whose words and numbers
-are not those that were written is refused.
+A name with "@" is an attribute, one without is a dataset. One checksum covers all items: a file in which any of them
+was changed is refused.
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ if TYPE_CHECKING:
 Item = str | float | list[str] | NDArray[np.float64]
 
 _KINDS = {str: "a text", float: "a number", list: "a list of names", np.ndarray: "an array of numbers"}
-_MOST_DAYS = 1e9  # far beyond any ephemeris; a Time of more days is not to be made
+_MOST_DAYS = 1e9  # far beyond any ephemeris; a Time cannot have more days
 
 
 @dataclass(frozen=True)
 class Header:
-    """All that is known of a run before its first step.
+    """The description of a run before its first step.
 
-    system : the System that the run began from
+    system : the System at the start of the run
     integrator : {"name": ..., "parameters": {...}}
     grid : the step and the times of the samples, in the system's unit of time
-    provenance : versions and processor, as words
-    certificate : what was measured of the integrator on this system before the run, as JSON; "" if nothing was
+    provenance : versions and processor, as text
+    certificate : the certificate of the integrator on this system, measured before the run, as JSON; "" without one
 
-    Raises ArchiveError for what no run has.
+    Raises ArchiveError for values that no run has.
     """
 
     system: System
@@ -57,7 +58,7 @@ class Header:
 
 
 def to_items(header: Header) -> dict[str, Item]:
-    """Return the header as items that HDF5 can hold. Raises ArchiveError for words that it cannot hold, naming them."""
+    """Return the header as items for HDF5. Raises ArchiveError, naming them, for texts that HDF5 cannot store."""
     system, units = header.system, header.system.units
     values = system.values
     try:
@@ -113,7 +114,7 @@ def to_items(header: Header) -> dict[str, Item]:
 
 
 def from_items(items: Mapping[str, Any]) -> Header:
-    """Build the header again, exactly. Raises ArchiveError, naming the item, for items that no run writes."""
+    """Return the exact header of `to_items`. Raises ArchiveError, naming the item, for items that no run writes."""
     from astropy.time import Time
 
     from orbits.system import System
@@ -156,7 +157,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
 
 
 def _clock(items: Mapping[str, Any]) -> Adaptive:
-    """Return the clock of steps that differ. Raises ArchiveError for one that no run has."""
+    """Return the clock of adaptive steps. Raises ArchiveError for one that no run has."""
     known = _from_json(_item(items, "@clock", str), "@clock")
     fits = isinstance(known, dict) and known.pop("kind", None) == "adaptive"
     if not fits or known.keys() != {"tolerance", "direction"}:
@@ -167,7 +168,7 @@ def _clock(items: Mapping[str, Any]) -> Adaptive:
 
 
 def checksum(items: Mapping[str, Item]) -> str:
-    """SHA-256 over all items, names and values, in the order of their names."""
+    """Return the SHA-256 of all items, names and values, in the order of their names."""
     digest = hashlib.sha256()
     for name in sorted(items):
         item = items[name]
@@ -183,7 +184,7 @@ def checksum(items: Mapping[str, Item]) -> str:
 
 
 def _item(items: Mapping[str, Any], name: str, kind: type) -> Any:
-    """Return an item of that type."""
+    """Return an item of type `kind`."""
     if name not in items:
         raise ArchiveError(f"its header has no {name}.")
     if not isinstance(items[name], kind):
@@ -199,7 +200,7 @@ def _from_json(text: str, what: str) -> Any:
 
 
 def _check_integrator(integrator: Any) -> None:
-    """Refuse what `orbits.integrators.describe` never returns."""
+    """Refuse an integrator that is not a result of `orbits.integrators.describe`."""
     named = isinstance(integrator, Mapping) and isinstance(integrator.get("name"), str)
     parameters = integrator.get("parameters", {}) if named else None
     if not isinstance(parameters, Mapping) or not all(isinstance(name, str) for name in parameters):

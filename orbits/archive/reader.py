@@ -1,4 +1,4 @@
-"""Reading an archive: what was committed, checked on the way in, and nothing else."""
+"""Reading an archive: only committed data, checked when read."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
 
 Checkpoint = dict[str, NDArray[Any]]
 
-# A reader that opens while a run commits may see a checkpoint change under its hands: it looks again.
+# A checkpoint may change while it is read, if a run commits at the same time: it is then read again.
 _ATTEMPTS = 20
 
 
 class _DamageError(Exception):
-    """A checksum that does not hold; the caller knows what it means."""
+    """A checksum that does not match; the caller makes the error message."""
 
 
 class Archive:
-    """A finished, interrupted or still growing run in a file, as it stood when it was opened.
+    """A finished, interrupted or still growing run in a file, in its state when the file was opened.
 
-    `Archive.open(path)` is the way to make one, and raises ArchiveError for a file that cannot be read. Close it, or
-    use it in a `with` statement, to give the file back.
+    `Archive.open(path)` opens one, and raises ArchiveError for a file that cannot be read. Close it, or use it in a
+    `with` statement, to release the file.
 
-    times : (n,) float64, since the epoch; all that were asked for, of which `committed` are there
-    q, v : (committed, bodies, 3) float64, read where they are indexed, and checked there when they are first read
-    dt : the signed step;  grid : step and times together
+    times : (n,) float64, since the epoch; all requested samples, of which `committed` are stored
+    q, v : (committed, bodies, 3) float64, read when indexed, and checked when first read
+    dt : the signed step; grid : step and times together
 
     All of these are in the units of `system`, the state at the start.
     """
@@ -75,9 +75,9 @@ class Archive:
     def open(cls, path: str | os.PathLike[str], *, salvage: bool = False) -> Self:
         """Open the archive at `path` after its last commit, checking header, last chunk and checkpoint.
 
-        salvage : read a damaged file as far as it is whole; such a run cannot be resumed
-        Raises ArchiveError, in words, for a file that is missing, empty, foreign, newer, truncated or damaged, and for
-        one to which nothing was committed; StorageError where the device cannot be read.
+        salvage : read the undamaged part of a damaged file; such a run cannot be resumed
+        Raises ArchiveError for a file that is missing, empty, foreign, newer, truncated or damaged, and for one without
+        any commit; StorageError if the device cannot be read.
         """
         place = schema.resolved(path)
         storage = opened(place, os.O_RDONLY)
@@ -89,9 +89,9 @@ class Archive:
 
     @classmethod
     def claim(cls, path: str | os.PathLike[str]) -> Self:
-        """Open the archive at `path` to go on with it: no other writer has it from here until it is closed or released.
+        """Open the archive at `path` to continue it: it is locked for other writers until it is closed or released.
 
-        All of its samples are checked. Raises ArchiveError as `open` does, for any damage, and where another run is
+        All of its samples are checked. Raises ArchiveError as `open` does, for any damage, and if another run is
         writing the file.
         """
         place = schema.resolved(path)
@@ -99,7 +99,7 @@ class Archive:
         try:
             if not storage.lock():
                 raise busy(place)
-            # What the file holds is read from here on, behind the lock: nobody can add to it meanwhile.
+            # The contents are read from here on, under the lock: no other process can add to them.
             archive = cls._of(storage, place)
             archive.verify()
             return archive
@@ -109,9 +109,9 @@ class Archive:
 
     @classmethod
     def after(cls, storage: Storage, path: Path, header: Header, layout: Layout, commit: Commit) -> Self:
-        """Return what an open file holds after a commit; what is written to it later does not show.
+        """Return the archive of an open file in its state after a commit; later writes are not visible.
 
-        Raises ArchiveError where that is damaged.
+        Raises ArchiveError if it is damaged.
         """
         try:
             return cls(storage, path, header, layout, *_checked(storage, path, layout, commit), commit)
@@ -144,52 +144,52 @@ class Archive:
 
     @property
     def system(self) -> System:
-        """The System that the run began from, equal to the one it was given."""
+        """The System at the start of the run, equal to the original."""
         return self._header.system
 
     @property
     def integrator(self) -> Mapping[str, Any]:
-        """{"name": ..., "parameters": {...}}, as `orbits.integrators.describe` says it."""
+        """{"name": ..., "parameters": {...}}, as from `orbits.integrators.describe`."""
         return self._header.integrator
 
     @property
     def grid(self) -> TimeGrid:
-        """The step and the samples of the run, those to come included."""
+        """The step and the samples of the run, including future ones."""
         return self._header.grid
 
     @property
     def dt(self) -> float:
-        """The step in the system's unit of time, as it was given at creation."""
+        """The step in the system's unit of time, as at creation."""
         return self.grid.h
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Times of all samples of the run, those to come included, since the epoch in the system's unit of time."""
+        """Times of all samples of the run, including future ones, since the epoch in the system's unit of time."""
         return self.grid.times
 
     @property
     def provenance(self) -> Mapping[str, str]:
-        """Versions and processor that the run was made with."""
+        """Versions and processor of the run."""
         return MappingProxyType(dict(self._header.provenance))
 
     @property
     def certificate_text(self) -> str:
-        """What was measured of the integrator before the run, as JSON; "" if nothing was."""
+        """The certificate measured before the run, as JSON; "" without one."""
         return self._header.certificate
 
     @property
     def complete(self) -> bool:
-        """Whether all samples of the run are there."""
+        """Whether all samples of the run are stored."""
         return self.committed == len(self.times)
 
     def checkpoint(self) -> Checkpoint:
-        """Return the state to go on from, as it was committed with the last sample. Raises ArchiveError if salvaged."""
+        """Return the state from which to resume, committed with the last sample. Raises ArchiveError if salvaged."""
         if self._checkpoint is None:
             raise ArchiveError(f"{self.path} was opened to salvage its samples; it cannot be resumed.")
         return {name: array.copy() for name, array in self._checkpoint.items()}
 
     def verify(self) -> None:
-        """Read everything that was committed and check it. Raises ArchiveError naming the samples that are damaged."""
+        """Read and check all committed data. Raises ArchiveError, naming the damaged samples."""
         self._chunks.check_all()
 
     @property
@@ -199,21 +199,21 @@ class Archive:
 
     @property
     def last(self) -> Commit:
-        """The commit that it stands at. Raises ArchiveError if salvaged."""
+        """The last commit when the file was opened. Raises ArchiveError if salvaged."""
         if self._commit is None:
             raise ArchiveError(f"{self.path} was opened to salvage its samples; it cannot be resumed.")
         return self._commit
 
     def parts(self) -> tuple[Storage, Header, Layout]:
-        """Return what a writer goes on with: the open file, what it says of the run, and where its arrays are."""
+        """Return the parts that a writer needs: the open file, the header, and the layout of the arrays."""
         return self._storage, self._header, self.layout
 
     def release(self) -> None:
-        """Let other writers have the file; this one goes on reading."""
+        """Unlock the file for other writers; it stays open for reading."""
         self._storage.unlock()
 
     def close(self) -> None:
-        """Give the file back; what was read stays usable."""
+        """Close the file; data already read stay usable."""
         self._storage.close()
 
     def __enter__(self) -> Self:
@@ -228,7 +228,7 @@ class Archive:
 
 
 def opened(path: Path, flags: int) -> Storage:
-    """Open a file that is there. Raises ArchiveError in words for one that is not, or that may not be opened."""
+    """Open an existing file. Raises ArchiveError if it is missing or cannot be opened."""
     if os.path.isdir(path):
         raise ArchiveError(f"{path} is a folder; expected an archive that orbits.propagate(archive=...) wrote.")
     try:
@@ -259,7 +259,7 @@ def _damaged(path: Path, found: _DamageError) -> ArchiveError:
 
 
 def _checked(storage: Storage, path: Path, layout: Layout, commit: Commit) -> tuple[Chunks, Checkpoint]:
-    """Return chunks and checkpoint of a commit; raise _DamageError where they are not what was committed."""
+    """Return chunks and checkpoint of a commit; raise _DamageError if they are damaged."""
     capacity = layout.q.shape[0]
     if commit.chunks > capacity or commit.samples > capacity:
         raise _DamageError(f"commit {commit.sequence} claims {commit.samples} samples where {capacity} have room")

@@ -1,4 +1,4 @@
-"""Samples in a file that look like an array of shape (samples, bodies, 3); only what is asked for is read."""
+"""Samples in a file that behave like an array of shape (samples, bodies, 3), and are read on demand."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ Floats = NDArray[np.float64]
 class Samples:
     """The committed rows of /q or /v: `samples[10:20]`, `samples[:, massive]`, `samples[-1, 3]` as in NumPy.
 
-    Every access reads from the file into an array of its own, so memory is bounded by what one access asks for. Raises
-    ArchiveError where a chunk that something is read from does not hold its checksum.
+    Every access reads from the file into a new array, so the memory is bounded by that of one access. Raises
+    ArchiveError if the checksum of a chunk that is read does not match.
     """
 
     dtype = np.dtype(np.float64)
@@ -62,11 +62,11 @@ class Samples:
         return data[(in_samples(samples), in_bodies(np.arange(first, end)), *index[2:])]
 
     def __reduce__(self) -> Any:
-        """Copy and pickle as the array that it looks like."""
+        """Copy and pickle as an array."""
         return np.array, (self[:],)
 
     def mapped(self) -> Floats:
-        """Return all samples, checked, as a read-only array that the operating system reads in as it is used."""
+        """Return all samples, checked, as a read-only array that the operating system reads on demand."""
         if not self.size:
             return np.empty(self.shape)
         self._chunks.check(np.arange(len(self)))
@@ -75,7 +75,7 @@ class Samples:
         return pages.view(np.ndarray)
 
     def _read(self, samples: NDArray[np.intp], first: int, end: int) -> Floats:
-        """Read bodies first ... end - 1 of these samples, which are in ascending order."""
+        """Read bodies first ... end - 1 of these samples, which must be in ascending order."""
         out = np.empty((len(samples), end - first, 3), dtype="<f8")
         if out.size:
             self._chunks.check(samples)

@@ -1,14 +1,14 @@
-"""The HDF5 side of an archive: written once at creation, read once at opening, and not touched in between.
+"""The HDF5 structure of an archive: written once at creation, read once at opening, and not changed in between.
 
     /                 attributes: orbits (the schema, "1"), dt, integrator (JSON), header_checksum, header_items
-    /system, /units, /integrator, /provenance      what the run is: see `header.py`
+    /system, /units, /integrator, /provenance      the description of the run: see `header.py`
     /times            (samples,)
     /q, /v            (samples, bodies, 3)         preallocated; rows up to the last commit hold samples
     /chunks           (samples,)                   checksums of the chunks of samples
     /commits          (2,)                         the last two commits: see `commits.py`
-    /checkpoints/0, /checkpoints/1                 the state to go on from, after each of these two
+    /checkpoints/0, /checkpoints/1                 the state from which to resume, after each of these two
 
-The arrays that change while running are contiguous and allocated at creation, so they have fixed places in the file.
+The arrays that change during a run are contiguous and allocated at creation, so they have fixed places in the file.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from orbits.errors import ArchiveError, StorageError, shown
 
 SCHEMA = "1"
 SCHEMA_OF_MODELS = "1 with terms"
-"""Of archives of systems with terms or forces: a version that knows nothing of these does not open them as Newton's."""
+"""The schema of systems with terms or forces, so that earlier versions do not read them as purely Newtonian."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # Checksums on HDF5's own metadata, no flag that stays set when a writer is killed, readable by HDF5 1.8 and later.
 _LIBVER = ("v108", "v108")
-# Everything begins with a line of the cache: memory maps give aligned floats, and no commit row crosses a page.
+# All arrays are aligned to cache lines: memory maps give aligned floats, and no commit row crosses a page.
 _ALIGNMENT = 64
 
 
 @dataclass(frozen=True)
 class Place:
-    """A contiguous array in the file: where its bytes begin, its shape and type."""
+    """A contiguous array in the file: its offset, shape and type."""
 
     offset: int
     shape: tuple[int, ...]
@@ -53,13 +53,13 @@ class Place:
 
     @property
     def size(self) -> int:
-        """Bytes of the array."""
+        """The size of the array in bytes."""
         return math.prod(self.shape) * self.dtype.itemsize
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where in the file the arrays are that change while running."""
+    """The places in the file of the arrays that change during a run."""
 
     q: Place
     v: Place
@@ -69,16 +69,16 @@ class Layout:
 
 
 def bytes_needed(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> int:
-    """Return about how large the file will be: the arrays, without what HDF5 adds."""
+    """Return the approximate size of the file: that of the arrays, without the overhead of HDF5."""
     samples, bodies = len(header.grid), len(header.system)
     per_sample = 2 * 24 * bodies + CHUNK.itemsize + 8
     return samples * per_sample + SLOTS * (ROW.itemsize + sum(array.nbytes for array in checkpoint.values()))
 
 
 def image(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> SparseFile:
-    """Return the file as it is to begin, with all of the header and room for all that is to come.
+    """Return the initial contents of the file, with the complete header and space for all samples.
 
-    Raises ArchiveError for what HDF5 cannot hold.
+    Raises ArchiveError for values that HDF5 cannot store.
     """
     import h5py
 
@@ -109,7 +109,7 @@ def image(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> SparseFile:
 def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
     """Return the header and the layout of the archive that `storage` has open under `path`.
 
-    Raises ArchiveError in words for a file that is empty, foreign, newer, truncated or damaged.
+    Raises ArchiveError for a file that is empty, foreign, newer, truncated or damaged.
     """
     import h5py
 
@@ -131,7 +131,7 @@ def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
             layout = _layout(file, (len(found.grid), len(found.system), 3), path)
     except (ArchiveError, StorageError):
         raise
-    # HDF5 reports damage as OSError, KeyError, ValueError, RuntimeError and more, depending on where it sits.
+    # HDF5 reports damage as OSError, KeyError, ValueError, RuntimeError and more, depending on where it is.
     except Exception as error:
         reason = str(error).strip().partition("\n")[0][:300] or type(error).__name__
         kind = "truncated" if "truncated" in reason else "damaged"
@@ -141,7 +141,7 @@ def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
 
 
 def _check_places(layout: Layout, size: int, path: Path) -> None:
-    """Refuse arrays that do not lie in the file, or that lie in one another: writing one would change the other."""
+    """Refuse arrays that are not within the file, or that overlap: writing one would change the other."""
     places = [layout.q, layout.v, layout.chunks, layout.commits]
     places += [place for slot in layout.checkpoints for place in slot.values()]
     taken = sorted((place.offset, place.offset + place.size) for place in places if place.size)
@@ -149,7 +149,7 @@ def _check_places(layout: Layout, size: int, path: Path) -> None:
     if end > size:
         raise ArchiveError(f"{path} is truncated: {size} of {end} bytes are there. Restore it from a copy.")
     if any(first_end > second for (_, first_end), (second, _) in pairwise(taken)):
-        raise ArchiveError(f"{path} is damaged (two of its arrays lie in one another). Restore it from a copy.")
+        raise ArchiveError(f"{path} is damaged (two of its arrays overlap). Restore it from a copy.")
 
 
 def _check_schema(file: Any, path: Path) -> None:
@@ -224,10 +224,10 @@ def _write_item(file: Any, name: str, item: Item) -> None:
 
 
 def _fixed(text: str | list[str]) -> NDArray[Any]:
-    """Return texts as UTF-8 of fixed length, in the type that HDF5 knows as such.
+    """Return texts as UTF-8 of fixed length, in HDF5's type for that.
 
-    Texts of variable length would go to HDF5's global heap, which has no checksums: a flipped bit there has sent the
-    library into an endless loop.
+    Texts of variable length would be stored in HDF5's global heap, which has no checksums: a flipped bit there has
+    caused an endless loop in the library.
     """
     import h5py
 
@@ -249,7 +249,7 @@ def _read_item(file: Any, name: str, most: int) -> Item:
 
 
 def _own(file: Any, name: str) -> Any:
-    """Return an object that lies in this very file: no link leads to it, and its bytes are not elsewhere."""
+    """Return an object of this file. Raises ValueError for links, and for data stored in other files."""
     import h5py
 
     found = file
@@ -267,7 +267,7 @@ def _text(value: Any) -> str:
 
 
 def resolved(path: str | os.PathLike[str]) -> Path:
-    """Return the path as it is, links followed. Raises ArchiveError for what is no path."""
+    """Return the absolute path, with links resolved. Raises ArchiveError for an invalid path."""
     try:
         return Path(os.path.realpath(os.fspath(path)))
     except (TypeError, ValueError) as error:

@@ -1,7 +1,7 @@
-"""Files for HDF5 that are not on the device: one in memory to make an archive in, one that reads an open descriptor.
+"""File objects for HDF5: one in memory, in which an archive is created, and one that reads an open descriptor.
 
-HDF5 keeps what it could not write, tries again when the process ends, and has crashed there. Here it writes to memory,
-which does not fail; the bytes go to the device afterwards, by calls whose failures are ours to handle.
+HDF5 keeps data that it could not write, tries again when the process ends, and has crashed there. Here it writes to
+memory, which does not fail; the bytes are then written to the device by calls whose failures are handled here.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class _Positioned(io.RawIOBase):
 
 
 class SparseFile(_Positioned):
-    """A file in memory that takes room only for the pages that something was written to."""
+    """A file in memory that allocates only the pages that were written to."""
 
     def __init__(self) -> None:
         self._pages: dict[int, bytearray] = {}
@@ -67,13 +67,13 @@ class SparseFile(_Positioned):
         return self.size
 
     def written(self) -> Iterator[tuple[int, bytes]]:
-        """Yield (offset, bytes) of all that was written, page by page."""
+        """Yield (offset, bytes) of all written pages."""
         for page in sorted(self._pages):
             yield page * PAGE, bytes(self._pages[page][: self.size - page * PAGE])
 
 
 class StoredFile(_Positioned):
-    """What a `Storage` has open, to be read: whatever its path names by now."""
+    """The open file of a `Storage`, for reading, even if its path now refers to another file."""
 
     def __init__(self, storage: Storage) -> None:
         self._storage = storage

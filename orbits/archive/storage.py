@@ -1,7 +1,7 @@
-"""One file by its descriptor: whole reads, whole writes, a lock, room reserved; every failure in words.
+"""One open file: complete reads and writes, a lock, reserved space, and clear messages for every failure.
 
-The arrays of an archive are preallocated at fixed places, so a run writes their bytes there and nothing else: no byte
-that HDF5 needs to find its way through the file changes after creation.
+The arrays of an archive are preallocated at fixed places, and a run writes only their bytes: the metadata of HDF5 do
+not change after creation.
 """
 
 from __future__ import annotations
@@ -26,44 +26,44 @@ except ImportError:  # no locks on this platform
     fcntl = None  # type: ignore[assignment]
 
 BLOCK = 1 << 24
-"""Bytes that are read or copied at a time."""
+"""Number of bytes that are read or copied at a time."""
 
 CHECKED = 1 << 18
-"""Bytes that are checked at a time: they are still in the processor's cache when their checksum is taken."""
+"""Number of bytes that are checked at a time: they are still in the processor's cache for their checksum."""
 
 _LOCKED = {errno.EACCES, errno.EAGAIN}
 _NO_FALLOCATE = {errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
 
 
 class Storage:
-    """An open file. Reads raise ArchiveError where the file is too short, StorageError where the device fails."""
+    """An open file. Reads raise ArchiveError if the file is too short, StorageError if the device fails."""
 
     def __init__(self, path: Path, flags: int, mode: int = 0o666) -> None:
-        """Open `path` with the flags and the mode of os.open; an OSError is the caller's to translate.
+        """Open `path` with the flags and the mode of os.open; the caller handles OSError.
 
-        `path` is the name that messages give; a rename has to set it anew.
+        `path` is the name in messages; it must be updated after a rename.
         """
         self.path = path
         self._descriptor = os.open(path, flags | getattr(os, "O_CLOEXEC", 0), mode)
         self._closer = weakref.finalize(self, os.close, self._descriptor)
 
     def fileno(self) -> int:
-        """Return the descriptor, for as long as the storage is open."""
+        """Return the descriptor while the storage is open."""
         if not self._closer.alive:
             raise ArchiveError(f"{self.path} was closed; open it again to go on.")
         return self._descriptor
 
     def close(self) -> None:
-        """Close the file, and with it give up its lock. Closing twice does nothing."""
+        """Close the file, which also releases its lock. Closing twice has no effect."""
         self._closer()
 
     @property
     def size(self) -> int:
-        """Bytes in the file."""
+        """The size of the file in bytes."""
         return os.fstat(self.fileno()).st_size
 
     def is_at(self, path: Path) -> bool:
-        """Whether `path` leads to this very file, not to nothing or to another one that took its name meanwhile."""
+        """Return whether `path` still refers to this file, rather than to none or to another one."""
         try:
             return os.path.samestat(os.stat(path), os.fstat(self.fileno()))
         except OSError:
@@ -71,14 +71,14 @@ class Storage:
 
     @property
     def deleted(self) -> bool:
-        """Whether the file has no name any more, and goes when it is closed."""
+        """Whether the file has been deleted, and vanishes when it is closed."""
         return os.fstat(self.fileno()).st_nlink == 0
 
     def lock(self) -> bool:
-        """Claim the file for writing; False where another writer has it. Readers are not kept out.
+        """Lock the file for writing; False if another writer has it. Readers are not locked out.
 
-        A lock of the open file, not of the process: two writers in one process exclude each other too, and HDF5's own
-        (flock) is another one on Linux. File systems without locks let everyone in.
+        The lock belongs to the open file, not to the process: two writers in one process exclude each other too. It is
+        independent of HDF5's own lock (flock) on Linux. On file systems without locks, it always succeeds.
         """
         if fcntl is None:
             return True
@@ -89,7 +89,7 @@ class Storage:
         return True
 
     def unlock(self) -> None:
-        """Let other writers have the file, which stays open."""
+        """Unlock the file for other writers; it stays open."""
         if fcntl is not None:
             with suppress(OSError):
                 self._set_lock("F_UNLCK", fcntl.LOCK_UN)
@@ -108,7 +108,7 @@ class Storage:
         return buffer
 
     def read_into(self, buffer: memoryview, offset: int) -> None:
-        """Fill `buffer`, which is writable bytes, from `offset`."""
+        """Fill `buffer`, writable bytes, from `offset` on."""
         done = 0
         while done < len(buffer):
             try:
@@ -123,7 +123,7 @@ class Storage:
             done += count
 
     def checksum(self, offset: int, size: int, start: int = 0) -> int:
-        """CRC-32 of `size` bytes at `offset`, continued from `start`, read in blocks."""
+        """Return the CRC-32 of `size` bytes at `offset`, continued from `start`, read in blocks."""
         buffer = memoryview(bytearray(min(CHECKED, size)))
         for place in range(offset, offset + size, CHECKED):
             block = buffer[: offset + size - place]
@@ -132,7 +132,7 @@ class Storage:
         return start
 
     def write(self, offset: int, data: memoryview | bytes | bytearray) -> None:
-        """Write all of `data` at `offset`; OSError is the caller's to translate."""
+        """Write all of `data` at `offset`; the caller handles OSError."""
         view = memoryview(data)
         done = 0
         while done < len(view):
@@ -142,24 +142,24 @@ class Storage:
         return os.pwrite(self.fileno(), data, offset)
 
     def become(self, like: os.stat_result) -> None:
-        """Take over the owner, as far as that is allowed, and the permissions of another file."""
+        """Take over the owner, if allowed, and the permissions of another file."""
         with suppress(OSError):
             os.fchown(self.fileno(), like.st_uid, like.st_gid)
         same_group = os.fstat(self.fileno()).st_gid == like.st_gid
         with suppress(OSError):
-            # What was granted to a group that the file cannot be given to is granted to no other one.
+            # If the file cannot be given to the group, its permissions are not granted to another group.
             os.fchmod(self.fileno(), like.st_mode & (0o777 if same_group else 0o707))
 
     def resize(self, size: int) -> None:
-        """Make the file end after `size` bytes; OSError is the caller's to translate."""
+        """Make the file end after `size` bytes; the caller handles OSError."""
         os.ftruncate(self.fileno(), size)
 
     def sync(self) -> None:
-        """Return when all that was written has reached the device; OSError is the caller's to translate."""
+        """Wait until all written data have reached the device; the caller handles OSError."""
         os.fsync(self.fileno())
 
     def reserve(self) -> None:
-        """Give every byte of the file its place on the device now, so that a full disk shows before the run begins."""
+        """Reserve space on the device for the whole file, so that a full disk is detected before the run begins."""
         size = self.size
         if hasattr(os, "posix_fallocate"):
             try:
@@ -168,19 +168,19 @@ class Storage:
             except OSError as error:
                 if error.errno not in _NO_FALLOCATE:
                     raise
-        # Where that is not to be had, one byte in each block claims the block; what is there already is kept.
+        # If that is not supported, writing one byte claims each block; existing data are kept.
         for place in range(0, size, 4096):
             self.write(place, self.read(place, 1))
 
 
 def free_bytes(folder: Path) -> int:
-    """Bytes that this user can still write in the file system of `folder`."""
+    """Return the free space, in bytes, for this user in the file system of `folder`."""
     status = os.statvfs(folder)
     return status.f_bavail * status.f_frsize
 
 
 def sync_folder(folder: Path) -> None:
-    """Make a new or renamed entry of `folder` durable, where the file system lets one."""
+    """Make a new or renamed entry of `folder` durable, if the file system supports it."""
     try:
         descriptor = os.open(folder, os.O_RDONLY)
     except OSError:
@@ -199,7 +199,7 @@ def raw_bytes(array: NDArray[Any]) -> memoryview:
 
 
 def human(size: int) -> str:
-    """Bytes as people say them: 4.8 GB."""
+    """Return a size as readable text: 4.8 GB."""
     amount = float(size)
     for unit in ("bytes", "kB", "MB", "GB", "TB"):
         if amount < 1000:

@@ -1,4 +1,4 @@
-"""Unit systems as text and back, exactly, whoever made them."""
+"""Exact conversion of unit systems, including those of users, to text and back."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 from orbits.errors import ArchiveError, shown
 from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
 
-_LONGEST = 1000  # characters: astropy takes its time with what is longer
+_LONGEST = 1000  # characters: astropy is slow for longer texts
 _KINDS = ("length", "time", "mass")
 
 
 def unit_system_to_text(units: UnitSystem) -> str:
     """Return a unit system as JSON: each unit by its name, and by its factor and powers of base units.
 
-    Raises ArchiveError for a unit that is not made of astropy's base units.
+    Raises ArchiveError for a unit that does not consist of astropy's base units.
     """
     definition: dict[str, Any] = {"name": units.name, "G": units.G}
     for kind in _KINDS:
@@ -25,9 +25,9 @@ def unit_system_to_text(units: UnitSystem) -> str:
 
 
 def unit_system_from_text(text: str) -> UnitSystem:
-    """Return the unit system that `unit_system_to_text` wrote: the package's own ones themselves.
+    """Return the unit system of a text of `unit_system_to_text`; for those of the package, the same objects.
 
-    Raises ArchiveError for a text that it did not write.
+    Raises ArchiveError for any other text.
     """
     for known in (SOLAR, DIMENSIONLESS):
         if unit_system_to_text(known) == text:
@@ -39,7 +39,7 @@ def unit_system_from_text(text: str) -> UnitSystem:
         if not math.isfinite(G):
             raise ValueError(f"G is {G}")
         return UnitSystem(str(definition["name"]), **units, G=G)
-    # A text that somebody made up: astropy meets it with nearly every kind of exception.
+    # For arbitrary texts, astropy raises nearly every kind of exception.
     except Exception as error:
         raise ArchiveError(
             f"the units are {shown(text)}, which define no unit system ({type(error).__name__}: {str(error)[:200]})."
@@ -82,7 +82,7 @@ def _unit_from_dict(stored: dict[str, Any]) -> Any:
             continue
         if _unit_to_dict(unit) == stored:
             return unit
-    # A unit of the user's own, or one that another edition of astropy defines otherwise: as it was then.
+    # A unit of the user, or one that another version of astropy defines differently: restored as it was.
     definition = _product(*stored["base units"])
     return u.def_unit(name, definition) if name.isidentifier() else definition
 

@@ -1,9 +1,9 @@
-"""Writing an archive so that it survives being stopped anywhere.
+"""Writing an archive so that it survives an interruption at any point.
 
-Creation happens under another name, commits the start, and ends in a rename. A commit writes, in this order: the new
-samples and their row in the table of chunks, the checkpoint into the slot that the last commit did not use; then waits
-until the device has them; then the commit row; then waits again. Whatever part of this has happened when the machine
-stops, the row of the last finished commit and all that it stands for are whole.
+A file is created under a temporary name, with the start committed, and then renamed. A commit writes the new samples
+and their row in the table of chunks, and the checkpoint into the slot that the last commit did not use; waits until
+they have reached the device; writes the commit row; and waits again. If the machine stops at any point, the row of the
+last finished commit and all data that it refers to are intact.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from orbits.time_grid import TimeGrid
 
 
 class ArchiveWriter:
-    """An archive that grows, commit by commit. Made by `create`, `reopen` or `extended`; close it when done.
+    """An archive that grows by commits. Made by `create`, `reopen` or `extended`; close it at the end.
 
-    path : where it is
-    committed : samples that are safe; capacity : samples that there is room for
+    path : its path
+    committed : number of committed samples; capacity : number of samples that fit
     """
 
     def __init__(self, storage: Storage, path: Path, header: Header, layout: Layout, commit: Commit) -> None:
@@ -60,18 +60,18 @@ class ArchiveWriter:
         certificate: str = "",
         overwrite: bool = False,
     ) -> Self:
-        """Create the file, with all of its room on the device and the start of the run committed.
+        """Create the file, with all of its space reserved and the start of the run committed.
 
         integrator : {"name": ..., "parameters": {...}}
-        grid : the step, and the times of all samples to come, in the system's unit of time; fixes the room
-        checkpoint : the state to begin from, which is safe before the file takes its name; all commits will have arrays
-            of its names, shapes and types
-        provenance : versions and processor, as words
-        certificate : what was measured of the integrator before the run, as JSON
-        overwrite : whether a file at `path` may be replaced; it stays until the new one is whole
+        grid : the step, and the times of all samples, in the system's unit of time; it determines the size of the file
+        checkpoint : the initial state, which is committed before the file gets its name; all commits will have arrays
+            of the same names, shapes and types
+        provenance : versions and processor, as text
+        certificate : the certificate measured before the run, as JSON
+        overwrite : whether a file at `path` may be replaced; it is kept until the new one is complete
 
-        Raises ArchiveError for a path that exists, or that cannot be written, or that another run is writing;
-        StorageError, naming what is needed and what is free, where the device has no room.
+        Raises ArchiveError for a path that exists, that cannot be written, or that another run is writing;
+        StorageError, with the required and the free space, if the device has not enough.
         """
         header = Header(system, dict(integrator), grid, dict(provenance), certificate)
         place = schema.resolved(path)
@@ -84,19 +84,19 @@ class ArchiveWriter:
 
     @classmethod
     def reopen(cls, path: str | os.PathLike[str]) -> Self:
-        """Open an archive to go on after its last commit; raises as `Archive.claim`."""
+        """Open an archive to continue after its last commit. Raises what `Archive.claim` raises."""
         return cls.going_on(Archive.claim(path))
 
     @classmethod
     def going_on(cls, archive: Archive) -> Self:
-        """Go on after the last commit of an archive that was claimed; the file is this writer's from now on."""
+        """Continue after the last commit of a claimed archive, whose file is taken over by this writer."""
         storage, header, layout = archive.parts()
         return cls(storage, archive.path, header, layout, archive.last)
 
     @classmethod
     @contextmanager
     def _made(cls, path: Path, header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> Iterator[Self]:
-        """Make a file beside its place; it is gone again if what is done with it fails."""
+        """Create a file under a temporary name; it is removed if the block fails."""
         storage, layout = built(path, header, checkpoint)
         with discarded_on_failure(storage, partial_path(path)):
             try:
@@ -106,16 +106,16 @@ class ArchiveWriter:
 
     @property
     def committed(self) -> int:
-        """Samples that are safe in the file."""
+        """The number of committed samples in the file."""
         return self._last.samples
 
     def commit(self, q: ArrayLike, v: ArrayLike, checkpoint: Mapping[str, NDArray[Any]]) -> None:
-        """Add the next k samples, k >= 0, and the state to go on from; on return they survive any stop.
+        """Add the next k samples, k >= 0, and the state from which to resume; on return they survive any interruption.
 
         q, v : (k, bodies, 3) float64; checkpoint : names, shapes and types as at creation
-        Raises ArchiveError for what does not fit, StorageError where the device does not take it: all that was
-        committed before stays readable then, and `reopen` goes on from there. StorageError, too, where the file was
-        deleted, moved or replaced: the samples are in it all the same, and `to_archive` reads them.
+        Raises ArchiveError for arrays of the wrong shape or type; StorageError if the device fails: all earlier commits
+        then stay readable, and `reopen` continues from there. Raises StorageError also if the file was deleted, moved
+        or replaced: the samples are then in it nevertheless, and `to_archive` reads them.
         """
         q_new, v_new = (np.ascontiguousarray(x, dtype="<f8") for x in (q, v))
         self._check(q_new, v_new, checkpoint)
@@ -131,13 +131,13 @@ class ArchiveWriter:
 
     @property
     def in_place(self) -> bool:
-        """Whether its path still leads to the file that is being written."""
+        """Return whether its path still refers to the file that is being written."""
         return self._storage.is_at(self.path)
 
     def to_archive(self) -> Archive:
-        """Stop writing, and return what was committed as an archive that reads through the same open file.
+        """Stop writing, and return an archive of the committed data that reads through the same open file.
 
-        Raises ArchiveError, or StorageError, where that cannot be read.
+        Raises ArchiveError or StorageError if they cannot be read.
         """
         try:
             archive = Archive.after(self._storage, self.path, self._header, self._layout, self._last)
@@ -148,7 +148,7 @@ class ArchiveWriter:
         return archive
 
     def close(self) -> None:
-        """Give the file back. Nothing is pending: what was committed is safe, the rest was never promised."""
+        """Close the file. Committed data are safe; nothing else is pending."""
         self._storage.close()
 
     def __enter__(self) -> Self:
@@ -186,7 +186,7 @@ class ArchiveWriter:
         )
 
     def _write(self, q: NDArray[Any], v: NDArray[Any], checkpoint: Mapping[str, NDArray[Any]]) -> None:
-        """Commit; an OSError is the caller's to translate, and leaves the file at the commit before."""
+        """Commit; the caller handles OSError, which leaves the file at the previous commit."""
         self._unsure = True
         commit = self._write_contents(q, v, checkpoint)
         self._storage.sync()
@@ -195,7 +195,7 @@ class ArchiveWriter:
         self._last, self._unsure = commit, False
 
     def _write_contents(self, q: NDArray[Any], v: NDArray[Any], checkpoint: Mapping[str, NDArray[Any]]) -> Commit:
-        """Write all that the next commit row will stand for, where no earlier row stands for anything."""
+        """Write all data to which the next commit row will refer, without changing those of earlier rows."""
         last, layout = self._last, self._layout
         samples, chunks, chunks_crc = last.samples + len(q), last.chunks, last.chunks_crc
         if len(q):
@@ -219,13 +219,13 @@ class ArchiveWriter:
 
 
 def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[Any]] | None = None) -> ArchiveWriter:
-    """Make room for more samples: copy the archive into a larger one, put it in its place, and go on with that.
+    """Make room for more samples: copy the archive into a larger one, replace it, and continue with the copy.
 
-    archive : as `Archive.claim` returned it; it is closed afterwards, and its file stays until the new one is whole
-    grid : the step, which stays, and the times of all samples, those that are there first and unchanged
-    checkpoint : the state to go on from with all arrays that later ones will have; by default the archive's own
-    Raises ArchiveError where it does not go on from the samples that are there; StorageError where the device has
-    no room for both files.
+    archive : from `Archive.claim`; it is closed afterwards, and its file is kept until the new one is complete
+    grid : the unchanged step, and the times of all samples, starting with the existing ones
+    checkpoint : the state from which to resume, with all arrays of later ones; by default that of the archive
+    Raises ArchiveError if the grid does not continue the existing samples; StorageError if the device has not enough
+    space for both files.
     """
     with archive:
         done, place = archive.committed, archive.path
@@ -245,7 +245,7 @@ def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[
 
 
 def _copy(archive: Archive, writer: ArchiveWriter, checkpoint: Mapping[str, NDArray[Any]]) -> None:
-    """Commit all chunks of an archive to a new writer as they were, in blocks."""
+    """Commit all chunks of an archive unchanged to a new writer, in blocks."""
     per_sample = 48 * archive.layout.q.shape[1]
     step = max(1, BLOCK // per_sample)
     for first in range(0, max(1, archive.committed), step):

@@ -1,8 +1,8 @@
-"""The form in which `propagate` marches bodies on which more acts than forces of position, measured on a system.
+"""Measurements of the form in which `propagate` marches bodies with terms that depend on velocities, or forces.
 
 The other measurements are those of the Lagrangian and of the method's map of positions and momenta. Here are the step
-in velocities, which is the same map, and what forces without a Lagrangian do: they may take energy and momenta, but no
-more than is accounted.
+in velocities, which is the same map, and the balances of forces without a Lagrangian: momenta may change only by the
+accounted torque and impulse.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 Array = np.typing.NDArray[np.float64]
 
 PLACES = 5
-"""At how many states of the march the step is compared."""
+"""The number of states of the march at which the step is compared."""
 
 
 def step_of_bodies(problem: Problem, acting: Model) -> Measured:
-    """Steps in positions and velocities against plain solutions, in units of 2^-53 of the state."""
+    """Compare steps in positions and velocities with plain solutions, in units of 2^-53 of the state."""
     lagrangian, h, worst, grown = problem.lagrangian, problem.dt, 0.0, 1.0
     speeds = float(np.max(np.abs(problem.path.v)))
     for k in range(0, len(problem.path) - 1, max(1, len(problem.path) // PLACES)):
@@ -42,7 +42,9 @@ def step_of_bodies(problem: Problem, acting: Model) -> Measured:
 
 
 def balances(problem: Problem, acting: Model) -> Iterator[tuple[str, Measured]]:
-    """What each momentum map changes by over the march, less what forces gave, relative to the sum of its terms."""
+    """The change of each momentum map over the march, less the contribution of forces, relative to the sum of its
+    terms.
+    """
     lagrangian, t = problem.lagrangian, problem.t + STEPS * problem.dt
     marcher = _marcher(problem, acting, problem.q, lagrangian.velocity(problem.q, problem.p, problem.t), problem.t)
     marcher.advance(STEPS)
@@ -52,8 +54,8 @@ def balances(problem: Problem, acting: Model) -> Iterator[tuple[str, Measured]]:
         kind = symmetry.name.split()[0]
         if kind not in ("translation", "rotation"):
             continue
-        # What a force does to a charge is its product with the generator: of a shift by u the impulse along u, of a
-        # turn about u the torque. Points of the axes tell u.
+        # A force changes a charge by its product with the generator: for a translation along u by the impulse along u,
+        # for a rotation about u by the torque. The generator at points on the axes gives u.
         given = _along(symmetry.xi, kind, len(q)) @ (done[4:7] if kind == "translation" else done[1:4])
         change = symmetry.charge(q, p, t) - symmetry.charge(problem.q, problem.p, problem.t)
         scale = max(symmetry.charge_size(q, p, t), symmetry.charge_size(problem.q, problem.p, problem.t))

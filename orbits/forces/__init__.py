@@ -1,4 +1,4 @@
-"""Forces without a Lagrangian, one file each: `Drag`. A walk over this folder registers them."""
+"""Forces without a Lagrangian, one file each: `Drag`. They are registered by being in this folder."""
 
 from __future__ import annotations
 

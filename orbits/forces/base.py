@@ -1,15 +1,15 @@
-"""What a force without a Lagrangian is.
+"""The contract of a force without a Lagrangian.
 
-A force is one file: kernels, and a frozen dataclass that people make, with units. Its kernels are
+A force is one file: kernels, and a frozen dataclass for users, with units. Its kernels are
 
     force(strength, own, t, q, v, f)       adds the forces, times G, to f; vectors, or rows of eight stages
     particle_force(strength, own, t, particle, sources, speeds, place, velocity)
-                                           returns the force on a unit of mass; `particle` is its number, or that of the
+                                           returns the force per unit mass; `particle` is its number, or that of the
                                            first of eight in lanes: see `coefficient`
 
-`strength` are the parameters of `newtonian`, `own` is the vector of the force; t is the time since the epoch of the
-system, in its unit. A method takes them up by the discrete
-Lagrange–d'Alembert principle: with f at the stages, P_i = p + h sum_j a_ij (dL/dq + f)_j.
+`strength` is the parameter vector of `newtonian`, `own` is that of the force; t is the time since the epoch of the
+system, in its unit. A method includes forces by the discrete Lagrange–d'Alembert principle: with f at the stages,
+P_i = p + h sum_j a_ij (dL/dq + f)_j.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from orbits.kernels.lanes import LanesType, load
 
 @dataclass(frozen=True, eq=False)
 class BoundForce:
-    """A force with all its numbers: its name for people, its kernels and its vector."""
+    """A force bound to the bodies of a system: its name for messages, its kernels and its parameter vector."""
 
     name: str
     tag: Tag
@@ -37,10 +37,10 @@ class BoundForce:
 
 @dataclass(frozen=True)
 class Force:
-    """Base of the forces that a `System` takes: frozen dataclasses whose fields are their numbers, with units.
+    """Base of the forces of a `System`: frozen dataclasses whose fields are their parameters, with units.
 
-    kind : the name under which archives hold it
-    bodies : the names of the bodies that it acts on, massive or not; None stands for all
+    kind : its name in archives
+    bodies : the names of the bodies that it acts on, massive or not; None for all
     """
 
     kind: ClassVar[str]
@@ -49,26 +49,27 @@ class Force:
     def in_units(self, units: Any) -> Self:
         """Return this force with its numbers checked and in the units of a system.
 
-        Raises InputError, naming the force and the value, for numbers or units that cannot be.
+        Raises InputError, naming the force and the value, for invalid numbers or units.
         """
         raise NotImplementedError
 
     def bound(self, massive: NDArray[np.bool_], particles: NDArray[np.bool_], units: Any) -> BoundForce:
-        """Return this force, in the units of the system, on those of the massive bodies and of the particles."""
+        """Return this force, in the units of the system, bound to these massive bodies and particles (masks)."""
         raise NotImplementedError
 
     def later(self, time: Any) -> Self:
-        """Return this force in a system whose epoch lies later by a time, a quantity: one that depends on the time
-        since the epoch has to count from the old one.
+        """Return this force for a system whose epoch is later by `time`, a quantity: a force that depends on the time
+        since the epoch must keep the old one.
         """
         return self
 
 
 def coefficient(own, offset, particle, sources, x):
-    """Return a number that each particle has its own of, from the vector of a force, where they stand from `offset` on:
-    that of a particle, or `Lanes` of eight for eight particles in lanes.
+    """Return the coefficient of a particle, from the vector of a force, which has one for each particle from `offset`
+    on; or `Lanes` of eight coefficients for eight particles in lanes.
 
-    sources : the positions of the massive bodies, (3n,), or (3n, 8) at the stages of one particle; x : as the place
+    sources : the positions of the massive bodies, (3n,), or (3n, 8) at the stages of one particle
+    x : the x coordinate of the particles
     """
     raise NotImplementedError("coefficient() is for compiled code only")
 

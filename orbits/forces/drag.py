@@ -1,4 +1,4 @@
-"""Linear drag: a force against the velocity relative to a medium that moves as one.
+"""Linear drag: a force against the velocity relative to a medium that moves uniformly.
 
     f_i = -k m_i (v_i - u)
 
@@ -20,7 +20,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, get, put
 
 RATES = 3
-"""Where the first k stands in the parameters."""
+"""The index of the first k in the parameters."""
 
 
 @kernel
@@ -45,13 +45,13 @@ TAG = Tag("drag", {"force": force, "particle_force": particle_force})
 
 @dataclass(frozen=True)
 class Drag(Force):
-    """Linear drag, -k m (v - u): velocities relative to a medium fall by the factor e in the time 1/k.
+    """Linear drag, -k m (v - u): velocities relative to a medium decay by the factor e in the time 1/k.
 
         system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
 
-    bodies : names of those that it acts on, massive or not; by default all
-    rate : k, >= 0, a number per time
-    velocity : u, the velocity of the medium, x, y, z in the axes of the system; by default it rests
+    bodies : names of the bodies that it acts on, massive or not; by default all
+    rate : k, >= 0, with the dimension 1/time
+    velocity : u, the velocity of the medium, x, y, z in the axes of the system; by default it is at rest
     """
 
     kind: ClassVar[str] = "drag"
@@ -71,7 +71,7 @@ class Drag(Force):
         return replace(self, rate=float(rate) / units.time, velocity=tuple(float(x) * units.speed for x in velocity))
 
     def bound(self, massive: NDArray[np.bool_], particles: NDArray[np.bool_], units: Any) -> BoundForce:
-        """Return this force on those of the massive bodies and of the particles."""
+        """Return this force bound to these massive bodies and particles."""
         rate = float(units.frequency_value(self.rate))
         u = units.speed_value(self.velocity)
         own = np.concatenate([u, np.where(massive, rate, 0.0), np.where(particles, rate, 0.0), np.zeros(WIDTH)])

@@ -1,4 +1,4 @@
-"""Integrators, one file each. A walk over this folder registers every `Integrator`."""
+"""Integrators, one file each. Every `Integrator` is registered by being in this folder."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def registry() -> dict[str, type[Integrator]]:
 
 
 def describe(integrator: Integrator) -> dict[str, Any]:
-    """Return {"name": ..., "parameters": {...}}, from which `build` makes an equal integrator."""
+    """Return {"name": ..., "parameters": {...}}, the argument of `build` for an equal integrator."""
     values = {f.name: getattr(integrator, f.name) for f in dataclasses.fields(integrator)}
     return {
         "name": integrator.name,
@@ -50,12 +50,12 @@ def build(description: Mapping[str, Any]) -> Integrator:
 
 
 def parse(text: str) -> Integrator:
-    """Return the integrator that a person typed: "gauss", "gauss(stages=4)", "Composition(StormerVerlet(), order=6)".
+    """Return the integrator of a text: "gauss", "gauss(stages=4)", "Composition(StormerVerlet(), order=6)".
 
-    Raises UnknownNameError for a name that is not registered and InputError for parameters that cannot be read.
+    Raises UnknownNameError for a name that is not registered and InputError for invalid parameters.
     """
     try:
-        # A name may be typed with dashes; what stands in quotes is a value and stays as it is.
+        # Names may be typed with dashes; text in quotes is a value and is not changed.
         pieces = re.split(r"""('[^']*'|"[^"]*")""", text.strip())
         pieces[::2] = [re.sub(r"(?<=[A-Za-z])-(?=\w)", "_", piece) for piece in pieces[::2]]
         read = _read(ast.parse("".join(pieces), mode="eval").body)
@@ -69,9 +69,9 @@ def parse(text: str) -> Integrator:
 
 
 def named(method: Integrator | str) -> Integrator:
-    """Return a method, which may be given by its name as `parse` reads it: "gauss", "Gauss(stages=4)".
+    """Return a method, which may be given as a text for `parse`: "gauss", "Gauss(stages=4)".
 
-    Raises InputError for what is neither, and as `parse` does.
+    Raises InputError for anything else, and what `parse` raises.
     """
     if isinstance(method, str):
         return parse(method)
@@ -83,7 +83,7 @@ def named(method: Integrator | str) -> Integrator:
 
 
 def _read(node: ast.expr) -> Any:
-    """Return a method that is named or called, or a plain value."""
+    """Return the method of a name or call, or a plain value."""
     if isinstance(node, ast.Name):
         return build({"name": node.id})
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):

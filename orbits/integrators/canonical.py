@@ -5,9 +5,9 @@ With V_i the velocities of the stages, F_i = dL/dq(Q_i, V_i), K_i = h b_i V_i an
     Q_i = q + sum_j mu_ij K_j,     P_i = p + sum_j mu_bar_ij L_j,     dL/dv(Q_i, V_i) = P_i
     q+ = q + sum_i K_i,            p+ = p + sum_i L_i
 
-The velocities are iterated to the round-off floor: V_i <- V_i + M^-1 (P_i - dL/dv(Q_i, V_i)) with the mass matrix M of
-the start of the step, a fixed point where it converges; otherwise simplified Newton on all stages at once, from the
-same start, with a Jacobian that is renewed when the iteration stalls above the floor.
+The velocities are iterated to the round-off floor: by the fixed-point iteration V_i <- V_i + M^-1 (P_i - dL/dv(Q_i,
+V_i)) with the mass matrix M at the start of the step, if it converges; otherwise by the simplified Newton method for
+all stages together, from the same start, with a Jacobian that is recomputed when the iteration stalls above the floor.
 
 Source: Marsden & West (2001), sec. 2.6; Hairer, Lubich & Wanner (2006), sec. VI.6.2, VIII.6.
 """
@@ -41,28 +41,28 @@ from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK
 from orbits.kernels.summation import add_compensated, compensated_row_sums
 from orbits.tableaux import SymplecticTableau
 
-# Rows of the table. From MU on each entry is the first of eight: row j holds column j of a matrix, a stage a lane.
+# Rows of the table. From MU on, each is the first of eight: row j holds column j of a matrix, one stage in each lane.
 HC, HB, STAGES, MU, MU_BAR, CONTINUATION = 0, 1, 2, 3, 11, 19
 ROWS = 27
 
 FIXED_POINT_SWEEPS, NEWTON_SWEEPS = 16, 40
-"""Sweeps after which the next attempt begins. A fixed point that needs more gains less than a bit in two sweeps."""
+"""Sweeps before the next attempt. A fixed-point iteration that needs more gains less than a bit in two sweeps."""
 
 ATTEMPTS = 6
-"""The fixed point, then Newton with so many Jacobians less one."""
+"""Number of attempts: the fixed-point iteration, then Newton's method with a new Jacobian each."""
 
 
 class Work(NamedTuple):
     """The scratch of a step of d coordinates in s <= 8 stages; rows are coordinates, lanes are stages.
 
-    start : (rows, 8) velocities from which the iteration begins
+    start : (rows, 8) initial velocities of the iteration
     Q, F, P, K : (rows, 8) positions, h b times forces, momenta and h b times velocities of the stages
-    change, delta : (rows, 8) what an iteration changes, and by how much it has to
+    change, delta : (rows, 8) changes of the last iteration, and residuals
     history : (3 rows / 8, 8), see `orbits.kernels.iteration`
     curvature : (3 d^2, 8) Hessian blocks of the stages; flat : the same memory, as a vector
     matrix : (8 d, 8 d) of Newton's method, pivots (8 d,) its row exchanges
     mass : (d, d) mass matrix of the start, mass_pivots (d,) its row exchanges
-    vector : (8 rows,), the unknowns of Newton's method, stage after stage
+    vector : (8 rows,), the unknowns of Newton's method, ordered by stage
     """
 
     start: Any
@@ -84,7 +84,7 @@ class Work(NamedTuple):
 
 @kernel(inline=True)
 def work_in(scratch, rows, d):
-    """Return the parts of the scratch by their names."""
+    """Return the parts of the scratch by name."""
     at = 7 * rows
     curvature = scratch[at + 3 * rows // WIDTH :][: 3 * d * d]
     history = scratch[at : at + 3 * rows // WIDTH]
@@ -128,9 +128,9 @@ def combine(table, first, rows, k):
 
 @kernel(inline=True)
 def predict(method, model, t, state, V, work):
-    """Guess the velocities of the stages from those of the step before, and factorize the mass matrix of the start.
+    """Predict the velocities of the stages from those of the previous step, and factorize the mass matrix at the start.
 
-    Returns whether it has an inverse.
+    Returns whether it is regular.
     """
     d = dimension(model.tag, model.parameters)
     for k in range(d):
@@ -147,7 +147,7 @@ def predict(method, model, t, state, V, work):
 
 @kernel(inline=True)
 def place(method, state, V, work, d):
-    """Write the positions of the stages, and what they are moved by."""
+    """Write the positions of the stages, and their increments."""
     hb = load(method.coefficients, HB)
     for k in range(d):
         store(work.K, k, hb * load(V, k))
@@ -156,9 +156,9 @@ def place(method, state, V, work, d):
 
 @kernel
 def linearize(method, model, times, state, V, work):
-    """Factorize the derivative of dL/dv(Q, V) - P by the velocities of all stages. Returns whether it has an inverse.
+    """Factorize the derivative of dL/dv(Q, V) - P by the velocities of all stages. Returns whether it is regular.
 
-    Unknowns are stage after stage.
+    The unknowns are ordered by stage.
     """
     d, stages = dimension(model.tag, model.parameters), int(method.coefficients[STAGES, 0])
     place(method, state, V, work, d)
@@ -189,7 +189,7 @@ def _newton_matrix(curvature, coefficients, d, stages, matrix):
 
 @kernel(inline=True)
 def evaluate(method, model, times, state, V, work, d):
-    """Write the forces and momenta of the stages, and by how much the momenta miss what the forces make of them."""
+    """Write the forces and momenta of the stages, and the residuals of the momenta."""
     place(method, state, V, work, d)
     gradients(model.tag, model.parameters, times, work.Q, V, work.F, work.P)
     hb = load(method.coefficients, HB)
@@ -202,7 +202,7 @@ def evaluate(method, model, times, state, V, work, d):
 
 @kernel
 def solve_stages(work, d, stages):
-    """Turn what the momenta miss into changes of the velocities by Newton's matrix."""
+    """Compute the changes of the velocities from the residuals of the momenta, by Newton's matrix."""
     for i in range(stages):
         for m in range(d):
             work.vector[i * d + m] = work.delta[m, i]
@@ -214,7 +214,7 @@ def solve_stages(work, d, stages):
 
 @kernel(inline=True)
 def finite_rows(rows, d):
-    """Return whether d rows of eight are finite."""
+    """Return whether d rows of eight numbers are finite."""
     finite = True
     for k in range(d):
         finite &= not any_lane(1.0 - (load(rows, k) * 0.0 == full(0.0)))
@@ -223,7 +223,7 @@ def finite_rows(rows, d):
 
 @kernel(inline=True)
 def iterate(method, model, times, state, V, work):
-    """Iterate the velocities of the stages: by fixed point, then by Newton's method. Returns (status, where,
+    """Iterate the velocities of the stages: by fixed-point iteration, then by Newton's method. Returns (status, where,
     evaluations).
     """
     d, stages = dimension(model.tag, model.parameters), int(method.coefficients[STAGES, 0])
@@ -263,7 +263,7 @@ def iterate(method, model, times, state, V, work):
                 last = patience == 0 or settled(history, blocks, FLOOR)
         if finished:
             finite = finite_rows(V, d) and finite_rows(work.F, d)
-            # What has stalled gets a new Jacobian; when even the last one stalls, it is the rounding of the forces.
+            # A stalled iteration gets a new Jacobian; if even the last one stalls, rounding of the forces is the limit.
             where = unsettled_coordinate(history, blocks, d, TIGHT, FLOOR)
             if where >= 0 and attempt == ATTEMPTS - 1:
                 count = bodies(model.tag, model.parameters)
@@ -278,7 +278,7 @@ def iterate(method, model, times, state, V, work):
 
 @kernel(inline=True)
 def update(method, state, V, work, d):
-    """Move positions and momenta by the sums over the stages."""
+    """Advance positions and momenta by the sums over the stages."""
     hb = load(method.coefficients, HB)
     for k in range(d):
         store(work.K, k, hb * load(V, k))
@@ -295,8 +295,8 @@ def update(method, state, V, work, d):
 
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
-    """Take one step; `storage.carry` holds the velocities of the stages of the step before, at the first those of the
-    start.
+    """Take one step; `storage.carry` holds the velocities of the stages of the previous step, and initially those of
+    the start.
     """
     d, V = dimension(model.tag, model.parameters), storage.carry
     work = work_in(storage.scratch, V.shape[0], d)
@@ -334,14 +334,14 @@ class Canonical(Form):
         return out
 
     def stages_shape(self, size: int) -> tuple[int, int]:
-        """Nothing: no massless particles are stepped in this form."""
+        """Empty: no massless particles are stepped in this form."""
         return 1, 1
 
     def carry_rows(self, size: int) -> int:
-        """The velocities of the stages of the step before."""
+        """The velocities of the stages of the previous step."""
         return padded(size)
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """What `Work` holds."""
+        """The size of `Work`."""
         rows, d = padded(size), size
         return 7 * rows + 3 * rows // WIDTH + 11 * d * d + d * d // WIDTH + 1 + rows + 2 * d, WIDTH

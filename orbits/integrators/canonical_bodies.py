@@ -1,18 +1,18 @@
-"""Variational partitioned Runge–Kutta methods for bodies on which more acts than forces of position.
+"""Variational partitioned Runge–Kutta methods for bodies with terms that depend on velocities, and with forces.
 
-What acts is Newton's Lagrangian, terms of any kind and forces f without a Lagrangian. With s = dL/dv - m v, what terms
-add to the momenta, G_j = h b_j (dL/dq + f) / m at the stages and W_i = V_i - v,
+The model is Newton's Lagrangian, terms of any kind and forces f without a Lagrangian. With s = dL/dv - m v, the
+contribution of terms to the momenta, G_j = h b_j (dL/dq + f) / m at the stages and W_i = V_i - v,
 
     Q_i = q + h c_i v + sum_j mu_ij h b_j W_j,     W_i = sum_j mu_bar_ij G_j - (s_i - s) / m
     q+ = q + h v + sum_i h b_i W_i,                v+ = v + sum_i G_i - (s+ - s) / m
 
-This is the canonical form (`orbits.integrators.canonical`) of momenta p = m v + s, written in velocities: p is known
-from (q, v) to the last bit wherever it is needed, so that the state that is marched is the one that is seen. s+ depends
-on v+ and is iterated until v+ stands; the next step begins with the same bits of s. The forces are those of the
-discrete Lagrange–d'Alembert principle, and what they do is accounted by the same quadrature.
+This is the canonical form (`orbits.integrators.canonical`) with momenta p = m v + s, written in velocities: p is
+computed from (q, v) to the last bit where it is needed, so that observers see the marched variables. s+ depends on v+
+and is iterated until v+ has converged; the next step begins with the same bits of s. Forces enter by the discrete
+Lagrange–d'Alembert principle, and their work, torque and impulse are summed with the same quadrature.
 
-The stages are iterated to the round-off floor by fixed point, as in `orbits.integrators.collocation`: a term whose part
-of the momentum depends on v as strongly as m v itself is refused by that.
+The stages are iterated to the round-off floor by fixed-point iteration, as in `orbits.integrators.collocation`. It does
+not converge for a term whose contribution to the momentum depends on v as strongly as m v itself.
 
 Source: Marsden & West (2001), sec. 2.6, 3.2; Hairer, Lubich & Wanner (2006), sec. VI.6.2, VIII.6.
 """
@@ -66,7 +66,7 @@ from orbits.tableaux import SymplecticTableau
 
 @kernel
 def momenta(model, t, q, v, f, s):
-    """Write what terms add to the momenta into s; f is free to use."""
+    """Write the contribution of terms to the momenta into s; f is workspace."""
     for k in range(dimension(model.tag, model.parameters)):
         f[k] = s[k] = 0.0
     add_terms(model.tag, model.parameters, t, q, v, f, s)
@@ -86,7 +86,7 @@ def place(method, q, V, work, stages, v, d):
 
 @kernel(inline=True)
 def evaluate(method, model, times, stages, work, d):
-    """Write h b times the accelerations of the stages, and what terms add to their momenta."""
+    """Write h b times the accelerations of the stages, and the contributions of terms to their momenta."""
     strength, n = model.parameters[0], d // 3
     accelerate(first_term(model.tag), strength, stages.Q, work.G)
     for k in range(d):
@@ -101,7 +101,7 @@ def evaluate(method, model, times, stages, work, d):
 
 @kernel(inline=True)
 def prepare(method, model, t, h, state, storage):
-    """Begin with the velocities of the state as those of the stages, where none are carried."""
+    """Use the velocities of the state for the stages, if the carry has none."""
     d = dimension(model.tag, model.parameters)
     V, cold = storage.carry, True
     for k in range(d):
@@ -113,7 +113,9 @@ def prepare(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
-    """Take one step; `storage.carry` holds the velocities of the stages of the step before, then what forces did."""
+    """Take one step; `storage.carry` holds the velocities of the stages of the previous step, then the accounts of
+    forces.
+    """
     coefficients, strength = method.coefficients, model.parameters[0]
     q, q_lo, v, v_lo = state
     d = dimension(model.tag, model.parameters)
@@ -123,7 +125,7 @@ def step(method, model, t, h, state, storage):
     hc, hc_lo = load(coefficients, HC), load(coefficients, HC_LO)
     for k in range(d):
         stages.q[k], stages.v[k] = q[k], v[k]
-        # Sum the increments first: q is O(30 au), what moves it is O(1e-3 au).
+        # Sum the increments first: q is O(30 au), dq is O(1e-3 au).
         store(work.base, k, fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k]))
         store(work.W, k, combine(coefficients, CONTINUATION, V, k) - v[k])
     momenta(model, t, stages.q, stages.v, work.f, work.s)
@@ -172,8 +174,8 @@ def finite(G, W, d):
 
 @kernel(inline=True)
 def finish(method, model, t, h, state, stages, work, d):
-    """Move positions and velocities to the time t, the end of the step. Returns a body whose velocity does not settle,
-    or -1.
+    """Advance positions and velocities to the time t, the end of the step. Returns a body whose velocity does not
+    converge, or -1.
     """
     q, q_lo, v, v_lo = state
     strength, n, hb = model.parameters[0], d // 3, load(method.coefficients, HB)
@@ -211,10 +213,10 @@ def finish(method, model, t, h, state, stages, work, d):
 
 @dataclass(frozen=True)
 class CanonicalBodies(Form):
-    """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies on which terms of any
-    kind act, and forces.
+    """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies with terms of any kind
+    and forces.
 
-    forces : how many forces without a Lagrangian there are
+    forces : the number of forces without a Lagrangian
     """
 
     tableau: SymplecticTableau
@@ -230,7 +232,7 @@ class CanonicalBodies(Form):
     def coefficients(self, h: float, before: float) -> Array:
         """Return (ROWS, 8) for steps of h; lanes past the last stage repeat it with weight 0.
 
-        h c is a pair of doubled precision: what the weights h b and mu_bar, which are rounded, make of it.
+        h c is a pair in doubled precision, computed from the rounded weights h b and mu_bar.
         """
         tableau, s = self.tableau, self.tableau.stages
         lane = np.minimum(np.arange(WIDTH), s - 1)
@@ -249,37 +251,37 @@ class CanonicalBodies(Form):
         return out
 
     def stages_shape(self, size: int) -> tuple[int, int]:
-        """What `Stages` holds."""
+        """The size of `Stages`."""
         rows = padded(size)
         return 2 * rows + 4 * rows // WIDTH, WIDTH
 
     def carry_rows(self, size: int) -> int:
-        """The velocities of the stages of the step before; two rows for what each force did."""
+        """The velocities of the stages of the previous step; two rows for the accounts of each force."""
         return padded(size) + 2 * self.forces
 
     @property
     def particle_carry_rows(self) -> int:
-        """The velocities of the stages of the step before, of each particle."""
+        """The velocities of the stages of the previous step, for each particle."""
         return 3
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """What `Work` holds."""
+        """The size of `Work`."""
         rows = padded(size)
         return 6 * rows + 8 * rows // WIDTH, WIDTH
 
     def forget(self, carry: Array) -> None:
-        """Take away the velocities of the stages; what forces did stays."""
+        """Delete the velocities of the stages; the accounts of forces remain."""
         carry[: len(carry) - 2 * self.forces] = 0.0
 
     def accounts(self, carry: Array) -> Array:
-        """Return what each force did up to here, (forces, 7): work, torque and impulse, times G."""
+        """Return the accounts of each force so far, (forces, 7): work, torque and impulse, times G."""
         books = carry[len(carry) - 2 * self.forces :].reshape(self.forces, 2, WIDTH)
         return np.asarray(books.sum(axis=1)[:, :FIGURES])
 
 
 def _weights(tableau: SymplecticTableau, h: float) -> Array:
-    """Return h b, (s,), so rounded that they sum to h where this is possible: a body that nothing pulls then keeps
-    its velocity to the last bit, in the positions too.
+    """Return h b, (s,), rounded so that they sum to h if possible: the positions of a free body then advance with its
+    velocity to the last bit.
     """
     weights = np.asarray(h * tableau.b)
     missing, s = Fraction(h) - sum(map(Fraction, weights.tolist())), tableau.stages

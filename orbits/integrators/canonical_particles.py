@@ -1,5 +1,5 @@
-"""Massless particles in the form of `orbits.integrators.canonical_bodies`: by the same equations, for a mass of 1, in
-the field of the bodies at the stages that they went through.
+"""Massless particles in the form of `orbits.integrators.canonical_bodies`: the same equations for a mass of 1, in the
+field of the bodies at their stages.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from orbits.kernels.summation import add_compensated, two_sum
 
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of one particle through the stages that the massive bodies went through.
+    """Take one step of one particle through the stages of the massive bodies.
 
-    carry : (3, 8), the velocities of the stages of the step before; `storage.share` begins with the number of the
-        particle. A step that fails returns the particle as it was.
+    carry : (3, 8), the velocities of the stages of the previous step; `storage.share` begins with the number of the
+        particle. A step that fails returns the particle unchanged.
     """
     coefficients, strength = method.coefficients, model.parameters[0]
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles

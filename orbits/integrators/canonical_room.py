@@ -1,4 +1,4 @@
-"""The numbers and the room of `orbits.integrators.canonical_bodies`, by their names."""
+"""The coefficients and the workspace of `orbits.integrators.canonical_bodies`, by name."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Any, NamedTuple
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 
-# Rows of the table. From MU on each entry is the first of eight: row j holds column j of a matrix, a stage a lane.
+# Rows of the table. From MU on, each is the first of eight: row j holds column j of a matrix, one stage in each lane.
 HOURS, HC, HC_LO, HB, MU, MU_BAR, CONTINUATION = 0, 1, 2, 3, 4, 12, 20
 ROWS = 28
 
 VELOCITY_SWEEPS = 50
-"""Evaluations of s+ after which the velocities at the end of a step are given up."""
+"""The most evaluations of s+ for the velocities at the end of a step; then the step fails."""
 
 SETTLED = 2.0**-46
-"""Velocities at the end of a step that change by less than this fraction, and by no less than before, stand."""
+"""Velocities at the end of a step have converged if their change is below this fraction and no longer falls."""
 
 
 class Stages(NamedTuple):
-    """What a step goes through: what massless particles feel.
+    """The stages of a step, from which massless particles are accelerated.
 
     Q, V : (rows, 8) positions and velocities of the stages; q, v, q_end, v_end : (rows,) at both ends of the step
     """
@@ -35,8 +35,8 @@ class Stages(NamedTuple):
 class Work(NamedTuple):
     """The scratch of a step of d coordinates; rows are coordinates, lanes are stages.
 
-    W, base, G : (rows, 8) see above; base is what moves the stages without W
-    F, S : (rows, 8) forces and momenta that are added to Newton's
+    W, base, G : (rows, 8) as in the equations; base is the increment of the stages without W
+    F, S : (rows, 8) forces and momenta in addition to Newton's
     change, history : see `orbits.kernels.iteration`
     f, s, s_end, kick, kick_lo : (rows,)
     """
@@ -57,7 +57,7 @@ class Work(NamedTuple):
 
 @kernel(inline=True)
 def stages_in(room, rows):
-    """Return the parts of the stages by their names."""
+    """Return the parts of the stages by name."""
     at, some = 2 * rows, rows // WIDTH
     return Stages(
         room[:rows],
@@ -71,7 +71,7 @@ def stages_in(room, rows):
 
 @kernel(inline=True)
 def work_in(scratch, rows):
-    """Return the parts of the scratch by their names."""
+    """Return the parts of the scratch by name."""
     at, some = 6 * rows, rows // WIDTH
     more = at + 3 * some
     return Work(

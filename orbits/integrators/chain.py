@@ -1,7 +1,7 @@
-"""Steps gamma_i h of any form of a method, one after the other.
+"""Sequences of steps gamma_i h of any form of a method.
 
-`method.coefficients` is (tag of the form, its coefficients for each substep, lengths of the substeps, their beginnings
-as offsets from that of the step). The stages of a step are those of its substeps, one below the other.
+`method.coefficients` is (tag of the form, its coefficients for each substep, lengths of the substeps, offsets of their
+beginnings from that of the step). The stages of a step are the stacked stages of its substeps.
 
 Source: Hairer, Lubich & Wanner (2006), sec. II.4.
 """
@@ -44,7 +44,7 @@ def step(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
-    """Take all substeps of particles; what they carry goes from each to the next."""
+    """Take all substeps of particles; their carry is passed from each to the next."""
     tag, tables, lengths, offsets = method.coefficients
     before, evaluations = particles, 0
     for i in range(lengths.shape[0]):
@@ -60,16 +60,16 @@ def step_particles(method, model, t, h, particles, carry, storage):
 
 @kernel(inline=True)
 def begin_particles(method, model, particles, storage):
-    """As the form that is composed."""
+    """As in the composed form."""
     tag, tables, lengths, _ = method.coefficients
     return steps.begin_particles(Method(tag, tables[0]), model, particles, _substep(storage, 0, lengths.shape[0]))
 
 
 @dataclass(frozen=True)
 class Chain(Form):
-    """A form of a method composed.
+    """The composition of a form of a method.
 
-    base : the form; lengths : returns the lengths of the substeps of a step of h; substeps : their number
+    base : the form; lengths : a function of h that returns the lengths of the substeps; substeps : their number
     """
 
     base: Form
@@ -83,21 +83,21 @@ class Chain(Form):
     }
 
     def own_kernels(self) -> Mapping[str, Any]:
-        """Return the kernels; particles lie as the base has them, where it has them."""
+        """Return the kernels; the layout of particles, if the base supports them, is that of the base."""
         base = self.base.own_kernels()
         if "step_particles" not in base:
             return {"step": step}
         return {**self.kernels, "width": base.get("width", 8)}
 
     def coefficients(self, h: float, before: float) -> Any:
-        """Return what the kernels want; the first substep follows the last one of a step of `before`."""
+        """Return the coefficients; the first substep follows the last one of a step of `before`."""
         lengths = self.lengths(h)
         previous = [lengths[-1] if before == h else self.lengths(before)[-1], *lengths[:-1]]
         tables = [self.base.coefficients(x, y) for x, y in zip(lengths, previous, strict=True)]
         return self.base.tag, np.array(tables), lengths, np.append(0.0, np.cumsum(lengths)[:-1])
 
     def stages_shape(self, size: int) -> tuple[int, int]:
-        """The stages of the substeps, one below the other."""
+        """The stacked stages of the substeps."""
         rows, columns = self.base.stages_shape(size)
         return self.substeps * rows, columns
 

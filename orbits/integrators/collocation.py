@@ -1,13 +1,13 @@
 """Variational partitioned Runge–Kutta methods for separable Lagrangians, q'' = g(q), in their second-order form.
 
-With L_i = h b_i g(Q_i), the velocities of the stages eliminated:
+With L_i = h b_i g(Q_i), and the velocities of the stages eliminated:
 
     Q_i = q + h c_i v + h sum_j eta_ij L_j,     eta_ij = (A A_bar)_ij / b_j
     v+  = v + sum_i L_i,     q+ = q + h v + h sum_i (1 - c_i) L_i
 
-The stages of a coordinate are the lanes of R registers: an array of stages has R blocks of rows, one for each register.
-They are iterated, each component, until the largest change stops falling: to the round-off floor, with no tolerance.
-The iteration starts from the polynomial through the stages of the step before.
+The stages of a coordinate are in the lanes of R registers: an array of stages has R blocks of rows, one for each
+register. Each component is iterated until its largest change stops falling: to the round-off floor, without a
+tolerance. The iteration starts from the polynomial through the stages of the previous step.
 
 Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & West (2001), sec. 2.6.
 """
@@ -90,12 +90,12 @@ def _registers(method):
 
 
 def _is_close(method):
-    """Whether the positions of stages have low parts, by the Numba type of a method."""
+    """Return whether the positions of stages have low parts, from the Numba type of a method."""
     return bool(kernel_of(method.types[0], "close"))
 
 
 def layers(method):
-    """Return of how many rows for each coordinate the stages are: 2 where their positions have low parts."""
+    """Return the number of rows of stages for each coordinate: 2 if their positions have low parts, else 1."""
     raise NotImplementedError("layers() is for compiled code only")
 
 
@@ -106,7 +106,7 @@ def _layers(method):
 
 
 def place(method, Q, at, lows, x, increment):
-    """Write the position x + increment of eight stages into row `at`, its low part, if it has one, `lows` rows on."""
+    """Write the position x + increment of eight stages into row `at`, and its low part, if any, `lows` rows later."""
     raise NotImplementedError("place() is for compiled code only")
 
 
@@ -124,7 +124,7 @@ def _place(method, Q, at, lows, x, increment):
 
 
 def attract(method, model, Q, r, block, lows, out):
-    """Write the accelerations in the stages of register r."""
+    """Write the accelerations at the stages of register r."""
     raise NotImplementedError("attract() is for compiled code only")
 
 
@@ -147,9 +147,9 @@ def _attract(method, model, Q, r, block, lows, out):
 
 @kernel(inline=True)
 def combine(R, table, first, rows, block, k):
-    """Return sum_j column_j * rows[.., j] over R registers, whose rows stand `block` apart."""
+    """Return sum_j column_j * rows[.., j] over R registers, whose rows are `block` apart."""
     even = odd = full(0.0)
-    if R == 1:  # not added to zero: two operations in each of so many sums
+    if R == 1:  # without adding to zero, which would be two more operations in each of many sums
         even = load(table, first) * rows[k, 0]
         odd = load(table, first + 1) * rows[k, 1]
         for j in range(2, WIDTH, 2):
@@ -166,7 +166,7 @@ def combine(R, table, first, rows, block, k):
 
 @kernel(inline=True)
 def moved(h, q, q_lo, v, v_lo, drift):
-    """Return (q, q_lo) + h (v, v_lo) + drift, drift being of the size of h v."""
+    """Return (q, q_lo) + h (v, v_lo) + drift, where drift has the size of h v."""
     p, e = two_product(v, h)
     s, f = two_sum(p, fma(v_lo, h, e + drift))
     return add_compensated(q, q_lo + f, s)
@@ -174,7 +174,7 @@ def moved(h, q, q_lo, v, v_lo, drift):
 
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
-    """Take one step; `storage.carry` holds L of the step before, zeros for a cold start."""
+    """Take one step; `storage.carry` holds L of the previous step, or zeros for a cold start."""
     R, coefficients = registers(method), method.coefficients
     q, q_lo, v, v_lo = state
     size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
@@ -185,14 +185,14 @@ def step(method, model, t, h, state, storage):
     lows, start = R * block, ETA + WIDTH * R
     change, history = scratch[:rows], scratch[rows : rows + 3 * blocks]
     base = scratch[rows + 3 * blocks : rows + 3 * blocks + R * block]
-    # With one register the changes of the stages take the place of the accelerations.
+    # With one register, the changes of the stages overwrite the accelerations.
     g = change if R == 1 else scratch[rows + 3 * blocks + R * block :]
     evaluations = 0
     for r in range(R):
         table = coefficients[r]
         hc, hc_lo = load(table, HC), load(table, HC_LO)
         for k in range(size):
-            # Sum the increments first: q is O(30 au), what moves it is O(1e-3 au).
+            # Sum the increments first: q is O(30 au), dq is O(1e-3 au).
             increment = fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k])
             store(base, r * block + k, increment)
             place(method, Q, r * block + k, lows, q[k], increment + h * combine(R, table, start, L, block, k))
@@ -268,9 +268,9 @@ def step(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of one particle through the stages that the massive bodies went through.
+    """Take one step of one particle through the stages of the massive bodies.
 
-    carry : (3 R, 8), L of the step before. A step that fails returns the particle as it was.
+    carry : (3 R, 8), L of the previous step. A step that fails returns the particle unchanged.
     """
     R, coefficients = registers(method), method.coefficients
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
@@ -358,9 +358,9 @@ def _sums(coefficients, R, L, k):
 
 @kernel
 def prepare(method, h, before, storage):
-    """Write the coefficients of steps of h, after one of `before`, in one register: `Collocation.coefficients`."""
+    """Write `Collocation.coefficients` for a step of h that follows one of `before`; for one register."""
     table = method.coefficients[0]
-    ells = storage.scratch[storage.scratch.shape[0] - WIDTH :]  # behind the increments of the last coordinate
+    ells = storage.scratch[storage.scratch.shape[0] - WIDTH :]  # after the increments of the last coordinate
     nodes, weights = load(table, NODES), load(table, WEIGHTS)
     ratio = h / before
     hc = h * nodes
@@ -380,7 +380,7 @@ def prepare(method, h, before, storage):
         j = stages - 1 - back
         ell = load(ells, j) * product * table[BARYCENTRIC, j]
         product = product * (ahead - table[NODES, j])
-        if abs(ratio) > FAR:  # a polynomial says nothing far from its nodes
+        if abs(ratio) > FAR:  # a polynomial is useless far from its nodes
             ell = unit(j)
         store(ells, j, (ratio / table[WEIGHTS, j]) * (weights * ell))
     for j in range(stages):
@@ -392,11 +392,11 @@ def prepare(method, h, before, storage):
 
 @kernel
 def signal(method, model, h, state, storage):
-    """Return the last Legendre coefficient of the forces on a body in the step of h just taken, as a share of the
-    largest force on it: the largest over all bodies. In one register.
+    """Return the last Legendre coefficient of the forces on a body in the step of h just taken, as a fraction of the
+    largest force on it; the maximum over all bodies. For one register.
 
-    Where attractions cancel, what is left of a force is round-off: no force counts as less than `CANCELLED` of the
-    attractions that it is the sum of.
+    Where attractions cancel, the force that remains is round-off: no force counts as less than `CANCELLED` of the sum of
+    their magnitudes.
     """
     table, L, scratch = method.coefficients[0], storage.carry, storage.scratch
     size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
@@ -404,7 +404,7 @@ def signal(method, model, h, state, storage):
     rows = WIDTH * blocks
     last, weights = load(table, LAST), load(table, WEIGHTS)
     inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
-    # Where a step has changes, history and increments; the changes of coordinates that there are not stay zero.
+    # The memory of changes, history and increments of a step; the changes of padding coordinates stay zero.
     products, history, sizes = scratch[:rows], scratch[rows : rows + 3 * blocks], scratch[rows + 3 * blocks :]
     for k in range(size):
         store(products, k, last * load(L, k))
@@ -428,7 +428,7 @@ def signal(method, model, h, state, storage):
 class Collocation(Form):
     """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians.
 
-    close : whether the positions of the stages have low parts, so that the distance of close bodies keeps its digits
+    close : whether the positions of the stages have low parts, so that the distances of close bodies keep their digits
     """
 
     tableau: SymplecticTableau
@@ -444,7 +444,7 @@ class Collocation(Form):
 
     @property
     def registers(self) -> int:
-        """How many registers of eight the stages of a coordinate fill."""
+        """The number of registers of eight for the stages of a coordinate."""
         return (self.tableau.stages + WIDTH - 1) // WIDTH
 
     def own_kernels(self) -> Mapping[str, Any]:
@@ -454,7 +454,7 @@ class Collocation(Form):
     def coefficients(self, h: float, before: float) -> Array:
         """Return (R, 8 + 16 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
 
-        h c is a pair of doubled precision; eta stays unscaled, because h eta would be rounded once more.
+        h c is a pair in doubled precision; eta is not scaled, because h eta would be rounded once more.
         """
         tableau, s, count, ratio = self.tableau, self.tableau.stages, self.registers, h / before
         lane = np.minimum(np.arange(WIDTH * count), s - 1)
@@ -466,7 +466,7 @@ class Collocation(Form):
         ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
         start = tableau.eta @ ahead
         apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
-        with np.errstate(divide="ignore"):  # of nodes that fall together, through which there is no polynomial
+        with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
             barycentric = 1.0 / apart.prod(axis=1)
         last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
         for r in range(count):
@@ -485,7 +485,7 @@ class Collocation(Form):
         return (1 + self.close) * self.registers * padded(size), WIDTH
 
     def carry_rows(self, size: int) -> int:
-        """The kicks of the stages of the step before, one row for each coordinate and register."""
+        """The kicks of the stages of the previous step, one row for each coordinate and register."""
         return self.registers * padded(size)
 
     @property
@@ -494,6 +494,6 @@ class Collocation(Form):
         return 3 * self.registers
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """Increments and changes of each coordinate, and three numbers of history for each."""
+        """Increments and changes of each coordinate, and its history of three numbers."""
         rows, many = padded(size), self.registers > 1
         return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, 6 * self.registers), WIDTH

@@ -2,7 +2,8 @@
 
     Phi_h = phi(gamma_s h) ... phi(gamma_1 h)
 
-With L_d^i the discrete Lagrangian of the method for a step of gamma_i h, the whole is the variational integrator of
+With L_d^i the discrete Lagrangian of the method for a step of gamma_i h, the composition is the variational integrator
+of
 
     L_d(q_0, q_s; h) = ext over q_1, ..., q_(s-1) of sum_i L_d^i(q_(i-1), q_i; gamma_i h)
 
@@ -28,24 +29,25 @@ from orbits.tableaux import PartitionedTableau
 from orbits.tableaux.compositions import Scheme, require_order, scheme, scheme_names
 
 DEFAULTS = {4: "suzuki", 6: "sofroniou-spaletta", 8: "sofroniou-spaletta", 10: "sofroniou-spaletta"}
-"""The scheme for a base of order 2 where none is asked for, by the order of the whole; see docs/compositions.md."""
+"""The default scheme for a base of order 2, by the order of the composition; see docs/compositions.md."""
 
 CHAIN_DEFAULTS = {**DEFAULTS, 4: "blanes-moan", 6: "blanes-moan-11"}
-"""The same for `StormerVerlet`, whose kicks and drifts may be arranged anew."""
+"""The same for `StormerVerlet`, whose kicks and drifts may be recombined."""
 
 
 @dataclass(frozen=True)
 class Composition(Integrator):
-    """A symmetric method raised to a higher order by a chain of its steps, some of them backwards.
+    """A symmetric method raised to a higher order by a sequence of its steps, some of them backwards.
 
     base : a symmetric method: `StormerVerlet`, `Gauss`, `LobattoIIIAB`, ...
-    order : of the whole; even, above that of the base. From order 2: 4, 6, 8 and 10
+    order : the order of the composition; even, and above that of the base. From order 2: 4, 6, 8 and 10
     scheme : "suzuki" and "triple-jump" for any base; "yoshida", "kahan-li", "suzuki-umeno", "tsitouras",
-        "sofroniou-spaletta" for bases of order 2; "blanes-moan", kicks and drifts arranged anew, for `StormerVerlet`.
-        Which order has which is told by an error for any other name
+        "sofroniou-spaletta" for bases of order 2; "blanes-moan", recombined kicks and drifts, for `StormerVerlet`.
+        The error for any other name lists the schemes of an order
 
-    Has what its base has: symplectic, symmetric, momentum maps. With `StormerVerlet` it is explicit and costs a force
-    evaluation for each substep. Raises InputError for a base that is not symmetric and a scheme that does not fit.
+    It has the properties of its base: symplectic, symmetric, momentum maps. With `StormerVerlet` it is explicit and
+    costs a force evaluation for each substep. Raises InputError for a base that is not symmetric and an unsuitable
+    scheme.
     """
 
     base: Integrator = field(default_factory=StormerVerlet)
@@ -87,37 +89,37 @@ class Composition(Integrator):
 
     @property
     def _chain(self) -> bool:
-        """Whether the whole is kicks and drifts."""
+        """Whether the composition consists of kicks and drifts."""
         return type(self.base) is StormerVerlet
 
     @property
     def substeps(self) -> int:
-        """Steps of the base in one step; for kicks and drifts, the drifts."""
+        """The number of steps of the base in one step; for kicks and drifts, the number of drifts."""
         return len(self._scheme.drifts)
 
     @property
     def requires(self) -> frozenset[str]:  # type: ignore[override]
-        """What the base asks of a Lagrangian."""
+        """The traits that the base requires."""
         return self.base.requires
 
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
-        """What the base declares."""
+        """The properties that the base declares."""
         return self.base.declares
 
     @property
     def variational(self) -> bool:  # type: ignore[override]
-        """Whether the base is."""
+        """Whether the base is variational."""
         return self.base.variational
 
     @property
     def tableau(self) -> PartitionedTableau:
-        """The stages of all substeps, one after the other."""
+        """The stages of all substeps in sequence."""
         return self._scheme.split() if self._chain else self._scheme.composed(self.base.tableau)
 
     @property
     def second_order(self) -> Form | None:
-        """One splitting where the base is kicks and drifts, else its steps one after the other."""
+        """A single splitting if the base consists of kicks and drifts, else the sequence of its steps."""
         base = self.base.second_order
         if self._chain:
             return Splitting(self._scheme.binary_kicks_and_drifts, drifts=self.substeps)
@@ -127,17 +129,17 @@ class Composition(Integrator):
 
     @property
     def canonical(self) -> Form | None:
-        """The base's steps one after the other, where it has this form."""
+        """The sequence of the base's steps, if it has this form."""
         base = self.base.canonical
         return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
     def form_with(self, forces: int) -> Form | None:
-        """The base's steps one after the other, where it has such a form."""
+        """The sequence of the base's steps, if it has such a form."""
         base = self.base.form_with(forces)
         return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
     def serves(self, lagrangian: Lagrangian) -> bool:
-        """Whether the base can march `lagrangian`."""
+        """Return whether the base can march `lagrangian`."""
         return self.base.serves(lagrangian)
 
     @classmethod
@@ -153,7 +155,7 @@ class Composition(Integrator):
 
 @dataclass(frozen=True)
 class _Joined:
-    """Kicks and drifts of steps one after the other, the last kick of each and the first one of the next being one."""
+    """Kicks and drifts of a sequence of steps; the last kick of each step is merged with the first of the next."""
 
     lengths: Callable[[float], tuple[Array, Array]]
     steps: Callable[[float], Array]

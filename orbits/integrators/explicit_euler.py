@@ -1,7 +1,7 @@
-"""Explicit Euler, the foil: q+ = q + h v, v+ = v + h g(q).
+"""Explicit Euler, a non-symplectic control: q+ = q + h v, v+ = v + h g(q).
 
-It has no discrete Lagrangian: it is neither symplectic nor symmetric, keeps no angular momentum, and every orbit
-spirals outwards.
+It has no discrete Lagrangian: it is neither symplectic nor symmetric, does not conserve angular momentum, and every
+orbit spirals outwards.
 Source: Hairer, Lubich & Wanner (2006), sec. I.1.1.
 """
 
@@ -34,19 +34,19 @@ def step(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of eight particles in the field of the bodies where they were before it."""
+    """Take one step of eight particles in the field of the bodies at its beginning."""
     g = field(model.tag, model.parameters, storage.stages[0], particles.x, particles.y, particles.z)
     return kicked(drifted(particles, h), h, g), carry, OK, 1
 
 
 @kernel(inline=True)
 def begin_particles(method, model, particles, storage):
-    """Nothing is carried."""
+    """There is no carry; a number stands for it."""
     return OK
 
 
 class _Euler(Form):
-    """Positions and velocities, both by what they were before the step."""
+    """A step of positions and velocities, both from their values before it."""
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "step": step,
@@ -61,19 +61,19 @@ class _Euler(Form):
 
 @dataclass(frozen=True)
 class ExplicitEuler(Integrator):
-    """The method one should not use: order 1, energy and angular momentum drift. It is here to show why the others
-    exist.
+    """A method not to use: order 1, with drifts of energy and angular momentum. It is a control that shows why the
+    others exist.
     """
 
     name: ClassVar[str] = "explicit-euler"
-    summary: ClassVar[str] = "explicit Euler: not variational, order 1; the foil"
+    summary: ClassVar[str] = "explicit Euler: not variational, order 1; a control"
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE})
     declares: ClassVar[frozenset[str]] = frozenset()
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. I.1.1"
 
     @property
     def tableau(self) -> PartitionedTableau:
-        """One stage, nothing implicit."""
+        """One explicit stage."""
         return explicit_euler()
 
     @property
@@ -83,5 +83,5 @@ class ExplicitEuler(Integrator):
 
     @property
     def second_order(self) -> Form:
-        """A drift and a kick, neither knowing of the other."""
+        """A drift and a kick, independent of each other."""
         return _Euler()

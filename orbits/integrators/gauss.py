@@ -2,7 +2,7 @@
 
     L_d(q, q+; h) = h sum_i b_i L(Q_i, V_i),   extremized under   q+ = q + h sum_i b_i V_i
 
-with a_bar = a: the zeros of P_s(2c - 1) are the nodes. With one stage it is the implicit midpoint rule.
+with a_bar = a; the nodes are the zeros of P_s(2c - 1). With one stage it is the implicit midpoint rule.
 
 Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & West (2001), sec. 2.6.
 """
@@ -17,21 +17,21 @@ from orbits.integrators.variational import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, gauss
 
 MOST = 32
-"""Stages in four registers: with more, the fixed point has long stopped converging for the steps that they are for."""
+"""Stages in four registers. With more, the fixed-point iteration does not converge for the long steps that would make
+them worthwhile."""
 
 
 @dataclass(frozen=True)
 class Gauss(VariationalRungeKutta):
     """Gauss collocation with 1 ... 32 stages, order 2s: the method of choice when accuracy matters.
 
-    stages : s; 8 stages (order 16) fill one register. Fewer save nothing: a step is evaluated for eight lanes all the
-        same, and its iteration starts from a poorer guess. More take several registers, for long steps of separable
-        Lagrangians
+    stages : s; 8 stages (order 16) fill one register. Fewer save nothing: eight lanes are evaluated anyway, and the
+        iteration starts from a poorer prediction. More need several registers, for long steps of separable Lagrangians
 
-    Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off. With 8 stages, 15 steps
-    for a nearly circular orbit leave nothing but round-off; eccentric ones want more. A step whose iteration does not
-    converge is an error, never a result.
-    Raises InputError for other stages; a march raises ConvergenceError where a step does not converge.
+    Implicit, symplectic, symmetric; conserves linear and angular momentum to round-off. With 8 stages, 15 steps per
+    period leave only round-off for a nearly circular orbit; eccentric orbits need more. A step whose iteration does not
+    converge is always an error.
+    Raises InputError for other stages; a march raises ConvergenceError if a step does not converge.
     """
 
     stages: int = 8

@@ -1,6 +1,6 @@
 """The implicit midpoint rule: the variational integrator of L_d(q, q+; h) = h L((q + q+) / 2, (q+ - q) / h).
 
-It is Gauss collocation with one stage, and is marched as such.
+It is Gauss collocation with one stage, and uses its kernels.
 
 Source: Hairer, Lubich & Wanner (2006), sec. I.1.2, VI.4.1; Marsden & West (2001), sec. 2.6.
 """
@@ -16,10 +16,10 @@ from orbits.tableaux import SymplecticTableau, gauss
 
 @dataclass(frozen=True)
 class ImplicitMidpoint(VariationalRungeKutta):
-    """The implicit midpoint rule, order 2: `Gauss(stages=1)` by the name that is known.
+    """The implicit midpoint rule, order 2: `Gauss(stages=1)` by its usual name.
 
-    Implicit, symplectic, symmetric; keeps linear and angular momentum to round-off and all quadratic invariants. For
-    separable Lagrangians `StormerVerlet` costs less.
+    Implicit, symplectic, symmetric; conserves linear and angular momentum and all quadratic invariants to round-off.
+    For separable Lagrangians, `StormerVerlet` is cheaper.
     """
 
     name: ClassVar[str] = "implicit-midpoint"

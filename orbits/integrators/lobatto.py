@@ -40,9 +40,9 @@ class LobattoIIIAB(VariationalRungeKutta):
 
     stages : s
 
-    Implicit except for two stages with a separable Lagrangian; symplectic, symmetric; keeps linear and angular
-    momentum. The ends of a step are stages, so forces are known at the very positions that are output.
-    Raises InputError for other stages; a march raises ConvergenceError where a step does not converge.
+    Implicit except for two stages with a separable Lagrangian; symplectic, symmetric; conserves linear and angular
+    momentum. The ends of a step are stages, so forces are evaluated at the output positions.
+    Raises InputError for other stages; a march raises ConvergenceError if a step does not converge.
     """
 
     stages: int = 3
@@ -61,7 +61,7 @@ class LobattoIIIAB(VariationalRungeKutta):
 
     @property
     def second_order(self) -> Form:
-        """With two stages Störmer–Verlet's kicks and drifts."""
+        """With two stages, the kicks and drifts of Störmer–Verlet."""
         return Splitting(kick_drift_kick, drifts=1) if self.stages == 2 else super().second_order
 
     @classmethod
@@ -76,9 +76,9 @@ class LobattoIIIBA(VariationalRungeKutta):
 
     stages : s
 
-    Symplectic, symmetric; keeps linear and angular momentum. With two stages and a separable Lagrangian it is
+    Symplectic, symmetric; conserves linear and angular momentum. With two stages and a separable Lagrangian it is
     explicit: drift - kick - drift.
-    Raises InputError for other stages; a march raises ConvergenceError where a step does not converge.
+    Raises InputError for other stages; a march raises ConvergenceError if a step does not converge.
     """
 
     stages: int = 3
@@ -97,7 +97,7 @@ class LobattoIIIBA(VariationalRungeKutta):
 
     @property
     def second_order(self) -> Form:
-        """With two stages drifts and a kick."""
+        """With two stages, two drifts and a kick."""
         return Splitting(drift_kick_drift, drifts=2) if self.stages == 2 else super().second_order
 
     @classmethod

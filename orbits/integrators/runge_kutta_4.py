@@ -1,12 +1,12 @@
-"""The classical fourth-order Runge–Kutta method, the second foil.
+"""The classical fourth-order Runge–Kutta method, the second control.
 
 For q'' = g(q) its four stages are
 
     Q_1 = q,   Q_2 = q + h/2 v,   Q_3 = q + h/2 v + h^2/4 g_1,   Q_4 = q + h v + h^2/2 g_2,      g_i = g(Q_i)
     q+  = q + h v + h^2/6 (g_1 + g_2 + g_3),     v+ = v + h/6 (g_1 + 2 g_2 + 2 g_3 + g_4)
 
-It has no discrete Lagrangian: it is neither symplectic nor symmetric, and energy and angular momentum drift at order
-h^5 a step.
+It has no discrete Lagrangian: it is neither symplectic nor symmetric, and energy and angular momentum drift by O(h^5)
+per step.
 Source: Kutta (1901); Hairer, Lubich & Wanner (2006), sec. II.1.1.
 """
 
@@ -57,7 +57,7 @@ def step(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def _force(model, sources, particles, half, whole, g):
-    """Return the accelerations at the stage at q + half v + whole g."""
+    """Return the accelerations at the stage q + half v + whole g."""
     return field(
         model.tag,
         model.parameters,
@@ -91,12 +91,12 @@ def step_particles(method, model, t, h, particles, carry, storage):
 
 @kernel(inline=True)
 def begin_particles(method, model, particles, storage):
-    """Nothing is carried."""
+    """There is no carry; a number stands for it."""
     return OK
 
 
 class _FourStages(Form):
-    """Four accelerations, one after the other."""
+    """Four explicit stages."""
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "step": step,
@@ -115,19 +115,19 @@ class _FourStages(Form):
 
 @dataclass(frozen=True)
 class RungeKutta4(Integrator):
-    """The classical Runge–Kutta method: accurate for a while, then energy and angular momentum leave. A foil for long
-    runs.
+    """The classical Runge–Kutta method: accurate for a while, then energy and angular momentum drift. A control for
+    long runs.
     """
 
     name: ClassVar[str] = "runge-kutta-4"
-    summary: ClassVar[str] = "classical Runge–Kutta: not variational, order 4; the foil for long runs"
+    summary: ClassVar[str] = "classical Runge–Kutta: not variational, order 4; a control for long runs"
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE})
     declares: ClassVar[frozenset[str]] = frozenset()
     source: ClassVar[str] = "Kutta (1901); Hairer, Lubich & Wanner (2006), sec. II.1.1"
 
     @property
     def tableau(self) -> PartitionedTableau:
-        """Four stages, nothing implicit."""
+        """Four explicit stages."""
         return runge_kutta_4()
 
     @property

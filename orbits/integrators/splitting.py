@@ -1,9 +1,9 @@
-"""Splittings: chains of kicks and drifts, the exact flows of the potential and of the kinetic energy.
+"""Splittings: sequences of kicks and drifts, the exact flows of the potential and of the kinetic energy.
 
     v <- v + k_0 g(q);   for i = 1 ... s:   q <- q + d_i v,   v <- v + k_i g(q)
 
-The lengths k and d of a step are data: symplectic Euler, Störmer–Verlet and every composition of it are one function.
-A flow of length 0 costs nothing, and the force of a last kick serves the first one of the next step.
+The lengths k and d of a step are data: symplectic Euler, Störmer–Verlet and all its compositions share one kernel. A
+flow of length 0 costs nothing, and the force of the last kick is reused for the first kick of the next step.
 
 Source: Hairer, Lubich & Wanner (2006), sec. II.4, II.5; Blanes & Moan (2002).
 """
@@ -26,7 +26,7 @@ from orbits.kernels.steps import OK
 
 @kernel(inline=True)
 def begin(method, model, t, h, state, storage):
-    """Find the force of a first kick that follows a last one."""
+    """Compute the force of the first kick, which later steps take over from the last kick."""
     kicks, last = method.coefficients[0], method.coefficients.shape[1] - 1
     if kicks[0] != 0.0 and kicks[last] != 0.0:
         accelerate_shared(storage.share, model, state.q, storage.scratch[0])
@@ -58,13 +58,13 @@ def step(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def begin_particles(method, model, particles, storage):
-    """Return the accelerations where the particles are: the carry of this method."""
+    """Return the accelerations of the particles, the carry of this method."""
     return field(model.tag, model.parameters, storage.stages[0], particles.x, particles.y, particles.z)
 
 
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of eight particles in the field of the bodies' positions before it and after each drift."""
+    """Take one step of eight particles in the field of the bodies at their positions before it and after each drift."""
     kicks, drifts, last = method.coefficients[0], method.coefficients[1], method.coefficients.shape[1] - 1
     evaluations = 0
     if kicks[0] != 0.0:
@@ -85,7 +85,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
 class Splitting(Form):
     """A method of kicks and drifts for separable Lagrangians.
 
-    lengths : returns for a step of h the s + 1 kicks and the s drifts between them
+    lengths : a function of h that returns the s + 1 kicks and the s drifts between them
     drifts : s
     """
 
@@ -101,11 +101,11 @@ class Splitting(Form):
 
     @property
     def shared(self) -> bool:
-        """Each thread moves its share of the coordinates."""
+        """True: each thread advances its share of the coordinates."""
         return True
 
     def coefficients(self, h: float, before: float) -> Array:
-        """Return the kicks and the drifts, (2, s + 1), the last drift being 0."""
+        """Return the kicks and the drifts, (2, s + 1), with a last drift of 0."""
         kicks, drifts = self.lengths(h)
         return np.array([kicks, np.append(drifts, 0.0)])
 

@@ -32,9 +32,9 @@ def kick_drift_kick(h: float) -> tuple[Array, Array]:
 class StormerVerlet(Integrator):
     """The explicit second-order workhorse, known in the field as leapfrog.
 
-    One force evaluation a step; symplectic, symmetric, keeps linear and angular momentum to round-off. Its energy
-    error is bounded and proportional to dt^2: take some hundreds of steps for the shortest period, or `Gauss` where
-    more than a few digits matter.
+    One force evaluation per step; symplectic, symmetric; conserves linear and angular momentum to round-off. Its energy
+    error is bounded and proportional to dt^2: take some hundreds of steps in the shortest period, or `Gauss` if more
+    than a few digits matter.
     """
 
     name: ClassVar[str] = "stormer-verlet"

@@ -44,10 +44,10 @@ class SymplecticEuler(VariationalRungeKutta):
 
     variant : "kick-drift" (momenta first) or "drift-kick" (positions first)
 
-    Explicit for separable Lagrangians. Keeps linear and angular momentum and the symplectic form, not the direction of
-    time. `StormerVerlet` costs no more.
-    Raises InputError for another variant; a march of a Lagrangian that is not separable raises ConvergenceError where
-    a step does not converge.
+    Explicit for separable Lagrangians. Conserves linear and angular momentum and the symplectic form, but is not
+    symmetric. `StormerVerlet` costs no more.
+    Raises InputError for another variant; a march of a Lagrangian that is not separable raises ConvergenceError if a
+    step does not converge.
     """
 
     variant: str = "kick-drift"
@@ -59,7 +59,7 @@ class SymplecticEuler(VariationalRungeKutta):
 
     def __post_init__(self) -> None:
         if not isinstance(self.variant, str) or self.variant.lower() not in _VARIANTS:
-            raise InputError(f"SymplecticEuler knows the variants {' and '.join(_VARIANTS)}; got {shown(self.variant)}")
+            raise InputError(f"SymplecticEuler has the variants {' and '.join(_VARIANTS)}; got {shown(self.variant)}")
         object.__setattr__(self, "variant", self.variant.lower())
 
     @property
@@ -69,7 +69,7 @@ class SymplecticEuler(VariationalRungeKutta):
 
     @property
     def second_order(self) -> Splitting:
-        """A kick and a drift, explicit where the Lagrangian is separable."""
+        """A kick and a drift, explicit if the Lagrangian is separable."""
         return Splitting(_FLOWS[self.variant], drifts=1)
 
     @classmethod

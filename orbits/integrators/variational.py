@@ -1,4 +1,4 @@
-"""What all variational partitioned Runge–Kutta methods share; each of them is a tableau and a name.
+"""The common part of all variational partitioned Runge–Kutta methods; each of them is a tableau and a name.
 
     L_d(q, q+; h) = h sum_i b_i L(Q_i, V_i),   extremized under   q+ = q + h sum_i b_i V_i
 
@@ -53,7 +53,7 @@ class VariationalRungeKutta(Integrator):
         return self.tableau.order
 
     def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
-        """As for all methods; more than one register of stages is for separable Lagrangians only."""
+        """As for all methods; more than one register of stages needs a separable Lagrangian."""
         if self.canonical is None and SEPARABLE not in lagrangian.traits:
             raise InputError(
                 f"{self.label}: more than {WIDTH} stages serve separable Lagrangians only; '{lagrangian.name}' is not "

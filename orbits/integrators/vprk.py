@@ -1,4 +1,4 @@
-"""Variational partitioned Runge–Kutta methods: the two forms of their step, and a method from a user's own pair."""
+"""`VPRK`: a variational partitioned Runge–Kutta method from a pair of tableaux of the user."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class VPRK(VariationalRungeKutta):
     a_bar : (s, s), for the momenta; by default the one that completes `a` to a symplectic pair,
         a_bar_ij = b_j (1 - a_ji / b_i)
 
-    Numbers are floats, or texts such as "1/6" and "0.2", which are read exactly. Floats are completed to an exactly
-    symplectic pair after the check: b_i a_bar_ij + b_j a_ji = b_i b_j to 2^-50. Raises InputError for a pair that is
-    not symplectic. The order is found from the order conditions, up to 6.
+    Numbers are floats, or texts such as "1/6" and "0.2", which are read exactly. Floats are adjusted to an exactly
+    symplectic pair after the check that b_i a_bar_ij + b_j a_ji = b_i b_j to 2^-50. Raises InputError for a pair that
+    is not symplectic. The order is determined from the order conditions, up to 6.
     """
 
     a: Table = (("0", "0"), ("1/2", "1/2"))
@@ -57,7 +57,7 @@ class VPRK(VariationalRungeKutta):
 
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
-        """Symplectic and momentum maps always; symmetric where the pair is."""
+        """Symplectic and momentum maps always; symmetric if the pair is."""
         own = {SYMPLECTIC, MOMENTUM_MAPS}
         return frozenset(own | {SYMMETRIC} if self.tableau.symmetric else own)
 
@@ -75,7 +75,7 @@ def _pair(a: Table, b: tuple[Any, ...], a_bar: Table | None) -> SymplecticTablea
     if a_bar is None:
         s = range(len(b))
         if any(x == 0 for x in numbers) or len(table) != len(b) or any(len(row) != len(b) for row in table):
-            # Let the check of the pair say what is wrong.
+            # The check of the pair will say what is wrong.
             completed = table
         else:
             completed = [[numbers[j] * (1 - table[j][i] / numbers[i]) for j in s] for i in s]

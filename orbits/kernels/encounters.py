@@ -157,8 +157,8 @@ def enter_record(record, other, rows):
 
 @kernel
 def note_rows(context, start, stop):
-    """Record the distances of massive bodies start ... stop - 1 from the nearest and the dominant body at the
-    beginning.
+    """Record the distances of massive bodies start ... stop - 1 from the nearest and the dominant body when a
+    block begins.
     """
     watch = watch_at(context)
     n, path, closest = watch.bodies, watch.path, watch.record[DISTANCE2, OTHER]

@@ -1,9 +1,9 @@
 """Lagrangians, one file each: `orbits.lagrangians.pendulum`, `.kepler`, `.double_pendulum`, ...
 
-A walk over this folder registers every module-level `Lagrangian` and makes it an attribute of this package, in the
-place of the module that it stands in. Importing compiles nothing and does not load SymPy.
+Every module-level `Lagrangian` in this folder is registered, and becomes an attribute of this package in place of its
+module. Importing compiles nothing and does not load SymPy.
 
-A `Lagrangian` knows nothing of how one is made or pickled; what does is put on it here.
+The class `Lagrangian` does not depend on how Lagrangians are made or pickled; these functions are added to it here.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a Lagrangian is: kernels for L and its derivatives, what may be asked of it, and its values as plain floats."""
+"""The class `Lagrangian`: kernels for L and its derivatives, traits, and values as plain floats."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ Symmetries = Sequence[Symmetry] | Callable[[Mapping[str, float]], Sequence[Symme
 """Symmetries, or a function that makes them from the values of the parameters by name: K may depend on masses."""
 
 SEPARABLE = "separable"
-"""L(q, v) = T(v) - V(q) with a constant mass matrix and no time: an explicit method can serve it."""
+"""L(q, v) = T(v) - V(q) with a constant mass matrix, independent of time: explicit methods are possible."""
 
 MASSLESS_PARTICLES = "massless particles"
 """It has a field in which each massless particle moves by a Lagrangian of its own."""
 
 GRADIENTS = "gradients"
-"""It has kernels for dL/dq, dL/dv and the second derivatives: implicit methods in canonical form can serve it."""
+"""It has kernels for dL/dq, dL/dv and the second derivatives: implicit methods in canonical form are possible."""
 
 
 TIME_DEPENDENT = "time-dependent"
-"""L depends on t: there is no energy to conserve."""
+"""L depends on t: energy is not conserved."""
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """The compiled face of a Lagrangian.
+    """A Lagrangian as compiled code sees it.
 
-    tag : how kernels find its kernels (see `orbits.kernels.binding`)
-    traits : what methods may ask of it: `SEPARABLE`, `MASSLESS_PARTICLES`, `GRADIENTS`
+    tag : by which compiled code finds its kernels (see `orbits.kernels.binding`)
+    traits : properties that methods may require: `SEPARABLE`, `MASSLESS_PARTICLES`, `GRADIENTS`
     """
 
     tag: Tag
@@ -49,7 +49,7 @@ class Compiled:
 
 @dataclass(frozen=True)
 class Motion:
-    """Where a motion starts, and a step that suits it: q, v of shape (d,), dt in the Lagrangian's unit of time."""
+    """The initial state of a motion, and a suitable step: q, v of shape (d,), dt in the Lagrangian's unit of time."""
 
     q: tuple[float, ...]
     v: tuple[float, ...]
@@ -61,21 +61,19 @@ class Motion:
 class Lagrangian:
     """L(q, v, t) of a mechanical system on R^d, with the values of its parameters.
 
-    name : for people, as registered
-    formula : L(q, v, t), for people
+    name : its name, also in the registry
+    formula : L(q, v, t), for users
     coordinates : (d,) names
     parameters : the parameters' values by name, in the order of the kernels' parameter vector
     compile : makes the kernels, on first use; called once
-    example : a nonlinear motion that shows the system at work; what tables and tests use when nothing else is given.
-        None for a Lagrangian without one
-    groups : one-parameter groups that leave L as it is but for a total derivative, or a function of the parameters that
-        makes them; read them as `symmetries`
-    source : where it comes from
-    order : (d,) which coordinate stands at each place of the kernels' vectors; None where it is the same
+    example : a typical nonlinear motion, the default of tables and tests; None for a Lagrangian without one
+    groups : one-parameter groups that leave L unchanged up to a total derivative, or a function of the parameters that
+        returns them; read them as `symmetries`
+    source : its source in the literature
+    order : (d,) the coordinate at each place of the kernels' vectors; None for the same order
 
-    Vectors of coordinates have shape (d,). Where a system consists of bodies in space, (n, 3) is accepted for (3n,).
-    Numbers are in units of your choice. Raises InputError for names, parameters, an example or symmetries that cannot
-    be those of a Lagrangian.
+    Vectors of coordinates have shape (d,). For bodies in space, (n, 3) is accepted for (3n,). Numbers are in
+    units of your choice. Raises InputError for invalid names, parameters, examples or symmetries.
     """
 
     name: str
@@ -88,12 +86,12 @@ class Lagrangian:
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)
 
-    if TYPE_CHECKING:  # set by the package, which knows how they are made: `orbits.lagrangians`
+    if TYPE_CHECKING:  # set by the package `orbits.lagrangians`
         from_sympy: ClassVar[Callable[..., Lagrangian]]
         from_kernels: ClassVar[Callable[..., Lagrangian]]
 
     def __post_init__(self) -> None:
-        """Raise InputError for names, parameters, an example or symmetries that cannot be those of a Lagrangian."""
+        """Raise InputError for invalid names, parameters, examples or symmetries."""
         require_name(self.name)
         names = self.coordinates
         if not names or not all(isinstance(x, str) and x for x in names) or len(set(names)) < len(names):
@@ -121,7 +119,7 @@ class Lagrangian:
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """The one-parameter groups that leave L as it is but for a total derivative, for these parameters."""
+        """The one-parameter groups that leave L unchanged up to a total derivative, for these parameters."""
         return tuple(self.groups(self.parameters) if callable(self.groups) else self.groups)
 
     @cached_property
@@ -131,17 +129,17 @@ class Lagrangian:
 
     @property
     def tag(self) -> Tag:
-        """The compiled face."""
+        """The tag for compiled code."""
         return self.compiled.tag
 
     @property
     def traits(self) -> frozenset[str]:
-        """What methods may ask of it."""
+        """Properties that methods may require."""
         return self.compiled.traits
 
     @property
     def autonomous(self) -> bool:
-        """Whether L is free of t."""
+        """Whether L does not depend on t."""
         return TIME_DEPENDENT not in self.traits
 
     @property
@@ -151,7 +149,7 @@ class Lagrangian:
 
     @cached_property
     def parameter_vector(self) -> Array:
-        """The parameters as the kernels want them; never empty."""
+        """The parameter vector of the kernels; never empty."""
         return np.array([*self.parameters.values(), 0.0][: max(1, len(self.parameters))], dtype=np.float64)
 
     def with_parameters(self, **values: float) -> Lagrangian:
@@ -164,7 +162,7 @@ class Lagrangian:
         return replace(self, parameters={**self.parameters, **values}, compile=lambda: made)
 
     def value(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> float:
-        """Return L(q, v, t). Raises SingularityError where it is not finite."""
+        """Return L(q, v, t). Raises SingularityError if it is not finite."""
         from orbits.lagrangians.evaluation import value
 
         self._require_derivatives()
@@ -175,7 +173,7 @@ class Lagrangian:
         return result
 
     def gradients(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> tuple[Array, Array]:
-        """Return (dL/dq, dL/dv), each (d,). Raises SingularityError where they are not finite."""
+        """Return (dL/dq, dL/dv), each (d,). Raises SingularityError if they are not finite."""
         from orbits.lagrangians.evaluation import gradients
 
         self._require_derivatives()
@@ -189,7 +187,7 @@ class Lagrangian:
     def hessians(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> tuple[Array, Array, Array]:
         """Return (d2L/dq dq, d2L/dq dv, d2L/dv dv), each (d, d); rows of the mixed one belong to q.
 
-        Raises SingularityError where they are not finite.
+        Raises SingularityError if they are not finite.
         """
         from orbits.lagrangians.evaluation import hessians
 
@@ -213,12 +211,12 @@ class Lagrangian:
     def velocity(self, q: ArrayLike, p: ArrayLike, t: float = 0.0) -> Array:
         """Return v with dL/dv(q, v, t) = p, the inverse Legendre transform, (d,), by Newton's method.
 
-        Raises InputError where L is not regular at q: the matrix d2L/dv dv has no inverse.
+        Raises InputError if L is not regular at q: the matrix d2L/dv dv has no inverse.
         """
         x, target = self.vector(q, "q"), self.vector(p, "p")
         size = float(np.max(np.abs(target)))
         failure: InputError | None = None
-        # From rest, or, where L is not regular at rest, along the momentum.
+        # Start from rest or, if L is not regular at rest, along the momentum.
         for start in (np.zeros(self.dimension), target / size if size > 0.0 else target):
             try:
                 return self._velocity(x, target, t, start)
@@ -227,7 +225,7 @@ class Lagrangian:
         raise failure if failure is not None else InputError(f"'{self.name}': no velocity found")
 
     def _velocity(self, x: Array, target: Array, t: float, start: Array) -> Array:
-        """Newton's method, its steps halved while they leave the domain of L or make the residual larger."""
+        """Newton's method, with steps halved while they leave the domain of L or increase the residual."""
         v = start.copy()
         residual = target - self.momentum(x, v, t)
         previous = np.inf
@@ -264,7 +262,7 @@ class Lagrangian:
 
     def solve_mass(self, mass: Array, right: Array, q: Array) -> Array:
         """Return mass^-1 right; InputError, with the reason, if the mass matrix d2L/dv dv has no inverse."""
-        # Heavy and light bodies differ by their masses: all are brought to one size first.
+        # Masses of bodies differ widely: all rows and columns are scaled first.
         size = np.sqrt(np.max(np.abs(mass), axis=1))
         even = mass / np.where(size > 0.0, size, 1.0)[:, None] / np.where(size > 0.0, size, 1.0)[None, :]
         singular = np.linalg.svd(even, compute_uv=False)
@@ -277,7 +275,7 @@ class Lagrangian:
         return np.asarray(np.linalg.solve(mass, right), dtype=np.float64)
 
     def vector(self, x: ArrayLike, what: str) -> Array:
-        """Return x as a vector of d finite floats; InputError says what is wrong with it."""
+        """Return x as a vector of d finite floats. Raises InputError for anything else."""
         try:
             given = np.array(None) if hasattr(x, "unit") else np.asarray(x)
         except (TypeError, ValueError):
@@ -321,12 +319,12 @@ class Lagrangian:
 
 
 def require_name(name: Any) -> None:
-    """Raise InputError unless `name` can be a Lagrangian's."""
+    """Raise InputError unless `name` is a valid name of a Lagrangian."""
     if not isinstance(name, str) or not name.strip():
         raise InputError(f"a Lagrangian's name must be a word, got {shown(name)}")
 
 
 def show(x: Array) -> str:
-    """Return a vector or matrix for a message, no longer than a line."""
+    """Return a vector or matrix as text for a message, at most a line."""
     text = np.array2string(np.asarray(x), precision=6, threshold=12, separator=", ").replace("\n", "")
     return " ".join(text.split())

@@ -4,10 +4,10 @@
     A = (B0 / 2 + B2 (x^2 + y^2) / 4) (-y, x, 0),     B = curl A = (0, 0, B0 + B2 (x^2 + y^2))
     phi = E2 (2 z^2 - x^2 - y^2) / 2
 
-Depends on velocities linearly: an implicit method in canonical form serves it. Invariant under rotations about z; its
-canonical momentum p = m v + e A is not m v. Without the electric field (E2 = 0) it may be translated and boosted along
-z; in a uniform magnetic field (B2 = 0 too) a translation across it changes L by a total derivative: conserved are
-p_x - e B0 y/2 and p_y + e B0 x/2, which place the centre of the gyration.
+L is linear in the velocities in addition to m |v|^2 / 2: it needs an implicit method in canonical form. It is invariant
+under rotations about z; the canonical momentum is p = m v + e A, not m v. Without the electric field (E2 = 0) it is
+invariant under translations and boosts along z; if the magnetic field is also uniform (B2 = 0), a translation across it
+changes L by a total derivative: p_x - e B0 y/2 and p_y + e B0 x/2 are conserved, the centre of gyration.
 Parameters: mass m, charge e, the fields' B0, B2 and E2; any units in which e v B is a force.
 Source: Landau & Lifshitz, The Classical Theory of Fields, sec. 16, for slow motion.
 """
@@ -31,7 +31,7 @@ def _expression(q: Sequence[Any], v: Sequence[Any], t: Any, p: Any) -> Any:
 
 
 def _symmetries(parameters: Mapping[str, float]) -> tuple[Symmetry, ...]:
-    """Those that the fields leave; in a uniform magnetic field x -> x + s adds s e B0/2 dy/dt to L."""
+    """Return the remaining symmetries; in a uniform magnetic field x -> x + s adds s e B0/2 dy/dt to L."""
     x, y, z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
     found = [rotation(z, name="rotation about z")]
     if parameters["E2"] == 0.0:

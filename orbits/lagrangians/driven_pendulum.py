@@ -1,4 +1,4 @@
-"""Pendulum whose pivot is shaken up and down: it depends on time.
+"""Pendulum with a vertically oscillating pivot, which depends on time.
 
     L = v^2 / 2 + (g + a w^2 cos(w t)) cos q
 

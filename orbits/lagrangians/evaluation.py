@@ -1,6 +1,6 @@
-"""L and its derivatives at one point, for callers that are not compiled: its kernels, called from Python.
+"""L and its derivatives at one point, by calling its kernels from Python.
 
-A compiled function around them would double what compiling takes.
+A compiled function around them would double the compile time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from orbits.kernels.binding import SumTag, Tag, kernel_of
 
 Array = NDArray[float64]
 Parameters = Array | tuple[Array, ...]
-"""A vector; of a sum of terms one for each, Newton's first."""
+"""A vector; for a sum of terms, one for each, Newton's first."""
 
 
 def value(tag: Tag, parameters: Parameters, t: float, q: Array, v: Array) -> float:
@@ -37,7 +37,7 @@ def hessians(tag: Tag, parameters: Parameters, t: float, q: Array, v: Array, out
 
 
 def _kernels(tag: Tag, parameters: Parameters, name: str) -> Iterator[tuple[Any, tuple[Array, ...]]]:
-    """Yield kernels with their parameters: the first writes, those of a sum's other terms add to that."""
+    """Yield kernels with their parameters: the first writes, those of the other terms of a sum add."""
     terms = tag.terms if isinstance(tag, SumTag) else (tag,)
     strength, *vectors = parameters if isinstance(parameters, tuple) else (parameters,)
     yield kernel_of(terms[0].type, name), (strength,)

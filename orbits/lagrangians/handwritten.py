@@ -1,4 +1,4 @@
-"""Lagrangians from kernels that a user wrote by hand."""
+"""Lagrangians from handwritten kernels."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ def from_kernels(
     formula: str = "",
     source: str = "",
 ) -> Lagrangian:
-    """Return a Lagrangian from kernels written by hand, functions compiled with `orbits.kernel`.
+    """Return a Lagrangian from handwritten kernels, functions compiled with `orbits.kernel`.
 
     kernels : some of
         accelerate(parameters, q, out)           d2q/dt2 = g(q), for a separable Lagrangian with unit masses, or
-                                                 with masses that `gradients` tells
+                                                 with masses defined by `gradients`
         value(parameters, t, q, v)               L
         gradients(parameters, t, q, v, f, p)     dL/dq into f, dL/dv into p
         hessians(parameters, t, q, v, out)       d2L/dq dq, d2L/dq dv, d2L/dv dv, each d x d row by row
-    Read with get(q, k) and write with put(out, k, value) from `orbits.kernels.lanes`: a kernel serves vectors (d,)
-    and rows (d, 8), the stages of an implicit method in lanes.
-    `accelerate` makes it separable; the other three together serve the implicit methods in canonical form.
+    Read with get(q, k) and write with put(out, k, value) from `orbits.kernels.lanes`, so that a kernel works for
+    vectors (d,) and for rows (d, 8), the stages of an implicit method in lanes.
+    `accelerate` makes the Lagrangian separable; the other three together allow implicit methods in canonical form.
     Raises InputError for other names, and if neither set is complete.
     """
     if not isinstance(kernels, Mapping):
@@ -87,7 +87,7 @@ def from_kernels(
 
 
 def _digest(kernels: Mapping[str, Any]) -> str:
-    """A hash of all that compiled code would freeze; two Lagrangians of one name must never share kernels."""
+    """Return a hash of everything that compiled code freezes: two Lagrangians of one name must never share kernels."""
     digest = hashlib.sha256()
     seen: set[int] = set()
     for key, value in sorted(kernels.items()):
@@ -97,7 +97,7 @@ def _digest(kernels: Mapping[str, Any]) -> str:
 
 
 def _add(digest: Any, value: Any, seen: set[int]) -> None:
-    """Add a value; of a function its file, its code and what that code captures from around it."""
+    """Add a value; for a function, its file, its code and the values that it captures."""
     value = getattr(value, "py_func", value)
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
@@ -111,7 +111,7 @@ def _add(digest: Any, value: Any, seen: set[int]) -> None:
         if value.__module__.partition(".")[0] == __name__.partition(".")[0]:
             return  # a kernel of this package
         path = Path(inspect.getfile(value))
-        if path.is_file():  # not so for what was typed into a session
+        if path.is_file():  # not for code typed into a session
             digest.update(path.read_bytes())
         _add_code(digest, value.__code__)
         for name in value.__code__.co_names:

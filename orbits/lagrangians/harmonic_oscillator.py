@@ -2,7 +2,7 @@
 
     L = m v^2 / 2 - k q^2 / 2
 
-Parameters: mass m and stiffness k. Linear: methods converge faster on it than their order says.
+Parameters: mass m and stiffness k. Linear: methods may converge faster on it than their order.
 Source: Landau & Lifshitz, Mechanics, sec. 21.
 """
 

@@ -2,7 +2,7 @@
 
     L = |v|^2 / 2 - |q|^2 / 2 - k (x^2 y - y^3 / 3)
 
-With k = 1 chaotic motion spreads from energies of about 1/12 on; orbits escape above 1/6.
+With k = 1, chaotic motion spreads above energies of about 1/12; orbits escape above 1/6.
 Source: Hénon & Heiles (1964); Hairer, Lubich & Wanner (2006), sec. I.3.
 """
 

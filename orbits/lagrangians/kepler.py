@@ -2,7 +2,7 @@
 
     L = |v|^2 / 2 + GM / |q|
 
-Parameter: GM, in the units of length^3 / time^2 that q and t have. Per unit mass of the body that moves.
+Parameter: GM, in length^3 / time^2 in the units of q and t. L is per unit mass of the moving body.
 Source: Hairer, Lubich & Wanner (2006), sec. I.2.1.
 """
 

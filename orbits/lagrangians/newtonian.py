@@ -5,8 +5,8 @@
 A massless particle at x has its own Lagrangian per unit mass, |x'|^2 / 2 + sum_j G m_j / sqrt(|x - q_j(t)|^2 + eps^2),
 in which the massive bodies are given functions of time.
 
-Parameters: eps^2, then GM of each massive body. Any units in which GM is length^3 / time^2. What is multiplied by a
-mass (L, momenta, energy) is multiplied by GM instead, GM being what is known.
+Parameters: eps^2, then GM of each massive body. Any units in which GM is length^3 / time^2. Quantities
+proportional to masses (L, momenta, energy) are multiplied by G, as GM is what is known.
 Source: Hairer, Lubich & Wanner (2006), sec. I.2.4; Plummer (1911) for the softening eps.
 """
 
@@ -141,7 +141,7 @@ def symmetries(parameters: Mapping[str, float]) -> tuple[Symmetry, ...]:
     )
 
 
-# A star, an inner planet on an eccentric orbit and an outer one: nonlinear, not integrable, in no plane.
+# A star, an inner planet on an eccentric orbit and an outer one: nonlinear, not integrable, not coplanar.
 _GM = (1.0, 1e-2, 3e-3)
 _EXAMPLE = Motion(
     q=(0.0, 0.0, 0.0, 0.7, 0.1, 0.05, -1.5, 0.4, -0.2),
@@ -176,7 +176,7 @@ def n_body(gm: ArrayLike, softening: float = 0.0, terms: Sequence[Summand] = ())
     """Return the Lagrangian of n bodies with these GM, all > 0; coordinates x, y, z of each body in turn.
 
     gm : (n,), length^3 / time^2; softening : Plummer's eps, length
-    terms : what is added to kinetic energy and attraction, see `orbits.lagrangians.terms`
+    terms : terms added to kinetic energy and attraction, see `orbits.lagrangians.terms`
     Raises InputError for a GM that is not positive: a massless particle has a Lagrangian of its own.
     """
     values = np.atleast_1d(np.asarray(gm, dtype=np.float64))

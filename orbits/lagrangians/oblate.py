@@ -1,4 +1,4 @@
-"""A satellite of an oblate body: its field with the zonal harmonic J2.
+"""A satellite in the field of an oblate body, with the zonal harmonic J2.
 
     L = |v|^2 / 2 + GM / r (1 - J2 (R / r)^2 (3 z^2 / r^2 - 1) / 2)
 

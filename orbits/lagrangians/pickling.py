@@ -1,4 +1,4 @@
-"""Lagrangians of this package are pickled by name and parameters; a user's own have code that does not travel."""
+"""Lagrangians of this package are pickled by name and parameters; those of users have code that cannot be pickled."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from orbits.lagrangians.registered import registry
 
 
 def reduced(L: Lagrangian) -> tuple[Any, ...]:
-    """Return how pickle makes L again. Raises InputError for one that is not of this package."""
+    """Return the arguments by which pickle restores L. Raises InputError for one that is not of this package."""
     own = registry().get(L.name)
-    # Other values of the parameters leave these parts as they are; whoever makes another Lagrangian makes them anew.
+    # These parts are unchanged by other parameter values; another Lagrangian has other ones.
     parts = ("coordinates", "example", "groups")
     if own is None or any(getattr(L, part) is not getattr(own, part) for part in parts):
         raise InputError(

@@ -1,4 +1,4 @@
-"""The Lagrangians of this package by name, as the walk over its folder found them."""
+"""The registry of the Lagrangians of this package, by name."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""One-parameter groups of symmetries, their generators, and what they add to the Lagrangian.
+"""One-parameter groups of symmetries, their generators, and their gauge terms.
 
 A group acts on configurations by q -> flow(s, q), flow(0, q) = q; its generator is xi(q) = d/ds flow(s, q) at s = 0. If
-the group leaves L as it is but for a total derivative,
+the group leaves L unchanged up to a total derivative,
 
     d/ds L(flow(s, q), d/dt flow(s, q), t) = dK/dt  at s = 0,      K = K(q, t), the gauge term,
 
 Noether's theorem gives the conserved charge J = p . xi(q) - K(q, t). K = 0 is plain invariance: translations and
 rotations of a closed system. With K: boosts, whose xi depends on time, translations in uniform fields. If a discrete
-Lagrangian changes by K(q1, t1) - K(q0, t0), the discrete theorem keeps p_k . xi(q_k) - K(q_k, t_k), exactly.
+Lagrangian changes by K(q1, t1) - K(q0, t0), the discrete theorem conserves p_k . xi(q_k) - K(q_k, t_k) exactly.
 
 Source: Marsden & West (2001), sec. 1.2 and 1.3, for K = 0; Landau & Lifshitz, Mechanics, sec. 2, for total derivatives
 and sec. 4 and 8 for boosts.
@@ -30,7 +30,7 @@ from orbits.errors import InputError, shown
 Array = NDArray[np.float64]
 
 NODES = 12
-"""Of the quadrature of K along a flow, for each unit of the group's parameter: round-off for rotations by a radian."""
+"""Nodes of the quadrature of K along a flow per unit of the group's parameter: exact to round-off for a radian."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,13 @@ class Symmetry:
     """A one-parameter group that acts on the configurations of a mechanical system.
 
     name : for tables
-    flow : (s, q) -> q moved by the group, q a vector of shape (d,)
+    flow : (s, q) -> q moved by the group, where q has shape (d,)
     generator : q -> xi(q) of shape (d,), the derivative of `flow` at s = 0
-    gauge : q -> K(q), a number: L changes by s dK/dt to first order in s; None where L does not change
-    timed : whether the three depend on time: they take it as their last argument, flow(s, q, t), generator(q, t),
+    gauge : q -> K(q), a number: L changes by s dK/dt to first order in s; None if L does not change
+    timed : whether the three depend on time, as their last argument: flow(s, q, t), generator(q, t),
         gauge(q, t)
 
-    Raises InputError for what is no function of these arguments.
+    Raises InputError for objects that are not functions of these arguments.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Symmetry:
     timed: bool = False
 
     def __post_init__(self) -> None:
-        """Raise InputError for what is no function of the arguments that it is called with."""
+        """Raise InputError for objects that are not functions of these arguments."""
         time = ["t"] * self.timed
         for part, arguments in (("flow", ["s", "q", *time]), ("generator", ["q", *time]), ("gauge", ["q", *time])):
             function = getattr(self, part)
@@ -71,7 +71,7 @@ class Symmetry:
                     "symmetry that depends on time needs timed=True, and t as the last argument of all three."
                 ) from None
             except ValueError:
-                continue  # compiled elsewhere: its arguments are not told
+                continue  # compiled elsewhere: its arguments are unknown
 
     def moved(self, s: float, q: Array, t: float = 0.0) -> Array:
         """Return q moved by the group at the time t, (d,)."""
@@ -92,9 +92,9 @@ class Symmetry:
         return float(p @ self.xi(q, t)) - self.K(q, t)
 
     def charge_size(self, q: Array, p: Array, t: float = 0.0) -> float:
-        """Return the sum of the sizes of the charge's terms, of which its rounding is a part.
+        """Return the sum of the absolute values of the terms of the charge, the scale of its rounding errors.
 
-        K is one number, its terms are not known: each coordinate counts by how much K changes when it is doubled.
+        K is one number, and its terms are unknown: each coordinate contributes the change of K when it is doubled.
         """
         size = float(np.sum(np.abs(p * self.xi(q, t))))
         if self.gauge is None:
@@ -103,7 +103,7 @@ class Symmetry:
         return size + abs(here) + sum(abs(self.K(q + doubled, t) - here) for doubled in np.diag(q))
 
     def gained(self, s: float, q: Array, t: float = 0.0) -> float:
-        """Return K_s, with which the whole move by s changes L by dK_s/dt: K integrated along the flow from q."""
+        """Return K_s, the integral of K along the flow from q: the finite transformation by s changes L by dK_s/dt."""
         if self.gauge is None or s == 0.0:
             return 0.0
         pieces = math.ceil(abs(s))
@@ -112,9 +112,9 @@ class Symmetry:
         return s / pieces * math.fsum(np.tile(w, pieces) * [self.K(self.moved(u, q, t), t) for u in at])
 
     def defect(self, q: Array, t: float = 0.0) -> float:
-        """Return by how much `generator` misses the derivative of `flow` at q, relative to their size.
+        """Return the error of `generator` as the derivative of `flow` at q, relative to their size.
 
-        A central difference of eighth order: what is left of a correct pair is about 1e-12.
+        By a central difference of eighth order, with an error of about 1e-12.
         """
         q = np.asarray(q, dtype=np.float64)
         step = 0.01
@@ -126,7 +126,7 @@ class Symmetry:
 
 @cache
 def _quadrature() -> tuple[Array, Array]:
-    """Return nodes and weights of Gauss's quadrature on [0, 1]."""
+    """Return nodes and weights of Gauss quadrature on [0, 1]."""
     x, w = np.polynomial.legendre.leggauss(NODES)
     return (1.0 + x) / 2.0, w / 2.0
 
@@ -142,7 +142,7 @@ def translation(
     """Return the translation q -> q + s u by one vector u, repeated for each of `copies` bodies.
 
     direction : (k,), not zero; the configuration is a vector of copies * k coordinates, body after body
-    gauge, timed : as for `Symmetry`; K(q) = e B y/2 along x in a uniform magnetic field, say
+    gauge, timed : as for `Symmetry`; for example K(q) = e B y/2 along x in a uniform magnetic field
     """
     u = np.tile(checks.direction(direction, "a translation"), copies)
 
@@ -159,7 +159,7 @@ def translation(
 def boost(direction: ArrayLike, masses: ArrayLike = 1.0, *, name: str = "boost") -> Symmetry:
     """Return the Galilean boost q -> q + s u t of all bodies, with the gauge term K = sum m q . u.
 
-    direction : (k,), not zero; masses : of the bodies, a number or (n,)
+    direction : (k,), not zero; masses : those of the bodies, a number or (n,)
     The configuration is a vector of n * k coordinates, body after body. The charge is -(sum m q - P t) . u: the centre
     of mass moves uniformly.
     """

@@ -1,4 +1,4 @@
-"""Which passages of a run spoilt the rest of it."""
+"""Judgement of the passages of a run: those that spoilt the rest of it."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 LEAST_SHARE = 1e-3
-"""Share of a noticeable error below which not even a thousand passages of a pair are noticed together."""
+"""Fraction of a noticeable error below which even a thousand passages of a pair have no noticeable effect together."""
 
 MOST_JUDGED = 300
-"""Passages that are marched one by one after a run, half a second in all; of more, those that may be the worst."""
+"""The most passages that are marched one by one after a run, in half a second; if there are more, the worst ones."""
 
 SHOWN = 5
-"""Pairs that a warning names."""
+"""The most pairs named in a warning."""
 
 FEW_STEPS = 20_000
-"""Steps that may be marched again to say in a warning where a passage was, as exactly as the orbit is known."""
+"""The most steps that are marched again to state a passage in a warning to the accuracy of the orbit."""
 
 
 def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
@@ -40,7 +40,7 @@ def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
 
 
 def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
-    if run.clock.changes:  # steps that resolve what is in them
+    if run.clock.changes:  # such steps resolve all passages
         return None
     passage, end = seen.passages[k], _end(run, seen)
     pair = passage.pair(run.system, seen.dominant)
@@ -48,10 +48,10 @@ def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
 
 
 def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
-    """Return the numbers of the passages that spoil the rest of a run, with the error at its end, worst first: each
-    that does so by itself, and those of a pair that do so together.
+    """Return the numbers of the passages that spoil the rest of a run, with the error at its end, worst first: those
+    that spoil it individually, and those of a pair that do so together.
 
-    Those are judged whose states are known; at most so many, those that may be the worst.
+    Only passages with known states are judged; at most `most`, those that may be the worst.
     """
     if run.clock.changes:
         return []
@@ -72,7 +72,7 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
 
 
 def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
-    """Whether a passage alone spoils a run; without a primary, whether it turned by a wrong angle."""
+    """Return whether a single passage spoils a run; without a primary, whether its deflection is wrong."""
     if math.isfinite(caused.usual):
         return caused.spoils
     pair = seen.passages[k].pair(run.system, seen.dominant)
@@ -86,7 +86,7 @@ def _pair_of(seen: Seen, k: int) -> frozenset[int]:
 
 
 def warn_of(run: Trajectory, seen: Seen) -> None:
-    """Warn, with `StepWarning`, of passages that spoilt a run, and name the step that would have resolved them."""
+    """Warn, with `StepWarning`, about passages that spoilt a run, and name the step that would have resolved them."""
     found = spoiling(run, seen, MOST_JUDGED)
     if not found:
         return
@@ -112,7 +112,7 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     these = "it" if len(found) == 1 else "those named"
     remedy = f"With dt <= {with_unit(enough, unit, 2)} {these} would have been resolved"
     if not enough:
-        remedy = "No step that is practical resolves them with this method: use one of higher order, or a softening"
+        remedy = "No practical step resolves them with this method: use one of higher order, or softening"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
@@ -124,7 +124,7 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
 
 
 def warn_of_retired(run: Trajectory) -> None:
-    """Warn, with `RetiredWarning`, of the particles that a run went on without."""
+    """Warn, with `RetiredWarning`, about the particles that were retired in a run."""
     retired, unit = run.retired, run.system.units.time
     first = sorted(retired, key=lambda particle: particle.step)[:SHOWN]
     hidden = len(retired) - len(first)
@@ -132,8 +132,8 @@ def warn_of_retired(run: Trajectory) -> None:
     who = f"{len(retired):,} massless particle{'s' * (len(retired) > 1)}"
     warnings.warn(
         f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} could not step {who} any further, and "
-        "the run went on without: their q and v are NaN from then on, and run[k] leaves them out. All others are as "
-        "they would be without them.\n" + "\n".join(f"  {particle}." for particle in first) + f"{more}\n"
+        "the run went on without: their q and v are NaN from then on, and run[k] leaves them out. All others are the "
+        "same as without them.\n" + "\n".join(f"  {particle}." for particle in first) + f"{more}\n"
         "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening.",
         RetiredWarning,
         stacklevel=level_of_caller(),
@@ -141,13 +141,13 @@ def warn_of_retired(run: Trajectory) -> None:
 
 
 def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
-    """Whether marching to a passage once more takes no time."""
+    """Return whether marching to a passage again takes little time."""
     before = run.times[np.abs(run.times) <= abs(run.clock.time(passage.step))]
     return passage.step - (abs(float(before[-1]) / run.step) if len(before) else 0.0) <= FEW_STEPS
 
 
 def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
-    """Return a bound for the error at the end of the run that a passage causes; 0 for one that cannot spoil it."""
+    """Return a bound of the error at the end of the run caused by a passage; 0 for one that cannot spoil it."""
     pair = passage.pair(run.system, seen.dominant)
     if pair is None:
         return 0.0
@@ -164,6 +164,6 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
 
 
 def _end(run: Trajectory, seen: Seen) -> float:
-    """Return the time at which a run ended: that of its last sample or, where it was stopped, of its last step."""
+    """Return the time at which a run ended: that of its last sample or, if it was stopped, of its last step."""
     last = float(run.times[-1]) if len(run.times) else 0.0
     return max(last, float(run.clock.time(seen.end)), key=abs)

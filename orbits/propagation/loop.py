@@ -1,4 +1,4 @@
-"""The loop of a run from sample to sample, with all the ways in which it ends."""
+"""The loop of a run from sample to sample, and all the ways in which it can end."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Callback = Callable[[u.Quantity, System], object]
 
 @dataclass
 class RunEnds:
-    """What may end a run early, and what did."""
+    """The conditions that may end a run early, and the one that did."""
 
     conditions: Conditions
     callback: Callback | None
@@ -45,7 +45,7 @@ class RunEnds:
     begun: float = 0.0
 
     def ended(self, system: System, marcher: Marcher) -> bool:
-        """Note whether a condition holds that ends the run."""
+        """Return whether a condition that ends the run holds, and note it."""
         found = None if marcher.met is None else self.conditions.met(*marcher.met)
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is not None:
@@ -55,7 +55,7 @@ class RunEnds:
     def note(
         self, system: System, now: float, state: tuple[Array, Array], reason: str, condition: Condition | None
     ) -> None:
-        """Keep the reason, the time and the state, q and v, (bodies, 3)."""
+        """Record the reason, the time and the state: q and v, (bodies, 3)."""
         at = _moved(system, now, *state)
         t = u.Quantity(now, system.units.time)
         self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
@@ -72,7 +72,7 @@ def march(
     watch: RunEnds,
     accounts: Array,
 ) -> Trajectory:
-    """March from sample `first` to the last one; every way out leaves the archive closed and readable.
+    """March from sample `first` to the last one; however it ends, the archive is left closed and readable.
 
     accounts : see `SampleStore`
     begin : opens the archive to write to, if there is one
@@ -81,7 +81,7 @@ def march(
     failure: IntegrationError | StorageError | None = None
     writer: ArchiveWriter | None = None
     try:
-        # A signal is noted before there is a file, so that none is left behind without a word of how to go on.
+        # Signals are caught before there is a file, so that no file is left without a message on how to go on.
         with StopRequest() as stop:
             writer = begin()
             marcher.compile()
@@ -109,7 +109,7 @@ def march(
         try:
             trajectory = _result(system, integrator, grid, store, writer, statistics)
         except OrbitsError as error:
-            # From a device that has failed, what was committed can perhaps not be read either.
+            # If the device has failed, the committed samples may not be readable either.
             raise failure or error from None
     except BaseException:
         if writer is not None:
@@ -128,7 +128,7 @@ def march(
                 judgement.warn_of(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
-    except (RetiredWarning, StepWarning) as warning:  # an error by the filters that are set: the run is not lost by it
+    except (RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost
         warning.trajectory = trajectory
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise
@@ -150,7 +150,7 @@ def march(
 
 
 def _was_stopped(stop: StopRequest, trajectory: Trajectory, watch: RunEnds) -> bool:
-    """Whether a signal ended a run before its end."""
+    """Return whether a signal ended a run early."""
     return bool(stop.name) and not trajectory.complete and watch.stopped is None
 
 
@@ -163,7 +163,7 @@ def _result(
     statistics: Statistics,
 ) -> Trajectory:
     if writer is not None:
-        # Through the file that was written, whatever its path leads to by now.
+        # From the file that was written, even if its path now refers to another one.
         path = str(writer.path) if writer.in_place else None
         return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
     q, v, accounts = store.arrays()
@@ -191,7 +191,7 @@ def _sample(
     stop: StopRequest,
     watch: RunEnds,
 ) -> None:
-    """Visit every sample from `first` on, or as many as there are before a stop is asked for."""
+    """Visit every sample from `first` on, until a stop is requested."""
     watch.begun = time.perf_counter()
     for index in range(first, len(grid)):
         if stop.name:

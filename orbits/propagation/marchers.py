@@ -1,4 +1,4 @@
-"""From a `System` to a bound `Marcher`, and what a run's bits depend on."""
+"""Marchers made from systems, their restoration from checkpoints, and the provenance of the bits of a run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PASSAGES = frozenset({"passages", "passage_counts"})
 
 
 RETIRED = frozenset({"retired"})
-"""The array of a checkpoint that lists the particles that were given up."""
+"""The array of a checkpoint that lists the retired particles."""
 
 
 def bound(
@@ -46,12 +46,12 @@ def bound(
     state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     start: float = 0.0,
 ) -> Marcher:
-    """Return `system` bound to `integrator` with a clock, massive bodies and massless particles told apart.
+    """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
-    state : q and v, (n, 3) floats, where the march begins elsewhere than where the system is
+    state : q and v, (n, 3) floats, if the march begins in another state than that of the system
     start : the time since the epoch at which it begins
 
-    Raises InputError if the integrator cannot take what acts in the system.
+    Raises InputError if the integrator does not support the terms and forces of the system.
     """
     integrator = named(integrator)
     threads = available_threads() if threads is None else whole_number(threads, "threads, if given,")
@@ -78,10 +78,10 @@ def march_of(
     acting: Model | None = None,
     **options: Any,
 ) -> Marcher:
-    """Return bodies bound to a method that can serve them, with a clock or a step, so that a massless particle that
-    cannot be stepped is retired alone; the options are those of `Marcher`.
+    """Return bodies bound to a method and a clock or a step, with `retire` set: a massless particle that cannot be
+    stepped is retired alone. The options are those of `Marcher`.
 
-    acting : what acts on these bodies, as of `orbits.system.model.model`; None stands for Newton's gravity alone
+    acting : the model of these bodies, from `orbits.system.model.model`; None for Newton's gravity alone
     """
     gm, q, v, softening = bodies
     massive = bodies.massive
@@ -90,13 +90,13 @@ def march_of(
 
 
 def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
-    """Take a marcher of the run in the archive at `path` to its checkpoint.
+    """Restore the checkpoint of the archive at `path` in a marcher of its run.
 
-    Raises ArchiveError where the checkpoint is not one of this run.
+    Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name != ACCOUNTS}
-    for later in (PASSAGES, RETIRED):  # of which a run of an earlier version has none
+    for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:
             expected = {name: kind for name, kind in expected.items() if name not in later}
     wrong = [name for name in sorted(expected.keys() | found.keys()) if expected.get(name) != found.get(name)]
@@ -114,7 +114,7 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
 
 
 def provenance() -> dict[str, str]:
-    """Return the versions and the processor that a run's bits come from."""
+    """Return the versions and the processor on which the bits of a run depend."""
     import h5py
     import llvmlite
     import numba
@@ -134,7 +134,7 @@ def provenance() -> dict[str, str]:
 
 
 def differences(recorded: Any) -> list[str]:
-    """Return what has changed since `recorded` was written that the bits depend on, in words."""
+    """Return descriptions of the changes since `recorded` was written that affect the bits."""
     now = provenance()
     found = []
     for key in BITS_DEPEND_ON:

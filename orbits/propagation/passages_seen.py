@@ -1,4 +1,4 @@
-"""The passages that a run went through: what its marcher recorded, in the order of the system's bodies."""
+"""The passages recorded by the marcher of a run, with the bodies numbered as in the system."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SAME = 1.5
-"""Steps by which two records of one passage may differ."""
+"""The number of steps by which two records of one passage may differ."""
 
 
 class Record(NamedTuple):
-    """What a marcher saw: `closest` (4, 2, rows) and `listed` (n, columns), see `orbits.kernels.encounters`; how many
-    passages more there were; the body that dominates the system, in the kernels' rows, or -1; how close to each
-    massive body flybys are listed; and what the clock read then.
+    """The record of a marcher: `closest` (4, 2, rows) and `listed` (n, columns), see `orbits.kernels.encounters`; the
+    number of passages left out; the row, in the kernels' order, of the body that dominates the system, or -1; the
+    distance from each massive body within which flybys are listed; and the reading of the clock.
     """
 
     closest: Array
@@ -44,8 +44,8 @@ class Record(NamedTuple):
 
     @classmethod
     def of(cls, marcher: Marcher, end: float) -> Record:
-        """Return what a marcher has seen up to now, and what happens from there to the end of the run, less than a step
-        later.
+        """Return the record of a marcher so far, including the rest of the run up to its end, which is less than a
+        step.
         """
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
         if marcher.clock.changes:
@@ -77,9 +77,9 @@ class Record(NamedTuple):
 class Passage:
     """One passage of a body by another one, numbered as in the system; floats in its units.
 
-    step : what the clock reads where the states are, at the beginning of a step; steps : at the pericentre
+    step : reading of the clock at the time of the states, the beginning of a step; steps : reading at the pericentre
     distance, speed : at the pericentre
-    state : (6,), position and velocity relative to the other, or None where they are not known
+    state : (6,), position and velocity relative to the other body, or None if they are not known
     about : (6,), relative to the dominant body; zeros without one
     """
 
@@ -93,7 +93,7 @@ class Passage:
     about: Array | None = None
 
     def pair(self, system: System, dominant: int) -> Pair | None:
-        """Return the lighter body and the other for `passage_effect`; None where the states are not known.
+        """Return the lighter body and the other for `passage_effect`; None if the states are not known.
 
         dominant : number of the body that dominates the system, or -1
         """
@@ -119,14 +119,14 @@ class Passage:
 
 
 class Seen:
-    """All passages of a run that are known: those that were listed, and the closest approach of each body.
+    """All known passages of a run: the listed ones, and the closest approach of each body.
 
-    passages : numbered from 0; errors : what is known of the error at the end that they cause; refined : the numbers of
-        those that are as good as the orbit
+    passages : numbered from 0; errors : the errors at the end of the run that they cause, if known; refined : the
+        numbers of those refined to the accuracy of the orbit
     dominant : number of the body that dominates the system, or -1
-    reach : (bodies,), how close to each body flybys are listed; end : what the clock read at the end of the run
-    closest : (bodies, 2) numbers of passages, -1 where there is none: the closest to the dominant body, and to another
-    flybys : numbers of the passages that are listed, and of the closest approaches but to the dominant body
+    reach : (bodies,), distance within which flybys are listed; end : reading of the clock at the end of the run
+    closest : (bodies, 2) numbers of passages, -1 for none: the closest to the dominant body, and to any other body
+    flybys : numbers of the listed passages, and of the closest approaches to bodies other than the dominant one
     """
 
     def __init__(self, system: System, record: Record, clock: Clock) -> None:
@@ -148,7 +148,7 @@ class Seen:
 
     @classmethod
     def by(cls, trajectory: Trajectory, record: Record | None) -> Seen:
-        """Return what a run saw; of one in an archive without `record`, what its last checkpoint holds."""
+        """Return the passages of a run; without `record`, those in the last checkpoint of its archive."""
         if record is None:
             assert trajectory.archive is not None
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1)
@@ -163,7 +163,7 @@ class Seen:
 
     @cached_property
     def flybys(self) -> list[int]:
-        """Numbers of the passages by others than the dominant body, in the order in which they are known."""
+        """Numbers of the passages by bodies other than the dominant one, in order of discovery."""
         return [k for k, passage in enumerate(self.passages) if self.dominant not in (passage.body, passage.other)]
 
     def _listed(self, row: Array) -> Passage:
@@ -180,7 +180,7 @@ class Seen:
         )
 
     def _number_of(self, entry: Array, body: int) -> int:
-        """Return the number of a closest approach, which is listed or is now."""
+        """Return the number of a closest approach, which is added to the list if needed."""
         other, steps = int(self._order[int(entry[PARTNER])]), float(entry[TIME])
         key = (min(body, other), max(body, other))
         same = 0.0 if self._clock.changes else SAME
@@ -189,7 +189,7 @@ class Seen:
                 return k
         distance, speed = math.sqrt(entry[DISTANCE2]), math.sqrt(entry[SPEED2])
         begin: float = math.floor(steps)
-        if self._clock.changes:  # no step is known there: half the time that the passage takes
+        if self._clock.changes:  # the step there is unknown: half the duration of the passage
             way = 0.5 * distance / speed if speed > 0.0 else 0.0
             begin = steps - self._clock.direction * min(way, abs(steps))
         self.passages.append(Passage(body, other, begin, steps, distance, speed))
@@ -205,5 +205,5 @@ class Seen:
         return numbers
 
     def gm(self, passage: Passage) -> float:
-        """Return GM of the two bodies of a passage together."""
+        """Return the total GM of the two bodies of a passage."""
         return float(self._gm[passage.body] + self._gm[passage.other])

@@ -31,7 +31,7 @@ PRECISION = 1e-13
 ROUNDS = 60
 
 WIDER = 2.0
-"""How many times as far as where a passage may be it is looked for, where steps differ."""
+"""The factor by which the search interval is wider than the estimated error of a passage's time, if steps differ."""
 
 
 def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
@@ -79,7 +79,7 @@ class _Walk:
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(self._clock.h - rest), at)
 
     def to(self, step: float) -> None:
-        """March on to the beginning of a step, as the clock reads it, which must not lie behind."""
+        """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
         if self._clock.changes:
             self.step = step
             self.marcher.advance_to(Place(0, step - self._begun))

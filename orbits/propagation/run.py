@@ -1,4 +1,4 @@
-"""`propagate` and `resume`: what a caller gives is read here, once, and a run is marched."""
+"""`propagate` and `resume`: they read the arguments once, and march a run."""
 
 from __future__ import annotations
 
@@ -49,40 +49,40 @@ def propagate(
 ) -> Trajectory:
     """Propagate `system` and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
 
-        run = orbits.propagate(system, duration=100 * u.yr)  # steps chosen as it goes
-        run = orbits.propagate(system, "gauss", dt=6 * u.day, duration="100 yr")  # steps of one length, symplectic
+        run = orbits.propagate(system, duration=100 * u.yr)  # steps chosen one by one
+        run = orbits.propagate(system, "gauss", dt=6 * u.day, duration="100 yr")  # constant steps, symplectic
 
     system : a `System`; bodies with GM = 0 are massless particles in the field of the others
-    integrator : e.g. `Gauss(stages=8)`, the one taken where none is given, or its name as on the command line: "gauss",
+    integrator : a method such as `Gauss(stages=8)`, the default, or its name as on the command line: "gauss",
         "gauss(stages=4)"
-    dt : None chooses each step as it comes, to the last digit and through encounters, as `orbits.Adaptive()` does, for
-        massive bodies and Gauss; or the length of a step, a quantity or a number in the system's time unit, or a text:
-        "6 d", or "P/20" for a fraction of the shortest orbital period; rounded to 24 significant bits (`run.dt` is the
-        step used). Its sign does not matter
-    duration : how far to go, a quantity, a number or a text ("10 yr"); negative for backwards in time
-    until : instead, the end: a date (a Time, "2030-01-01", a datetime64; TDB where no scale is said), or a time since
+    dt : None or `orbits.Adaptive()` chooses steps one by one, also through encounters, with errors at the level of
+        round-off, for massive bodies and Gauss. Or the length of a step: a quantity, a number in the system's time
+        unit, or a text such as "6 d", or "P/20" for a fraction of the shortest orbital period; it is rounded to 24
+        significant bits (`run.dt` is the step used), and its sign does not matter
+    duration : the length of the run: a quantity, a number or a text ("10 yr"); negative for backwards in time
+    until : instead, its end: a date (a Time, "2030-01-01", a datetime64; TDB if no scale is given), or a time since
         the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
-    samples : a count that includes both ends, or times in a row, each as `until` takes it; off the grid of steps a
-        sample is a partial step on a copy, so that sampling never changes the run
+    samples : a number of samples, including both ends, or a sequence of times in the formats of `until`; a sample off
+        the grid of steps is computed by a partial step on a copy, so that samples never change the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
     overwrite : whether an existing archive may be replaced
-    certificate : True measures what the integrator declares on this system with this step before the run, as
-        `orbits.certify` does, and stores it in the archive; or a certificate that is there already
-    stop : conditions that end the run early, such as `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, one or a
-        list; `run.stopped` then says which one and holds the state. An archive can be resumed past it.
+    certificate : True certifies the integrator on this system with this step before the run, as `orbits.certify`
+        does, and stores the certificate in the archive; or an existing certificate
+    stop : a condition that ends the run early, such as `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, or a list
+        of them; `run.stopped` then has the condition and the state. An archive can be resumed past it.
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run
-    check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage that is ahead, and
-        after it of close passages that the step could not resolve (see `run.closest_approaches()`)
-    progress : None or True draws a bar on a terminal, False never
-    threads : for massless particles and thousands of bodies; None takes all processors. The result does not depend on
-        it, to the last bit.
+    check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
+        about close passages that the step did not resolve (see `run.closest_approaches()`)
+    progress : None or True shows a progress bar on a terminal, False does not
+    threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
+        the result do not depend on it
 
-    Raises InputError for what cannot be run, UnknownNameError for an argument that there is not, with what is there in
-    the place of those of other packages; ConvergenceError or SingularityError for a step of the massive bodies that
-    fails (a massless particle is retired alone, see `run.retired`, with a `RetiredWarning`), StorageError when
-    writing fails or the archive is deleted or replaced meanwhile, Interrupted (a KeyboardInterrupt) after Ctrl-C,
-    SIGTERM or SIGHUP; all but the first two with the samples so far as `.trajectory`.
+    Raises InputError for invalid arguments; UnknownNameError for unknown ones, which for arguments of other packages
+    names the equivalent; ConvergenceError or SingularityError if a step of the massive bodies fails (a massless
+    particle is retired alone, see `run.retired`, with a `RetiredWarning`); StorageError if writing fails or the archive
+    is deleted or replaced during the run; Interrupted (a KeyboardInterrupt) after Ctrl-C, SIGTERM or SIGHUP. All except
+    the first two have the samples so far as `.trajectory`.
     """
     for name in others:
         raise unknown_argument(propagate, name)
@@ -118,7 +118,7 @@ def propagated(
     progress: bool | None = None,
     threads: int | None = None,
 ) -> Trajectory:
-    """Propagate `system` on a grid of steps and samples that was made before; otherwise as `propagate`."""
+    """Propagate `system` on an existing grid of steps and samples; otherwise as `propagate`."""
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_choice(progress, "progress")
@@ -137,9 +137,9 @@ def propagated(
     from orbits.certificate import Certificate, certify
 
     if not isinstance(certificate, bool | Certificate | None):
-        raise InputError(f"certificate is a {type(certificate).__name__}; expected True or what orbits.certify returns")
+        raise InputError(f"certificate is a {type(certificate).__name__}; expected True or a result of orbits.certify")
     if certificate is True and grid.clock.changes:
-        raise InputError("a certificate is of steps of one length: give dt=..., or leave the certificate away")
+        raise InputError("a certificate needs steps of one length: give dt=..., or omit the certificate")
     measured = certify(system, integrator, grid.h) if certificate is True else certificate
 
     replace = checked_flag(overwrite, "overwrite")
@@ -160,12 +160,12 @@ def propagated(
 
 
 def _refuse_endless(system: System, grid: TimeGrid) -> None:
-    """Refuse a run of more steps than numbers can count, by the dynamical time at its start."""
+    """Refuse a run of too many steps, estimated by the dynamical time at its start."""
     steps = abs(grid.end) / dynamical_time(system)
     if steps > MOST_STEPS:
         raise InputError(
-            f"duration is {grid.end:g} {system.units.time}, about {steps:.1g} times the time in which bodies move; at "
-            "most 2^53 steps are possible. Use a shorter duration."
+            f"duration is {grid.end:g} {system.units.time}, about {steps:.1g} times the dynamical time of the bodies; "
+            "at most 2^53 steps are possible. Use a shorter duration."
         )
 
 
@@ -177,13 +177,13 @@ def resume(
     threads: int | None = None,
     same_bits: bool = True,
 ) -> Trajectory:
-    """Go on with the run in an archive, bit for bit as if it had never stopped.
+    """Continue the run in an archive, bit for bit as if it had never stopped.
 
     path : an archive written by `propagate`
-    until : for a finished run, the date or the time since the epoch to extend it to, as `propagate` takes it, sampled
-        as densely as before; None completes an interrupted run
-    same_bits : refuse when processor, Numba or the kernels have changed since, because the last bits then may; False
-        goes on all the same
+    until : for a finished run, the date or the time since the epoch to which it is extended, as in `propagate`, with
+        samples as dense as before; None completes an interrupted run
+    same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change;
+        False resumes anyway
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
@@ -191,7 +191,7 @@ def resume(
     from orbits.trajectory.archived import made_by
 
     progress = checked_choice(progress, "progress")
-    # All that follows is read behind the lock: a second resume cannot add to the file after this one has looked.
+    # Everything below is read under the lock: no second resume can add to the file after this one has read it.
     old = Archive.claim(path)
     try:
         system = old.system
@@ -220,7 +220,7 @@ def resume(
         now, before = checkpoint_of(marcher, accounts), old.checkpoint()
         if until is None and now.keys() == before.keys():
             return ArchiveWriter.going_on(old)
-        # There are more samples, or an earlier version left no room for the list of retired particles.
+        # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
     watch = RunEnds(Conditions(system, ()), None, True)
@@ -228,7 +228,7 @@ def resume(
 
 
 def _check_place(marcher: Marcher, grid: TimeGrid, committed: int, path: Path) -> None:
-    """Refuse a checkpoint that does not lie between the last sample that is there and the next one."""
+    """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
     if grid.clock.changes:
         following = float(grid.times[committed])
         if not (following - marcher.time) * grid.direction >= 0.0:

@@ -28,7 +28,7 @@ FIRST_COMMIT_SECONDS = 0.25
 """Time from the start of a run into an archive to its first commit."""
 
 ACCOUNTS = "accounts"
-"""The array of a checkpoint that holds what forces did up to each sample."""
+"""The array of a checkpoint with the time integrals of the forces up to each sample."""
 
 COMMIT_SHARE = 0.25
 """Commits become rarer during a run, up to `COMMIT_SECONDS`: a failing machine loses this share of the computation."""
@@ -38,8 +38,8 @@ class SampleStore:
     """Collects samples and passes them to an archive chunk by chunk, or keeps them all if there is none.
 
     bodies : number of bodies in each sample; room : number of samples to expect
-    accounts : (samples, forces, 7), what forces did up to each sample of the run, known up to the next sample; by
-        default there are no forces
+    accounts : (samples, forces, 7), work, torque and impulse of forces up to each sample of the run, known up to the
+        next sample; by default there are no forces
     """
 
     def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array | None = None) -> None:
@@ -73,7 +73,7 @@ class SampleStore:
         return time.perf_counter() - self._committed_at > pause
 
     def note(self, accounts: Array) -> None:
-        """Take what forces did up to the sample that comes next, (forces, 7)."""
+        """Store the time integrals of the forces up to the next sample, (forces, 7)."""
         self._accounts[self._next] = accounts
 
     def add(self, q: Array, v: Array) -> None:
@@ -95,19 +95,19 @@ class SampleStore:
 
 
 def checkpoint_of(marcher: Marcher, accounts: Array) -> dict[str, NDArray[np.generic]]:
-    """Return the state to go on from, with what forces did up to each sample where there are some."""
+    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample."""
     return {**marcher.checkpoint(), **({ACCOUNTS: accounts.copy()} if accounts.size else {})}
 
 
 def no_accounts(samples: int, forces: int) -> Array:
-    """Return room for what so many forces did up to each sample, zeros."""
+    """Return zeros, (samples, forces, 7), for the time integrals of the forces up to each sample."""
     return np.zeros((samples, forces, FIGURES))
 
 
 def accounts_in(archive: Archive, samples: int, forces: int) -> Array:
-    """Return what forces did up to each committed sample of an archive, with room for all samples.
+    """Return the time integrals of the forces up to each committed sample of an archive, with room for all samples.
 
-    Raises ArchiveError where its checkpoint does not tell.
+    Raises ArchiveError if its checkpoint does not have them.
     """
     out = no_accounts(samples, forces)
     if forces:

@@ -1,6 +1,6 @@
-"""What acts in a system besides Newton's gravity: its terms and forces, and the Lagrangian that they make.
+"""The terms and forces of a system besides Newton's gravity, and its Lagrangian.
 
-What has kernels is imported where it is needed: making a system without terms does not load Numba.
+Modules with kernels are imported where they are needed: making a system without terms does not load Numba.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ENERGY, MOMENTUM, ANGULAR_MOMENTUM = 0, 1, 2
-"""Which of the charges of a system `whole` completes."""
+"""The charges of a system that `whole` completes."""
 
 
 class Modelled:
-    """What `System` has for terms and forces."""
+    """The part of `System` for terms and forces."""
 
     __slots__ = ()
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """What is added to Newton's Lagrangian, in the units of the system."""
+        """The terms added to Newton's Lagrangian, in the units of the system."""
         return cast("tuple[Term, ...]", cast(Any, self)._terms)
 
     @property
@@ -46,19 +46,19 @@ class Modelled:
         return cast("tuple[Force, ...]", cast(Any, self)._forces)
 
     def with_terms(self, *terms: Term) -> Self:
-        """Return this system with more terms in its Lagrangian; `replaced(terms=())` takes them away.
+        """Return this system with more terms in its Lagrangian; `replaced(terms=())` removes them.
 
             pole = (286.13, 63.87) * u.deg
             system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=pole))
 
-        Raises InputError, naming the term, for what is none, numbers or units that cannot be, a body without mass, and
-        a second term of one kind for one body; UnknownNameError for a body that there is not.
+        Raises InputError, naming the term, for objects that are not terms, invalid numbers or units, a body without
+        mass, and a second term of one kind for one body; UnknownNameError for an unknown body.
         """
         system: Any = self
         return cast(Self, system.replaced(terms=(*self.terms, *terms)))
 
     def with_forces(self, *forces: Force) -> Self:
-        """Return this system with more forces that have no Lagrangian; `replaced(forces=())` takes them away.
+        """Return this system with more forces that have no Lagrangian; `replaced(forces=())` removes them.
 
             system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
 
@@ -68,7 +68,7 @@ class Modelled:
         return cast(Self, system.replaced(forces=(*self.forces, *forces)))
 
     def _acting(self) -> str:
-        """The end of the line that a system shows: what acts besides Newton's gravity."""
+        """The end of the representation of a system: its terms and forces."""
         words = [f"{type(term).__name__} of {term.body}" for term in self.terms]
         words += [f"{type(f).__name__} on {'all' if f.bodies is None else few(f.bodies, 3)}" for f in self.forces]
         return f"; with {', '.join(words)}" if words else ""
@@ -90,7 +90,7 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
             )
         if any(type(other) is type(term) and other.body == names[i] for other in found):
             raise InputError(
-                f"{names[i]!r} has two terms {kind}; expected one. Take the first away: system.replaced(terms=())."
+                f"{names[i]!r} has two terms {kind}; expected one. Remove the first: system.replaced(terms=())."
             )
         found.append(replace(term, body=names[i]).in_units(units))
     return tuple(found)
@@ -124,7 +124,7 @@ def _each(given: Any, kind: type, expected: str, what: str) -> Sequence[Any]:
 
 
 def together(one: System, other: System) -> dict[str, Any]:
-    """Return the terms and forces of two systems as those of one; what both have is there once."""
+    """Return the combined terms and forces of two systems, without duplicates."""
     terms, forces = ((*mine, *(x for x in theirs if x not in mine)) for mine, theirs in _pairs(one, other))
     return {"terms": terms, "forces": forces}
 
@@ -134,7 +134,7 @@ def _pairs(one: System, other: System) -> tuple[tuple[Sequence[Any], Sequence[An
 
 
 def lagrangian_of(system: System) -> Lagrangian:
-    """Return the Lagrangian of the massive bodies of a system; coordinates x, y, z of each in turn, L times G."""
+    """Return G times the Lagrangian of the massive bodies of a system; coordinates are x, y, z of each in turn."""
     from orbits.lagrangians.newtonian import n_body
 
     values, massive = system.values, system.massive
@@ -144,10 +144,10 @@ def lagrangian_of(system: System) -> Lagrangian:
 
 
 class Model(NamedTuple):
-    """What acts on some bodies of a system, as a march takes it.
+    """The Lagrangian and forces of some bodies of a system, for a march.
 
-    lagrangian : that of the massive bodies; vectors : its parameters, one vector, or one for each term
-    forces : those without a Lagrangian
+    lagrangian : of the massive bodies; vectors : its parameters, one vector, or one for each term
+    forces : the forces without a Lagrangian
     """
 
     lagrangian: Lagrangian
@@ -156,7 +156,7 @@ class Model(NamedTuple):
 
 
 def model(system: System, bodies: Any = slice(None)) -> Model:
-    """Return what acts on the bodies of a system, or on some of them, all massive ones among them."""
+    """Return the model of the bodies of a system, or of some of them, which must include all massive ones."""
     from orbits.lagrangians.newtonian import newtonian, parameters
 
     massive, names = system.massive[bodies], np.asarray(system.names)[bodies]
@@ -172,19 +172,19 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
 
 
 def require_newtonian(system: System, what: str) -> None:
-    """Raise InputError, naming them, where terms or forces act that `what` knows nothing of."""
+    """Raise InputError, naming the terms and forces, if there are any, which `what` does not take into account."""
     acting = [type(x).__name__ for x in (*system.terms, *system.forces)]
     if acting:
         raise InputError(
-            f"{what} knows Newton's gravity alone, but here acts {few(acting)} too. Leave it out: "
+            f"{what} knows Newton's gravity alone, but this system also has {few(acting)}. Leave it out: "
             "system.replaced(terms=(), forces=())."
         )
 
 
 def whole(system: System, charge: int, newton: Array, q: Array, v: Array, t: Any = 0.0) -> Array:
-    """Return a charge of the whole Lagrangian, times G, from that of Newton's.
+    """Return a charge of the complete Lagrangian, times G, from that of Newton's.
 
-    q, v : (..., n, 3), of all bodies or of the massive ones; t : times since the epoch, (...)
+    q, v : (..., n, 3), of all bodies or of the massive ones only; t : times since the epoch, (...)
     """
     if not system.terms:
         return newton
@@ -197,7 +197,7 @@ def whole(system: System, charge: int, newton: Array, q: Array, v: Array, t: Any
 
 
 def axis(system: System) -> tuple[float, float, float] | None:
-    """Return the axis about which angular momentum is conserved, if one alone; zeros for none; None for all axes."""
+    """Return the axis about which angular momentum is conserved, if there is only one; zeros for none; None for all."""
     if not system.terms:
         return None
     from orbits.lagrangians.terms.base import axis_of
@@ -206,7 +206,7 @@ def axis(system: System) -> tuple[float, float, float] | None:
 
 
 def depends_on_time(system: System) -> bool:
-    """Whether a term of a system depends on time, so that there is no energy to conserve."""
+    """Return whether a term of a system depends on time, so that energy is not conserved."""
     from orbits.lagrangians.base import TIME_DEPENDENT
 
     return any(TIME_DEPENDENT in term.summand(0, system.units).traits for term in system.terms)
@@ -219,12 +219,12 @@ def acts_on_massive(system: System) -> tuple[str, ...]:
 
 
 def to_json(system: System) -> str:
-    """Return terms and forces as JSON, numbers in the units of the system."""
+    """Return terms and forces as JSON, with numbers in the units of the system."""
     return json.dumps({"terms": [_plain(x) for x in system.terms], "forces": [_plain(x) for x in system.forces]})
 
 
 def from_json(system: System, text: str) -> System:
-    """Return a system with the terms and forces of `to_json`. Raises ArchiveError for what that never returns."""
+    """Return a system with the terms and forces of `to_json`. Raises ArchiveError for text that is not of `to_json`."""
     from orbits import forces as force_registry
     from orbits.lagrangians import terms as term_registry
 

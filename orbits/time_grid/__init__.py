@@ -1,4 +1,4 @@
-"""Where the steps and the samples of a run are, made once of what a caller gives: dt, duration or until, samples."""
+"""The steps and the samples of a run, made once from the arguments of a caller: dt, duration or until, samples."""
 
 from orbits.time_grid.grid import MOST_STEPS, TimeGrid
 from orbits.time_grid.reading import snapped, times_since

@@ -1,4 +1,4 @@
-"""`TimeGrid`: the clock and the samples of a run as floats, with what follows from them."""
+"""`TimeGrid`: the clock and the samples of a run as floats, and quantities derived from them."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST_STEPS = 2**53
-"""Of a run: the number of a step is then exact as a float."""
+"""Limit of a run: step numbers up to it are exact as floats."""
 
 MOST_SAMPLES = 10**8
-"""Of a run."""
+"""Limit of a run."""
 
 SLACK = 1e-9
-"""Part of the spacing of samples by which an extension may miss the next one, and still ends with it."""
+"""Fraction of the spacing of samples by which an extension may miss the next one and still end with it."""
 
 
 @dataclass(frozen=True, eq=False)
 class TimeGrid:
-    """When the steps of a run are, and the samples among them; floats in the unit of time of a system.
+    """The times of the steps and of the samples of a run; floats in the unit of time of a system.
 
-    clock : of the steps, from the epoch on; a number h stands for steps of h, its sign the direction of the run, which
-        `TimeGrid.of` rounds to 24 bits
+    clock : the clock of the steps, which starts at the epoch; a number h is the clock of constant steps h, whose sign
+        is the direction of the run (`TimeGrid.of` rounds h to 24 bits)
     times : (n,) of the samples since the epoch, in ascending order in that direction; read-only
 
-    Raises InputError for a step that is 0 or not finite, and for times that no run has.
+    Raises InputError for a step that is 0 or not finite, and for times that are not those of a run.
     """
 
     clock: Clock
@@ -74,8 +74,8 @@ class TimeGrid:
     def of(cls, system: System, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101) -> TimeGrid:
         """Return the grid of a run of `system`: the one place where dt is read, signed and rounded.
 
-        dt, duration, until, samples : as `orbits.propagate` takes them; dt None stands for `Adaptive()`
-        Raises InputError for what cannot be run, EpochError for dates where the system has no epoch.
+        dt, duration, until, samples : as in `orbits.propagate`; dt None means `Adaptive()`
+        Raises InputError for invalid arguments, EpochError for dates if the system has no epoch.
         """
         length = _length(system, duration, until)
         if dt is None or isinstance(dt, Adaptive):
@@ -91,7 +91,7 @@ class TimeGrid:
 
     @property
     def h(self) -> float:
-        """The length of a step, with the sign of the direction; NaN where steps differ."""
+        """The length of a step, with the sign of the direction; NaN if steps differ."""
         return self.clock.h
 
     @property
@@ -106,12 +106,12 @@ class TimeGrid:
 
     @property
     def end(self) -> float:
-        """The time of the last sample, where the run ends."""
+        """The time of the last sample, at which the run ends."""
         return float(self.times[-1])
 
     @property
     def whole_steps(self) -> int:
-        """How many whole steps there are up to the end."""
+        """The number of whole steps up to the end."""
         return self.clock.place(self.end).steps
 
     @property
@@ -121,11 +121,11 @@ class TimeGrid:
 
     @property
     def remainders(self) -> Array:
-        """What is left from there to each sample, (n,), exactly: less than a step, of the sign of h."""
+        """The exact time from there to each sample, (n,): less than a step, with the sign of h."""
         return self._places[1]
 
     def place(self, sample: int) -> Place:
-        """Return where a march meets a sample."""
+        """Return the place of a sample in a march."""
         return Place(int(self.steps[sample]), float(self.remainders[sample]))
 
     def __len__(self) -> int:
@@ -133,23 +133,23 @@ class TimeGrid:
         return len(self.times)
 
     def is_that_of(self, other: TimeGrid) -> bool:
-        """Whether both have the same step and the same samples, to the last bit."""
+        """Return whether both have the same step and the same samples, to the last bit."""
         return self.clock == other.clock and np.array_equal(self.times, other.times)
 
     def with_step(self, system: System, dt: Any, what: str = "dt") -> TimeGrid:
-        """Return the same samples with another step, read as that of `of`; InputError calls it `what`."""
+        """Return the same samples with another step, as in `of`; an InputError calls it `what`."""
         h = math.copysign(step_length(system, dt, self.end, what), self.direction)
         return TimeGrid(ConstantSteps(h), self.times)
 
     def begun(self, steps: float) -> TimeGrid:
-        """Return the beginning of the run: its start and its state after so many steps."""
+        """Return the beginning of the run: its start, and a sample after `steps` steps."""
         return TimeGrid(self.clock, np.array([0.0, self.clock.time(steps)]))
 
     def extended(self, system: System, until: Any) -> TimeGrid:
-        """Return the grid up to a later time, sampled as densely as before.
+        """Return the grid up to a later time, with samples as dense as before.
 
-        until : a date or a time since the epoch of `system`, as `orbits.propagate` takes it
-        Raises InputError unless it can be reached, and for one before the end.
+        until : a date or a time since the epoch of `system`, as in `orbits.propagate`
+        Raises InputError if it cannot be reached, or lies before the end.
         """
         h, times, end = self.h, self.times, self.end
         most = math.inf if self.clock.changes else MOST_STEPS * abs(h)
@@ -182,9 +182,9 @@ class TimeGrid:
 
 
 def _length(system: System, duration: Any, until: Any) -> float:
-    """Return how far a run goes, in the system's unit of time; negative for backwards. One of the two is None.
+    """Return the length of a run in the system's unit of time; negative for backwards. One of the two is None.
 
-    Raises InputError where both or none are given, and unless the length is finite and not zero.
+    Raises InputError if both or none are given, and unless the length is finite and not zero.
     """
     if (duration is None) == (until is None):
         what = "neither duration nor until is" if until is None else "duration and until are both"
@@ -217,9 +217,10 @@ def _duration(system: System, duration: Any) -> float:
 
 
 def _sample_times(system: System, samples: Any, duration: float) -> Array:
-    """Return the times of the samples in the system's unit of time, from a count with both ends or from times.
+    """Return the times of the samples in the system's unit of time, from a number that includes both ends or from
+    times.
 
-    samples : a count, or times in a row as `times_since` takes them, within the run of that duration
+    samples : a number, or a sequence of times for `times_since`, within the run of that duration
 
     Raises InputError unless the times are finite, within the run and strictly ordered in the direction of the run.
     """
@@ -236,7 +237,7 @@ def _sample_times(system: System, samples: Any, duration: float) -> Array:
             raise InputError(f"samples = {shown(count)}: at most {MOST_SAMPLES:.0e} are possible; take fewer")
         times: Array = np.arange(count) * duration / (count - 1)
         times[-1] = duration
-        return times + 0.0  # no -0 at the start of a run backwards
+        return times + 0.0  # no -0 at the start of a backward run
     times = times_since(system, samples, "samples")
     if times.ndim != 1 or times.size == 0:
         raise InputError(

@@ -1,6 +1,6 @@
-"""Times as callers give them: whatever takes one (`until`, `samples`, `run.at`) reads it by `times_since`.
+"""Times in the formats of callers: `until`, `samples` and `run.at` all read them by `times_since`.
 
-Dates become floats since the epoch, in the system's unit of time, here and nowhere else.
+Dates are converted to floats since the epoch, in the system's unit of time, only here.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 
 
 def times_since(system: System, value: Any, what: str) -> Array:
-    """Return times since the epoch of `system` as float64 in its unit of time, in the shape they are given in.
+    """Return times since the epoch of `system` as float64 in its unit of time, with the shape of the argument.
 
     value : quantities or numbers since the epoch; dates: a Time, "2030-01-01" or any text that `System` takes as an
-        epoch, a datetime64, TDB where no scale is said; a text with a unit ("10 yr"); or a list of such
+        epoch, a datetime64, TDB if no scale is given; a text with a unit ("10 yr"); or a list of such
 
-    Raises InputError, naming `what`, for anything else, and EpochError for dates where the system has no epoch.
+    Raises InputError, naming `what`, for anything else, and EpochError for dates if the system has no epoch.
     """
     if isinstance(value, str):
         return _from_text(system, value, what)
@@ -41,7 +41,7 @@ def times_since(system: System, value: Any, what: str) -> Array:
             "clocks have it, or Time(x, scale='tdb') as ephemerides have it, 69 s ahead."
         )
     kind = getattr(getattr(value, "dtype", None), "kind", "")
-    if kind == "M":  # of NumPy, or of pandas and xarray, which have such columns of every run
+    if kind == "M":  # of NumPy, or of the columns of pandas and xarray
         return _since_epoch(system, np.asarray(value), what)
     if kind in ("U", "O") and isinstance(value, np.ndarray):
         return times_since(system, value.tolist(), what)
@@ -91,7 +91,7 @@ def _is_quantity(text: str) -> bool:
 
 
 def is_date(value: Any) -> bool:
-    """Whether a value is one or several dates, rather than a time since the epoch."""
+    """Return whether a value is one or several dates, rather than a time since the epoch."""
     if isinstance(value, str):
         if _is_quantity(value):
             return False
@@ -104,7 +104,9 @@ def is_date(value: Any) -> bool:
 
 
 def snapped(times: Array, first: float, last: float) -> Array:
-    """Return times with those that lie outside first ... last by a rounding only (of a date, of a sum) at that end."""
+    """Return times with those outside first ... last only by rounding errors (of a date, of a sum) moved to that
+    end.
+    """
     low, high = min(first, last), max(first, last)
     slack = np.spacing(max(abs(low), abs(high)))
     times = np.where((times < low) & (times >= low - slack), low, times)

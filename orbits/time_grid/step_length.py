@@ -1,4 +1,4 @@
-"""The length of a step as callers give it: a quantity, a number, a text, or a fraction of the shortest period."""
+"""The length of a step from a quantity, a number, a text, or a fraction of the shortest period."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 STEP_BITS = 24
-"""Of the mantissa of a step, so that k h is exact."""
+"""Bits of the significand of a step, so that k h is exact."""
 
 
 def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float:
-    """Return dt > 0 in the unit of time of `system`, rounded to 24 significant bits, whatever the sign it is given.
+    """Return dt > 0 in the unit of time of `system`, rounded to 24 significant bits; its sign is ignored.
 
-    dt : a quantity, a number in that unit, or a text: "6 d", "P/20", P being the shortest orbital period that is seen
-        within `span`
+    dt : a quantity, a number in that unit, or a text: "6 d", "P/20", where P is the shortest orbital period within
+        `span`
 
     Raises InputError, calling it `what`, for anything else, and unless it is finite and not zero.
     """
@@ -39,8 +39,8 @@ def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float
 
 
 def dynamical_time(system: System) -> float:
-    """Return the time in which bodies move where they move fastest, (sum G (m + m') / r^3)^(-1/2) over all pairs at the
-    start; infinite for a body alone.
+    """Return the shortest dynamical time, (sum G (m + m') / r^3)^(-1/2) over all pairs, at the start; infinite for a
+    single body.
     """
     gm, q, _, softening = system.values
     rate = 0.0
@@ -59,9 +59,9 @@ def rounded_step(dt: float) -> float:
 
 
 def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
-    """Return dt, where a text such as "P/20" or "6 d" is turned into a number or a quantity.
+    """Return dt, with a text such as "P/20" or "6 d" converted to a number or a quantity.
 
-    Raises InputError for a text that is neither, and for "P/..." where nothing is bound.
+    Raises InputError for other texts, and for "P/..." if no bodies are bound.
     """
     if not isinstance(dt, str):
         return dt
@@ -83,8 +83,8 @@ def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
 
 
 def fastest_passage_of(system: System, span: float) -> tuple[int, int, float, float, float, float]:
-    """Return what `orbits.kernels.passages.fastest_passage` finds in a system: rows of both bodies, distance, speed and
-    eccentricity of their passage, and the shortest period.
+    """Return the result of `orbits.kernels.passages.fastest_passage` for a system: rows of both bodies, distance, speed
+    and eccentricity of their passage, and the shortest period.
     """
     from orbits.kernels.passages import fastest_passage
 

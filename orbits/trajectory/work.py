@@ -1,4 +1,4 @@
-"""What forces without a Lagrangian did to the massive bodies of a run, as the steps accounted it."""
+"""Work, torque and impulse of forces without a Lagrangian on the massive bodies of a run, summed over its steps."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForceEffect:
-    """What one force did to the massive bodies from the start of the run up to each of n samples.
+    """Work, torque and impulse of one force on the massive bodies, from the start of the run up to each of n samples.
 
-    force : as the system has it
-    work : (n,), energy; torque : (n, 3), its integral about the origin, an angular momentum; impulse : (n, 3)
+    force : the force of the system
+    work : (n,), an energy; torque : (n, 3), the time integral about the origin, an angular momentum; impulse : (n, 3)
 
     They are sums over the stages of the steps, with the weights of the method: momentum and angular momentum change by
-    impulse and torque to the last bits, energy changes by the work up to an error of the order of the method.
+    impulse and torque up to round-off, energy changes by the work up to an error of the order of the method.
     """
 
     force: Force
@@ -44,7 +44,7 @@ class ForceEffect:
 def accounts_of(run: Trajectory) -> Array:
     """Return work, torque and impulse of each force up to each sample, (n, forces, 7), times G.
 
-    Raises InputError for samples of a run alone, without what the forces did.
+    Raises InputError for a trajectory that has only samples of a run.
     """
     count = len(run.system.forces)
     if not count:
@@ -54,14 +54,14 @@ def accounts_of(run: Trajectory) -> Array:
         found = run.archive.checkpoint().get("accounts")
     if found is None:
         raise InputError(
-            f"{run!r} holds samples alone, and what forces did is accounted while a run goes on; expected the run as "
+            f"{run!r} has only samples, but the work of forces is summed during a run; expected the run as "
             "orbits.propagate or orbits.resume returned it, or some of its samples, run[10:20]."
         )
     return np.asarray(found[: len(run)])
 
 
 def effects(run: Trajectory) -> tuple[ForceEffect, ...]:
-    """Return what each force of a run did; raises as `accounts_of`."""
+    """Return the effect of each force of a run. Raises what `accounts_of` raises."""
     units, found = run.system.units, accounts_of(run) / run.system.units.G
     return tuple(
         ForceEffect(

@@ -18,10 +18,10 @@ from . import runs
 
 @dataclass
 class Recording:
-    """What reached the file, in order.
+    """The writes to the file, in order.
 
     writes : (offset, bytes), or (size, None) where the size of the file was set
-    acknowledged : for each commit that returned, how many writes had been done by then
+    acknowledged : for each commit that returned, the number of writes up to then
     barriers : after how many writes the device was waited for
     created : how many writes there were when the file took its name
     """
@@ -83,7 +83,7 @@ def record(path: Path, chunks: list[int], monkeypatch: pytest.MonkeyPatch) -> Re
 
 
 def trouble(path: Path, image: bytes, chunks: list[int], promised: int) -> str | None:
-    """Say what is wrong with a file after a stop, or None.
+    """Return the fault of a file after a stop, or None.
 
     promised : commits that had returned, or -1 before the file took its name. The file must open with these or more,
     hold exactly what they held, and go on to a whole run from there; or refuse in words where nothing was promised.
@@ -116,5 +116,5 @@ def trouble(path: Path, image: bytes, chunks: list[int], promised: int) -> str |
 
 
 def promised(recording: Recording, done: int) -> int:
-    """How many commits had returned when `done` writes were done; -1 before the file took its name."""
+    """Return the number of commits that had returned after `done` writes; -1 before the file took its name."""
     return -1 if done < recording.created else sum(done >= end for end in recording.acknowledged)

@@ -1,4 +1,4 @@
-"""A small run whose every value says where it belongs."""
+"""A small run in which every value identifies its place."""
 
 from __future__ import annotations
 

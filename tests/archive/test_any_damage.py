@@ -1,4 +1,4 @@
-"""Archives damaged at random, in a process of its own: nothing hangs, crashes, takes all memory, or lies."""
+"""Archives damaged at random, in a separate process: no hang, crash, exhausted memory or wrong data."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def damaged(whole: bytes, rng: np.random.Generator) -> bytes:
 
 
 def check(path: Path) -> bool:
-    """Return whether an archive opens; raise AssertionError where it then holds what was never written."""
+    """Return whether an archive opens; raise AssertionError if it then has data that were never written."""
     q, v = runs.samples(6)
     for use in (orbits.Trajectory.open, orbits.resume):
         with contextlib.suppress(OrbitsError):

@@ -1,4 +1,4 @@
-"""Creating, reopening and extending archives: what is refused, what is reserved, and what survives."""
+"""Creating, reopening and extending archives: refusals, reserved space, and survival of interruptions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is not a whole archive is refused in words, and what is whole in it can still be read."""
+"""Damaged archives are refused with a message, and their intact part can still be read."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_a_flipped_bit_in_the_header_is_found(path):
 
 
 def test_no_flipped_byte_makes_an_archive_lie(path):
-    """Each opens with exactly what was committed, or is refused; nothing else, whatever HDF5 makes of it.
+    """Each opens with exactly the committed data, or is refused, however HDF5 reacts.
 
     A sample of the positions; all that are not zero, and 4000 others, were tried by hand when this was written.
     """

@@ -1,4 +1,4 @@
-"""The page on archives says what is so: its code runs as it stands, its table lists what is in a file."""
+"""The page on archives is correct: its code runs unchanged, and its table lists the contents of a file."""
 
 from __future__ import annotations
 

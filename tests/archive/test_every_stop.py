@@ -26,7 +26,9 @@ CHUNKS = [2, 0, 3, 1, 1, 0, 2]
 
 @pytest.fixture(autouse=True)
 def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Do not wait for this machine's disk: the replay itself decides what has arrived, hundreds of times."""
+    """Do not wait for the disk of this machine: the replay itself decides which data have arrived, hundreds of
+    times.
+    """
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
@@ -36,7 +38,7 @@ def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Recording:
 
 
 def prefixes(path: Path, recording: Recording, *, torn: bool) -> list[str]:
-    """Stop after every write from the first of all, and inside it where `torn`; return what goes wrong."""
+    """Stop after every write from the first on, and inside it if `torn`; return the failures."""
     found = []
     before = b""
     for done, (offset, content) in enumerate(recording.writes):

@@ -1,4 +1,4 @@
-"""What a run is comes back exactly: any system, in any units, under any names."""
+"""Headers are restored exactly: any system, in any units, with any names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lazily read samples index as NumPy arrays do, and read no more than they are asked for."""
+"""Lazily read samples are indexed like NumPy arrays, and read only what is requested."""
 
 from __future__ import annotations
 

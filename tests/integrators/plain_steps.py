@@ -1,4 +1,4 @@
-"""A step of any partitioned Runge–Kutta method in as many digits as one likes: slow, plain, nothing of orbits's."""
+"""A step of any partitioned Runge–Kutta method in any number of digits: slow, plain, and independent of the package."""
 
 import mpmath
 

@@ -16,7 +16,7 @@ SCHEMES = [(4, "suzuki"), (4, "triple-jump"), *sorted(COMPOSITIONS), *sorted(SPL
 
 @pytest.mark.parametrize(("order", "name"), SCHEMES)
 def test_every_scheme_reaches_its_order_as_a_compiled_map(order, name):
-    """Falling faster than the order is no fault: optimized schemes have small leading terms."""
+    """Convergence faster than the order is allowed: optimized schemes have small leading terms."""
     method = orbits.Composition(VERLET, order=order, scheme=name)
     steps, errors = errors_against_the_exact_orbit(method, 0.3, 2.0, np.unique(np.round(2 ** np.arange(1, 9, 0.25))))
     keep = np.flatnonzero((errors > 1e-13) & (errors < 1e-3))[-6:]

@@ -1,4 +1,4 @@
-"""Closest approaches and stop conditions, against exact orbits and against looking at every step."""
+"""Closest approaches and stop conditions, compared with exact orbits and with a search in every step."""
 
 import numpy as np
 import pytest

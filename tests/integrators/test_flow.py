@@ -1,4 +1,4 @@
-"""Marches of Lagrangians on R^d: what is recorded, at which times forces are taken, and where a march ends early."""
+"""Marches of Lagrangians on R^d: recording, the times of force evaluations, and marches that end early."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ EXPLICIT = [orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()
 
 @pytest.fixture(scope="module")
 def runaway():
-    """A force that grows with the fifth power: it leaves the floats after a few steps."""
+    """A force that grows with the fifth power: it overflows after a few steps."""
     return orbits.Lagrangian.from_sympy(v**2 / 2 + q**6 / 6, q=[q], v=[v], name="runaway")
 
 
@@ -107,7 +107,7 @@ def test_forces_that_depend_on_time_are_taken_at_the_times_of_the_stages(method,
 
 
 def test_a_term_linear_in_the_velocity_moves_the_momenta_and_nothing_else():
-    """L + 3 v = L + d(3 q)/dt has the same motions with p + 3: momenta are dL/dv in whatever form the march is done."""
+    """L + 3 v = L + d(3 q)/dt has the same motions with p + 3: momenta are dL/dv in every form of the march."""
     plain = orbits.lagrangians.harmonic_oscillator.with_parameters(m=1.0, k=1.0)
     gauged = orbits.Lagrangian.from_sympy(v**2 / 2 + 3 * v - q**2 / 2, q=[q], v=[v], name="gauged oscillator")
     assert SEPARABLE not in gauged.traits

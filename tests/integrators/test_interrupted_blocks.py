@@ -1,4 +1,4 @@
-"""An interrupt, wherever in a block of steps it comes, leaves the state of the last whole block."""
+"""An interrupt anywhere in a block of steps leaves the state of the last complete block."""
 
 import numpy as np
 import pytest

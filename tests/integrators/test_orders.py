@@ -1,4 +1,4 @@
-"""Orders that double precision cannot show, bounds that others hold their methods to, and one map proved twice."""
+"""Orders that double precision cannot show, published bounds, and maps computed in two ways."""
 
 import json
 
@@ -95,7 +95,7 @@ def test_with_a_magnetic_term_the_trapezoidal_rule_is_another_method_than_lobatt
 
 
 def test_the_exact_discrete_lagrangian_of_kepler_marches_on_the_orbit_at_any_step():
-    """A hundred steps of a tenth of a period; the marching rule knows nothing of time but h."""
+    """A hundred steps of a tenth of a period; the marching rule depends on time only through h."""
     path = orbits.march(KEPLER, orbits.Gauss(stages=8), dt=0.02, steps=3000, every=30)
     L_d = discrete.exact(KEPLER)
     q, p = path.q[0], path.p[0]

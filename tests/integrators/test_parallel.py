@@ -91,7 +91,7 @@ def test_who_waits_for_one_that_failed_goes_home(absent):
 
 
 def test_a_team_that_was_interrupted_can_be_used_again(monkeypatch):
-    """What the threads were in is over before the interruption goes on, and leaves nothing behind."""
+    """The threads finish before the interruption is raised, and leave nothing behind."""
     inside = Event()
 
     def go(counters, team, member):

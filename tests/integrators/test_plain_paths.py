@@ -151,7 +151,7 @@ def test_three_steps_equal_the_plain_path_in_forty_digits(name):
 def test_the_march_is_the_map_of_its_discrete_lagrangian(method):
     """Störmer–Verlet that of the trapezoidal L_d, one-stage Gauss that of the midpoint L_d.
 
-    The equations of positions do not tell Störmer–Verlet from symplectic Euler; momenta do.
+    The equations of positions do not distinguish Störmer–Verlet from symplectic Euler; momenta do.
     """
     from orbits import discrete
 

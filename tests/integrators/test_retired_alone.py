@@ -1,4 +1,4 @@
-"""What is told and shown of particles that are lost, whatever else happens in the same block of steps."""
+"""Messages and states of lost particles, together with other events in the same block of steps."""
 
 import numpy as np
 import pytest

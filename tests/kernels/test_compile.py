@@ -1,4 +1,4 @@
-"""The disk cache: hit across processes, and stale as a whole after an edit in any kernel file."""
+"""The disk cache: used across processes, and completely stale after a change of any kernel file."""
 
 import importlib.util
 import os
@@ -75,7 +75,9 @@ def times(factor):
 
 
 def test_kernels_of_one_name_in_one_file_are_not_confused(tmp_path, monkeypatch):
-    """Names of cache files hold no line, so that prose may move kernels: entries tell them apart by what they do."""
+    """Names of cache files have no line numbers, so that prose may move kernels: entries are identified by their
+    code.
+    """
     monkeypatch.setattr("numba.core.config.CACHE_DIR", "")
     (tmp_path / "alike.py").write_text(ALIKE)
     hits, kept = [], []

@@ -1,4 +1,4 @@
-"""What a kernel compiles to: no reference counts, no allocation, no entry for Python where Python never calls."""
+"""Compiled kernels: no reference counts, no allocation, no entry point for Python unless called from Python."""
 
 import pickle
 

@@ -19,7 +19,7 @@ def bits(x):
 
 
 def by_library(function, *x):
-    """What the C library says, by NumPy's object loop; NaN and infinities where Python would raise."""
+    """The results of the C library, by NumPy's object loop; NaN and infinities where Python would raise."""
 
     def one(*x):
         try:

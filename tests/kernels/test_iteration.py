@@ -1,4 +1,4 @@
-"""When the iteration of an implicit step goes on, when it is at the floor, and when it has not converged."""
+"""The iteration of an implicit step: when it continues, when it is at the floor, and when it has not converged."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The Kepler flow: against sixty digits, lanes against numbers, and what many steps do to energy."""
+"""The Kepler flow: compared with sixty digits, lanes with numbers, and the energy error of many steps."""
 
 import mpmath as mp
 import numpy as np

@@ -106,7 +106,7 @@ COMPARISONS = [
 
 
 def same_bits(a, b):
-    """Equal bit for bit, up to which NaN it is."""
+    """Equal bit for bit, except for the kind of NaN."""
     nan = np.isnan(a) & np.isnan(b)
     return np.array_equal(np.where(nan, 0.0, a).view(np.int64), np.where(nan, 0.0, b).view(np.int64))
 
@@ -343,7 +343,7 @@ def test_a_million_compensated_additions_keep_the_digits_that_plain_ones_lose():
 
 @pytest.mark.slow  # compiles every kernel of this module for another processor
 def test_without_avx512_the_same_source_gives_the_same_answers():
-    """Compiled for a processor without AVX-512, in a process of its own (the name alone would keep the host's
+    """Compiled for a processor without AVX-512, in a separate process (the name alone would keep the host's
     features).
     """
     environment = {

@@ -1,4 +1,4 @@
-"""The same bits from kernels just compiled as from kernels loaded, whatever a process compiled or loaded before."""
+"""Compiled and loaded kernels give the same bits, in whatever order a process compiled or loaded others before."""
 
 import importlib.util
 import os
@@ -51,7 +51,7 @@ def climbed_twice(x, n):
 
 @pytest.fixture
 def climbing(tmp_path, monkeypatch):
-    """Kernels that are compiled here: of one found on disk, its functions are not to be seen."""
+    """Kernels that are compiled here; the functions of a kernel loaded from disk are not visible."""
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
     (tmp_path / "climbing.py").write_text(CLIMBING)
     spec = importlib.util.spec_from_file_location("climbing", tmp_path / "climbing.py")
@@ -110,7 +110,7 @@ print({name}(0.3).hex(), *squared.callee.stats.cache_hits.values(), "numba.np.ar
 
 
 def test_a_caller_compiled_later_copies_a_kernel_found_on_disk_and_what_is_loaded_needs_no_compiler(tmp_path):
-    """What Numba compiles with is a tenth of a second of imports; `arraymath` is one of them."""
+    """Numba's compiler takes a tenth of a second of imports; `arraymath` is one of them."""
     (tmp_path / "called.py").write_text(CALLED)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     found = []
@@ -144,7 +144,9 @@ def both(n):
 
 
 def test_kernels_that_call_each_other_work_in_a_second_process(tmp_path):
-    """Numba resolves such calls through memory of the process that compiled; from the cache they ended the next one."""
+    """Numba resolves such calls through memory of the process that compiled; loaded from the cache, they crashed the
+    next one.
+    """
     (tmp_path / "in_turn.py").write_text(IN_TURN)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     program = [sys.executable, "-c", "import in_turn; print(in_turn.both(2))"]

@@ -47,7 +47,7 @@ def test_rows_are_exchanged_where_a_pivot_is_zero():
 
 
 def test_columns_of_any_size_are_regular():
-    """Masses of a star and of a grain: 1e-30 is no zero in a column of its own."""
+    """Masses of a star and of a grain: 1e-30 is not zero relative to its own column."""
     matrix, pivots = factorized(np.diag([1e30, 1.0, 1e-30]))
     x = np.array([2e30, 3.0, 4e-30])
     solve(matrix, 3, pivots, x)

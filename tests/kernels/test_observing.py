@@ -1,4 +1,4 @@
-"""Observers called by their address, and the context in which they find what they look at."""
+"""Observers called by address, and the context with their data."""
 
 import copy
 import gc
@@ -35,7 +35,7 @@ NUMBERS = ("stride", "bodies", "first", "dominant", "mu", "passage_angle", "leas
 
 @kernel
 def march(observer, context, track, h, blocks):
-    """What a driver does: call the observer after each block."""
+    """Call the observer after each block, like a driver."""
     for block in range(blocks):
         track[0, 0] = 0.5 * block
         call_observer(observer, context, track, h, 7, WIDTH * block, WIDTH * block + 5)
@@ -73,7 +73,7 @@ def increase_last(context, track, h, steps, start, stop):
 
 @kernel
 def meet_another(context, track, h, steps, start, stop):
-    """Return only when two threads are here, or when given up."""
+    """Return when two threads have arrived, or when cancelled."""
     watch = watch_at(context)
     meet(watch.listed, 2, 1)
     watch.record[0, 0, 0] = watch.first

@@ -1,4 +1,4 @@
-"""The stamp of compiled code: blind for prose, awake for everything that a kernel can freeze."""
+"""The stamp of compiled code: it ignores prose, and covers everything that a kernel can freeze."""
 
 import ast
 import json
@@ -141,7 +141,7 @@ def kept_at(package: Path) -> Path:
 
 @pytest.fixture
 def again(package, tmp_path, monkeypatch):
-    """A function that asks for the stamp as a new process would, and says whether it had to read the trees."""
+    """Return a function that computes the stamp as a new process would, and returns whether it had to parse."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     trees = []
     monkeypatch.setattr(stamp, "Code", lambda folder: trees.append(folder) or Code(folder))
@@ -166,7 +166,7 @@ def test_a_second_start_reads_no_syntax_tree(again, package):
 
 
 def test_a_stamp_does_not_depend_on_what_was_there_before(again, package):
-    """A run that is resumed compares stamps: the same files have the same one, however they came about."""
+    """Resumed runs compare stamps: equal files have equal stamps."""
     first, _ = again()
     (package / "kernels/more.py").write_text("from orbits.kernels.compile import kernel\n")
     assert again()[0] != first

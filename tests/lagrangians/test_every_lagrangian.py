@@ -1,4 +1,4 @@
-"""What must hold of every Lagrangian of the package, whoever wrote its kernels."""
+"""Contract tests of every Lagrangian of the package."""
 
 import sys
 from types import SimpleNamespace
@@ -24,7 +24,7 @@ def file_of(name):
 
 
 def problem(name):
-    """The Lagrangian with parameters no two of which are alike: one taken for another would show."""
+    """The Lagrangian with different values of all parameters, so that a mix-up would be noticed."""
     L = registry()[name]
     return L.with_parameters(**{key: value * (1.1 + 0.13 * k) for k, (key, value) in enumerate(L.parameters.items())})
 

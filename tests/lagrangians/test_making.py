@@ -1,4 +1,4 @@
-"""Lagrangians of a user's own: from SymPy, from kernels by hand; what is refused, and how."""
+"""Lagrangians of users: from SymPy, from handwritten kernels, and the errors for invalid ones."""
 
 import copy
 import os
@@ -249,7 +249,7 @@ def typed(function, strength):
 
 
 def test_kernels_typed_into_a_session_that_look_alike_are_not_confused():
-    """Their names, their bytes and their constants are the same: what they call or read is not."""
+    """Their names, bytecode and constants are the same; the functions and values that they use are not."""
     assert typed("sin", 1.0).tag.name == typed("sin", 1.0).tag.name
     one, other, stronger = typed("sin", 1.0), typed("cos", 1.0), typed("sin", 3.0)
     ends = [orbits.march(L, orbits.StormerVerlet(), q=[1.0], v=[0.0], dt=0.1, steps=1).q[-1, 0] for L in (one, other)]
@@ -264,7 +264,7 @@ def test_kernels_typed_into_a_session_that_look_alike_are_not_confused():
 )
 @pytest.mark.parametrize("canonical", [False, True])
 def test_a_singular_configuration_on_the_way_is_an_error_with_step_and_state(method, canonical):
-    """A fall into the centre, step 0.3: whatever the method makes of it, no NaN comes back."""
+    """A fall into the centre with a step of 0.3: no method returns NaN."""
     if canonical and method.canonical is None:
         pytest.skip("it has no canonical form")
     flow = Flow(KEPLER, method, 0.3, canonical=canonical)

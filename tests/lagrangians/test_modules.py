@@ -48,7 +48,7 @@ DAMAGED, GOOD = b"# damaged\nA = 3\n", modules._signed("A = 2\n")
 
 
 def test_a_damaged_module_keeps_its_place_until_another_is_put_there(tmp_path, monkeypatch):
-    """Removing it first would remove the good one that another process puts there meanwhile."""
+    """Removing it first could remove a good one that another process has just written."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     path = trust.user_folder("lagrangians") / "orbits_lagrangian_place.py"
     path.write_bytes(DAMAGED)
@@ -125,7 +125,9 @@ def test_a_name_may_be_any_text(text):
 
 
 def test_four_coupled_pendulums_take_seconds():
-    """Their determinant, simplified, took 57 s; this takes 1 s, mostly derivatives. No bound: only that it ends."""
+    """Their determinant, simplified, took 57 s; this takes 1 s, mostly derivatives. No bound is asserted, only that it
+    ends.
+    """
     angles, rates = sympy.symbols("q:4"), sympy.symbols("w:4")
     kinetic = potential = x = y = 0
     for angle, rate in zip(angles, rates, strict=True):

@@ -1,4 +1,4 @@
-"""Terms of the N-body Lagrangian: their formulas, derivatives, fields, and that every form of them is one function."""
+"""Terms of the N-body Lagrangian: formulas, derivatives, fields, and the equality of all their forms."""
 
 import os
 import subprocess
@@ -42,7 +42,7 @@ def state(seed=1, bodies=3):
 
 
 def derivative(function, x, h=1e-3):
-    """Central differences of fourth order by each coordinate: about 1e-12 of what is differentiated."""
+    """Central differences of fourth order in each coordinate, accurate to about 1e-12 of the function."""
     rows = []
     for e in np.eye(len(x)) * h:
         rows.append((function(x - 2 * e) - 8 * function(x - e) + 8 * function(x + e) - function(x + 2 * e)) / (12 * h))

@@ -1,4 +1,4 @@
-"""What chooses steps one by one, number by number: coefficients, error signal, dynamical time, close pairs."""
+"""The parts of adaptive steps: coefficients, error signal, dynamical time, close pairs."""
 
 import math
 from fractions import Fraction
@@ -81,7 +81,7 @@ def test_the_dynamical_rate_and_its_change_are_those_of_the_pairs():
 
 
 def test_accelerations_of_close_pairs_keep_the_digits_that_separate_them():
-    """Two bodies 1e-9 apart at a distance of 1e3: plain positions keep three digits of what separates them."""
+    """Two bodies 1e-9 apart at a distance of 1e3: plain positions keep three digits of their separation."""
     gm, apart = np.array([1.0, 2.0]), 1.2345678901234567e-9
     exact = [Fraction(1000), 1000 + Fraction(apart)]
     q, q_lo = np.zeros((6, WIDTH)), np.zeros((6, WIDTH))

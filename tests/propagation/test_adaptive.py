@@ -1,4 +1,4 @@
-"""Runs without dt: steps chosen one by one, to the last digit, through encounters."""
+"""Runs without dt: steps chosen one by one, accurate to round-off, through encounters."""
 
 import json
 
@@ -193,7 +193,7 @@ def test_what_cannot_be_run_without_dt_is_refused_with_the_reason(tmp_path):
     start = system(*three_bodies())
     with pytest.raises(InputError, match=r"massless particles.*give dt"):
         propagate(system(*three_bodies(particles=2)), 1.0)
-    with pytest.raises(InputError, match="certificate is of steps of one length"):
+    with pytest.raises(InputError, match="certificate needs steps of one length: give dt"):
         propagate(start, 1.0, archive=tmp_path / "run.h5", certificate=True)
     with pytest.raises(InputError, match=r"at most 2\^53 steps"):
         propagate(start, 1e300)

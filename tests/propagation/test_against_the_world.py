@@ -19,7 +19,9 @@ NEWTON_MISSES_KM = {"Mercury": 1820.0, "Earth": 612.0, "Jupiter": 68.0}
 
 
 def test_positions_miss_de440_by_what_newtonian_point_masses_miss_it():
-    """Ten years from J2000: relativity, which we leave out, not the integrator, is what separates us from DE440."""
+    """Ten years from J2000: the difference from DE440 is due to relativity, which is left out, not to the
+    integrator.
+    """
     bodies = ["Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune", "Pluto"]
     system = orbits.System.solar_system(bodies=bodies)
     times = np.linspace(0.0, 3652.5, 41)

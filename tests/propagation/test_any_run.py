@@ -1,4 +1,4 @@
-"""Whatever a run is asked for, it runs or is refused in words."""
+"""For any arguments, a run succeeds or is refused with a message."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::orbits.StepWarning")
 
 
 def is_short(x: Any) -> bool:
-    """Whether a run of that length, or with that step, is over at once."""
+    """Return whether a run of that length, or with that step, is short."""
     return not isinstance(x, int | float) or isinstance(x, bool) or not 0 < abs(x) < 1e-3
 
 
@@ -86,5 +86,5 @@ def test_comparing_needs_a_system_and_names_of_peers(x: Any) -> None:
 
 
 def test_a_certificate_is_a_certificate(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"certificate is a tuple; expected True or what orbits.certify returns"):
+    with pytest.raises(InputError, match=r"certificate is a tuple; expected True or a result of orbits.certify"):
         orbits.propagate(PAIR, VERLET, dt=0.1, duration=1, archive=tmp_path / "x.h5", certificate=(1, 2))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Runs into archives: the same numbers as in memory, stopped anywhere, gone on with bit for bit."""
+"""Runs into archives: the same numbers as in memory, interrupted anywhere, and resumed bit for bit."""
 
 import os
 import signal
@@ -47,7 +47,7 @@ def test_an_archive_holds_the_bits_of_the_run_in_memory(tmp_path, method):
 @pytest.mark.parametrize("method", METHODS, ids=IDS)
 @pytest.mark.parametrize("stop_after", [1, 7, 22])
 def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkeypatch, method, stop_after):
-    """SIGTERM arrives while the run is under way; what resume makes of the file equals a run that never stopped."""
+    """SIGTERM arrives during the run; the resumed run equals one that never stopped."""
     straight = orbits.propagate(belt(), method, **ARGUMENTS)
     taken = []
     add = sample_store.SampleStore.add
@@ -95,7 +95,7 @@ print("finished", flush=True)
 
 
 def readable(path):
-    """Whether the run has made its file, with the start in it: how long that takes is nobody's promise."""
+    """Return whether the run has created its file, with the start in it, which takes an unknown time."""
     try:
         orbits.Trajectory.open(path).close()
     except ArchiveError:

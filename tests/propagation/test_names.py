@@ -1,4 +1,4 @@
-"""Methods by name, and arguments of other packages answered with what there is instead."""
+"""Methods by name, and errors for arguments of other packages that name the equivalent."""
 
 from __future__ import annotations
 

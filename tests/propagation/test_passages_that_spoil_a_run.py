@@ -19,7 +19,7 @@ GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 
 
 def told(system, method, dt, duration, **options):
-    """The run, and what was said of the step."""
+    """Return the run, and the warnings about its step."""
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         run = orbits.propagate(system, method, dt=dt, duration=duration, **{"samples": 3} | options)
@@ -193,7 +193,7 @@ def test_of_more_passages_than_there_is_room_for_the_fastest_are_kept_and_the_ot
 
 @pytest.mark.parametrize("method", [VERLET, orbits.Gauss(stages=2), orbits.RungeKutta4()], ids=lambda m: m.label)
 def test_a_comet_that_the_fastest_planet_hides_before_the_run_is_told_after_it(method):
-    """A low order gets a perihelion wrong that takes hundreds of steps; before the run only Mercury is looked at."""
+    """A low order has large errors at a perihelion of hundreds of steps; the check before the run sees only Mercury."""
     planets = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Mercury", "Jupiter"])
     system = planets.add("comet", primary="Sun", q=0.4 * u.au, e=0.999, T=203.3 * u.day, inc=100 * u.deg)
     run, said = told(system, method, 0.5, 600.0)

@@ -1,4 +1,4 @@
-"""Progress: a bar with rate and time left on a terminal, silence elsewhere."""
+"""Progress: a bar with rate and remaining time on a terminal, no output elsewhere."""
 
 import io
 import sys
@@ -42,7 +42,7 @@ def test_on_a_terminal_the_bar_shows_method_time_and_rate(monkeypatch):
 
 
 class Notebook:
-    """What IPython has in the kernel of a notebook: a shell with a kernel, and displays that can be updated."""
+    """IPython in the kernel of a notebook: a shell with a kernel, and displays that can be updated."""
 
     def __init__(self, kernel=True):
         self.messages = []

@@ -38,7 +38,7 @@ def test_sampling_does_not_change_the_run(method):
 
 @pytest.mark.parametrize("method", [orbits.StormerVerlet(), orbits.Gauss(stages=4)], ids=lambda m: m.label)
 def test_a_sample_off_the_grid_is_a_partial_step(method):
-    """At t = k dt + r the sample is what k steps of dt and one step of r give."""
+    """At t = k dt + r the sample is the result of k steps of dt and one step of r."""
     run = orbits.propagate(binary(), method, dt=0.125, duration=1.0, samples=[0.8])
     start = orbits.propagate(binary(), method, dt=0.125, duration=0.75, samples=[0.75])
     rest = orbits.propagate(start[-1], method, dt=0.8 - 0.75, duration=0.8 - 0.75, samples=2)

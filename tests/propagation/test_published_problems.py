@@ -88,7 +88,7 @@ def three_bodies(row):
 
 
 def closure(system, method, period, steps):
-    """Largest components of what is missing in q and v after a period, and of the energy."""
+    """Return the largest errors of components of q and v after a period, and of the energy."""
     run = orbits.propagate(system, method, dt=period / steps, duration=period, samples=2, check_step=False)
     energy = run.energy().value
     missing = [float(np.abs(x.value[-1] - x.value[0]).max()) for x in (run.q, run.v)]
@@ -113,7 +113,7 @@ def test_the_figure_eight_closes_as_closely_as_geometric_integrators_demands():
 
 @pytest.mark.parametrize("name", ["I.A.1", "I.B.1", "I.B.2", "I.B.5", "II.C.2b"])
 def test_other_periodic_orbits_close_as_their_digits_do_in_forty_digits(name):
-    """To a few 1e-4: that is the digits' doing, and it is met to seven figures."""
+    """To a few 1e-4, which is due to the published digits, and is reproduced to seven figures."""
     (row,) = [row for row in read("three_body_periodic")["published"] if row["name"].split()[0] == name]
     system = three_bodies(row)
     assert diagnostics.energy(system.values.gm, system.values.q, system.values.v) == pytest.approx(

@@ -1,4 +1,4 @@
-"""A massless particle that cannot be stepped is given up alone: the run goes on, says so, and shows it as absent."""
+"""A massless particle that cannot be stepped is retired alone: the run continues, reports it, and has NaN for it."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(run, tmp_path, after):
 
 
 def without_list(path, method=GAUSS, samples=3):
-    """Write an archive as earlier versions did: its checkpoint knows nothing of retired particles."""
+    """Write an archive as earlier versions did: without retired particles in its checkpoint."""
     start = system()
     grid = orbits.propagation.run.TimeGrid.of(start, DT, duration=END, samples=25)
     marcher = bound(start, method, grid.h)

@@ -1,4 +1,4 @@
-"""The step is judged before a run by the fastest passage ahead, and after it by the closest ones that were seen."""
+"""The step is judged before a run by the fastest passage ahead, and after it by the closest passages recorded."""
 
 import contextlib
 import warnings
@@ -171,7 +171,7 @@ def test_a_fraction_of_a_period_needs_a_bound_body():
 
 @pytest.mark.parametrize(("apart", "gm"), [(1e-155, 1.0), (1.0, 1e300), (1.0, 1e308), (1.0, 1e-300)])
 def test_bodies_beyond_any_unit_are_marched_or_refused_in_words(apart, gm):
-    """Squares of such distances and speeds are no floats."""
+    """Squares of such distances and speeds overflow."""
     q, v = [[0.0, 0, 0], [apart, 0, 0]], [[0.0, 0, 0], [0, 1, 0]]
     system = orbits.System(["a", "b"], [gm, gm * 1e-3], q, v, units=orbits.DIMENSIONLESS)
     with warnings.catch_warnings(), contextlib.suppress(orbits.OrbitsError):

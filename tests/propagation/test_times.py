@@ -1,4 +1,4 @@
-"""Times as callers give them, as dates, quantities, numbers and texts: the end of a run, its samples, and between."""
+"""Times as dates, quantities, numbers and texts: the end of a run, its samples, and times in between."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def test_each_oddity_is_taken_or_refused(use: str) -> None:
         ("brighter_than", "bright", "brighter_than = 'bright'; expected an absolute magnitude"),
         ("unit", 10**400, "expected an astropy unit such as u.km"),
         ("G", 10**400, "expected a number"),
-        ("variant", {}, "SymplecticEuler knows the variants"),
+        ("variant", {}, "SymplecticEuler has the variants"),
         ("order", {}, "an even order above 2, got {}"),
         ("tableau", [[2.0**53 + 2]], "coefficients of size .* expected at most 1000000"),
     ],

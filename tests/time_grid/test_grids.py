@@ -1,4 +1,4 @@
-"""The grid of a run is made once, of what a caller gives; propagation, comparison, archives and scenarios take it."""
+"""The grid of a run is made once from the arguments; propagation, comparison, archives and scenarios use it."""
 
 import numpy as np
 import pytest

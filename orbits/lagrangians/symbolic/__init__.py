@@ -1,4 +1,4 @@
-"""Lagrangians written in SymPy, turned into kernels."""
+"""Kernels from Lagrangians in SymPy."""
 
 from orbits.lagrangians.symbolic.making import from_sympy, shipped
 

@@ -1,4 +1,4 @@
-"""From L(q, v, t; parameters) in SymPy to the source of a module of kernels."""
+"""Generation of the source of a module of kernels from L(q, v, t; parameters) in SymPy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DIMENSION = {d}
 '''
 
 POINTS = 12
-"""At how many random points a mass matrix may lack an inverse before it is said to have none."""
+"""The number of random points at which a mass matrix is singular before it is taken to be so everywhere."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def module_text(formula: Formula) -> str:
     moving = {*q, *v, t}
     separable = (
         not mass.free_symbols & moving
-        # T(v) = v.Mv/2 and no more: with a term linear in v, momenta are not M v.
+        # Only T(v) = v.Mv/2: with a term linear in v, momenta are not M v.
         and all(sympy.simplify(x.xreplace(dict.fromkeys(v, sympy.Integer(0)))) == 0 for x in p)
         and all(sympy.simplify(x) == 0 for x in _flat(qv))
         and all(not x.free_symbols & {*v, t} or not sympy.simplify(x).free_symbols & {*v, t} for x in f)
@@ -81,7 +81,7 @@ def module_text(formula: Formula) -> str:
 
 
 class _Kernels:
-    """Prints kernels of one Lagrangian."""
+    """The kernels of one Lagrangian, as text."""
 
     def __init__(self, formula: Formula, q: list[Any], v: list[Any], t: Any) -> None:
         self.formula, self.q, self.v, self.t = formula, q, v, t
@@ -128,14 +128,14 @@ def name_of(coordinate: Any) -> str:
 
 
 def _shown(part: Any) -> str:
-    """An expression as its author wrote it: SymPy marks our own symbols with an underscore."""
+    """Return an expression as its author wrote it: our own symbols have an underscore in SymPy."""
     import sympy
 
     return str(part.xreplace({x: sympy.Symbol(x.name) for x in part.atoms(sympy.Dummy)}))
 
 
 def _in_plain_symbols(formula: Formula) -> tuple[Any, list[Any], list[Any], Any]:
-    """L with coordinates, velocities and time as fresh symbols, so that q may have been given as functions of t."""
+    """Return L with new symbols for coordinates, velocities and time, so that q may be given as functions of t."""
     import sympy
 
     q = [sympy.Dummy(name_of(x)) for x in formula.q]
@@ -179,9 +179,9 @@ def _check_functions(name: str, expressions: Sequence[Any]) -> None:
 
 
 def _check_regular(formula: Formula, mass: Any) -> None:
-    """Refuse a mass matrix without inverse at any of some random points: that is so everywhere.
+    """Refuse a mass matrix that is singular at several random points, and therefore everywhere.
 
-    Far quicker than to simplify the determinant: 57 s for four coupled pendulums.
+    This is much faster than simplifying the determinant: 57 s for four coupled pendulums.
     """
     import mpmath
     import sympy
@@ -191,7 +191,7 @@ def _check_regular(formula: Formula, mass: Any) -> None:
     rng = random.Random(1)
     d = mass.rows
     for _ in range(POINTS):
-        # Fifty digits: what is zero stays below 1e-40 of the product of the rows' lengths.
+        # With fifty digits, a determinant of zero stays below 1e-40 of the product of the rows' lengths.
         with mpmath.workdps(50), contextlib.suppress(ZeroDivisionError, ValueError, OverflowError):
             rows = mpmath.matrix(d, d)
             for k, x in enumerate(entries(*(mpmath.mpf(rng.uniform(0.2, 0.9)) for _ in symbols))):

@@ -1,4 +1,4 @@
-"""Lagrangians from SymPy: a user's own, and those that are shipped."""
+"""Lagrangians from SymPy: those of users, and those of this package."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def from_sympy(
     symmetries: Symmetries = (),
     source: str = "",
 ) -> Lagrangian:
-    """Return a Lagrangian from an expression in SymPy; its kernels are kept on disk for other processes.
+    """Return a Lagrangian from an expression in SymPy; its kernels are stored on disk for other processes.
 
     L : SymPy expression of q, v, t and the parameters, twice differentiable
     q, v : d coordinates and their velocities: symbols, or functions of t and their derivatives
     t : the time, if L depends on it; parameters : values by symbol
-    symmetries : a list of them, or a function that makes it from the parameters' values by name
+    symmetries : a list of them, or a function of the parameters' values by name that returns one
 
-    Raises InputError, with the reason, for what cannot be used: symbols without a value, functions that cannot be
+    Raises InputError, with the reason, for invalid Lagrangians: symbols without a value, functions that cannot be
     compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse.
 
         q, v, g = sympy.symbols("q v g")

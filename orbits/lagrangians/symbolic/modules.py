@@ -1,4 +1,4 @@
-"""Where generated modules live, so that another process finds them, and Numba's compiled code beside them."""
+"""The folder of generated modules, in which other processes find them, with Numba's compiled code beside them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ _LOADING = threading.RLock()
 
 
 def digest(*parts: str) -> str:
-    """Return a hash of some texts and of all kernel sources of this package, with which generated code goes stale."""
+    """Return a hash of some texts and of all kernel sources of this package, which determines when generated code is
+    stale.
+    """
     text = "\0".join((*parts, source_stamp()))
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
@@ -25,15 +27,14 @@ def digest(*parts: str) -> str:
 def module(key: str, write: Callable[[], str]) -> ModuleType:
     """Return the generated module of that key, made by `write` if no process has made it before."""
     name = f"orbits_lagrangian_{key}"
-    with _LOADING:  # another thread must not see a module half executed
+    with _LOADING:  # another thread must not see a partially executed module
         if name in sys.modules:
             return sys.modules[name]
         path = trust.user_folder("lagrangians") / f"{name}.py"
         text, warning = _kept(path)
         if text is None:
-            # The first to come is the one that stays: another one would have another time stamp, with which the code
-            # that Numba keeps goes stale. A file that cannot be used is replaced, not removed first: what is removed
-            # might be the good one that another process has just put there.
+            # The first file is kept: another one would have another time stamp, which makes Numba's stored code stale.
+            # An unusable file is replaced without removing it first: another process may just have written a good one.
             trust.write(path, _signed(write()), replace=bool(warning))
             text = path.read_bytes()
         if warning:
@@ -42,7 +43,7 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
         made.__file__ = str(path)
         sys.modules[name] = made
         try:
-            # What was checked is what is executed: no second look at the file, nor at a .pyc beside it.
+            # The checked text is executed: neither the file nor a .pyc beside it is read again.
             exec(compile(text, str(path), "exec"), made.__dict__)
         except BaseException:
             del sys.modules[name]
@@ -51,7 +52,7 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
 
 
 def _kept(path: Path) -> tuple[bytes | None, str]:
-    """Return the text that was kept at `path`, and nothing; or None and why what is there cannot be used, if it is."""
+    """Return the text stored at `path` and ""; or None and the reason why an existing file cannot be used."""
     try:
         text = trust.read(path)
     except FileNotFoundError:
@@ -64,6 +65,6 @@ def _kept(path: Path) -> tuple[bytes | None, str]:
 
 
 def _signed(text: str) -> bytes:
-    """Return the text of a module behind a line with its checksum."""
+    """Return the text of a module after a line with its checksum."""
     body = text.encode()
     return f"# {checksum(body).hex()}\n".encode() + body

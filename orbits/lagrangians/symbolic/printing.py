@@ -1,7 +1,7 @@
-"""From SymPy expressions to the lines of a kernel, for float64 and lanes from one source.
+"""Printing of SymPy expressions as lines of a kernel, for float64 and lanes from one source.
 
-What a good hand would write: common subexpressions are shared, integer powers are products, half-integer ones come from
-one `rsqrt_cubed` or square root.
+The code is like good handwritten code: common subexpressions are shared, integer powers are products, half-integer ones
+use one `rsqrt_cubed` or square root.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"
 class Printer:
     """Collects the statements that compute some expressions.
 
-    names : what each symbol is called in the kernel
+    names : the name of each symbol in the kernel
     """
 
     def __init__(self, names: dict[Any, str]) -> None:
@@ -29,7 +29,7 @@ class Printer:
         self._roots: dict[str, str] = {}
 
     def define(self, expressions: Sequence[Any]) -> list[str]:
-        """Return the texts of the values of `expressions`, having collected the statements that they need."""
+        """Return the texts of the values of `expressions`, and collect the statements that they need."""
         import sympy
 
         fresh = sympy.numbered_symbols("cse_", cls=sympy.Dummy)
@@ -52,7 +52,7 @@ class Printer:
         return self._made[text]
 
     def text(self, e: Any) -> str:
-        """Return the expression as Python, fit to stand as an operand of + and -."""
+        """Return the expression as Python text that can be an operand of + and -."""
         if e.is_Symbol:
             return str(self.names[e])
         if e.is_number:
@@ -112,7 +112,7 @@ class Printer:
 
     def _inverse_power(self, x: str, n: int) -> str:
         if x in self._roots:
-            # 1/x = (w x)^2 with w = x^(-3/2), which is there already: products instead of a division.
+            # 1/x = (w x)^2 with w = x^(-3/2), which exists already: products instead of a division.
             return self._integer_power(self._assigned(f"{self._roots[x]} * {x}"), 2 * n)
         return f"1.0 / ({self._integer_power(x, n)})"
 

@@ -1,4 +1,4 @@
-"""Terms of N-body Lagrangians, one file each: `ZonalHarmonics`, ... A walk over this folder registers them."""
+"""Terms of N-body Lagrangians, one file each: `ZonalHarmonics`, ... They are registered by being in this folder."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What a term of an N-body Lagrangian is, and the sum of Newton's Lagrangian and such terms.
+"""The contract of a term of an N-body Lagrangian, and the sum of Newton's Lagrangian and such terms.
 
-A term is one file: kernels, and a frozen dataclass that people make, with units. Its kernels add to what is there:
+A term is one file: kernels, and a frozen dataclass for users, with units. Its kernels add to their output:
 
     value(strength, own, t, q, v)                          returns the term's part of L
     gradients(strength, own, t, q, v, f, p)                adds dL/dq to f and dL/dv to p
@@ -9,11 +9,11 @@ A term is one file: kernels, and a frozen dataclass that people make, with units
     field(strength, own, sources, x, y, z)                 returns the acceleration of a massless particle
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
 
-`strength` are the parameters of `newtonian`, eps^2 and GM of each massive body; `own` is the vector of the term; t is
-the time since the epoch of the system, in its unit. L is multiplied by G, as it is there. A term of positions alone has
-accelerations and a field too, and may then be SEPARABLE; one that depends on velocities or on time (TIME_DEPENDENT)
-cannot, and its massless particles have particle_gradients alone. Vectors, rows of stages in lanes and particles
-in lanes are served by one source: read with get(q, k), write with put(out, k, value).
+`strength` is the parameter vector of `newtonian`, eps^2 and GM of each massive body; `own` is that of the term; t is
+the time since the epoch of the system, in its unit. L is multiplied by G, as there. A term of positions alone also has
+accelerations and a field, and may be SEPARABLE; one that depends on velocities or on time (TIME_DEPENDENT) may not, and
+for massless particles has only particle_gradients. One source works for vectors, rows of stages in lanes and particles
+in lanes: read with get(q, k), write with put(out, k, value).
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 PARALLEL = 1e-14
-"""Unit vectors whose vector product is not longer are one axis."""
+"""Unit vectors whose cross product is not longer than this define the same axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class Summand:
-    """A term with all its numbers, as a sum takes it.
+    """A term bound to the bodies of a system, for a sum.
 
-    name : for people; formula : its part of L
+    name : for messages; formula : its part of L
     tag, parameters : its kernels and its vector
-    traits : what methods may ask of it, see `orbits.lagrangians.base`
-    axis : the only axis about which it may be rotated, a unit vector; None where it may be about every one
+    traits : properties that methods may require, see `orbits.lagrangians.base`
+    axis : the axis of its rotational symmetry, a unit vector; None if it is invariant under all rotations
     """
 
     name: str
@@ -58,10 +58,10 @@ class Summand:
 
 @dataclass(frozen=True)
 class Term:
-    """Base of the terms that a `System` takes: frozen dataclasses whose fields are their numbers, with units.
+    """Base of the terms of a `System`: frozen dataclasses whose fields are their parameters, with units.
 
-    kind : the name under which archives hold it
-    body : the field that names the massive body that the term belongs to; None stands for the most massive one
+    kind : its name in archives
+    body : the name of the massive body to which the term belongs; None for the most massive one
     """
 
     kind: ClassVar[str]
@@ -70,17 +70,17 @@ class Term:
     def in_units(self, units: Any) -> Self:
         """Return this term with its numbers checked and in the units of a system.
 
-        Raises InputError, naming the term and the value, for numbers or units that cannot be.
+        Raises InputError, naming the term and the value, for invalid numbers or units.
         """
         raise NotImplementedError
 
     def summand(self, row: int, units: Any) -> Summand:
-        """Return this term, in the units of the system, for the massive body of that row."""
+        """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
 
     def later(self, time: Any) -> Self:
-        """Return this term in a system whose epoch lies later by a time, a quantity: one that depends on the time since
-        the epoch has to count from the old one.
+        """Return this term for a system whose epoch is later by `time`, a quantity: a term that depends on the time
+        since the epoch must keep the old one.
         """
         return self
 
@@ -93,13 +93,13 @@ class SumOfTerms(Lagrangian):
 
     @cached_property
     def parameter_vector(self) -> Any:
-        """The parameters as the kernels want them: a vector for each term, Newton's first."""
+        """The parameters of the kernels: a vector for each term, Newton's first."""
         newton = np.array([*self.parameters.values()], dtype=np.float64)
         return (newton, *(summand.parameters for summand in self.summands))
 
 
 def compiled_sum(newton: Compiled, summands: Sequence[Summand]) -> Compiled:
-    """Return the compiled face of a sum: it has the traits of all of its terms, and depends on time if one does."""
+    """Return the compiled sum: it has the common traits of all its terms, and depends on time if one does."""
     traits = newton.traits.intersection(*(summand.traits for summand in summands))
     if any(TIME_DEPENDENT in summand.traits for summand in summands):
         traits |= {TIME_DEPENDENT}
@@ -107,7 +107,7 @@ def compiled_sum(newton: Compiled, summands: Sequence[Summand]) -> Compiled:
 
 
 def axis_of(summands: Sequence[Summand]) -> Vector | None:
-    """Return the axis about which the sum may be rotated, if it is one alone; zeros where there is none."""
+    """Return the axis of rotational symmetry of the sum, if there is only one; zeros if there is none; None for all."""
     axes = [summand.axis for summand in summands if summand.axis is not None]
     if not axes:
         return None
@@ -116,7 +116,9 @@ def axis_of(summands: Sequence[Summand]) -> Vector | None:
 
 
 def kept(symmetries: Sequence[Symmetry], summands: Sequence[Summand], bodies: int) -> tuple[Symmetry, ...]:
-    """Return Newton's symmetries that the terms leave: translations, boosts, and rotations about their axis."""
+    """Return the symmetries of Newton's Lagrangian that the terms keep: translations, boosts, rotations about an
+    axis.
+    """
     axis = axis_of(summands)
     if axis is None:
         return tuple(symmetries)
@@ -129,7 +131,7 @@ def kept(symmetries: Sequence[Symmetry], summands: Sequence[Summand], bodies: in
 def direction(value: Any, what: str, units: Any) -> Vector:
     """Return a unit vector from (right ascension, declination) or from three numbers.
 
-    Raises InputError for anything else, and for a declination beyond a right angle: degrees that are plain numbers.
+    Raises InputError for anything else, and for a declination beyond a right angle (degrees without a unit).
     """
     expected = "expected (right ascension, declination), such as (286.13 * u.deg, 63.87 * u.deg), or a vector x, y, z"
     if value is None:
@@ -150,7 +152,7 @@ def direction(value: Any, what: str, units: Any) -> Vector:
     length = float(np.linalg.norm(found))
     if not (np.isfinite(length) and length > 0.0):
         raise InputError(f"{what} is {shown(value)}; expected finite numbers, not all of them 0.")
-    # A vector that has the length 1 already stays as it is: what was stored comes back to the same bits.
+    # A vector of length 1 is not changed, so that stored vectors are restored bit for bit.
     unit = found if abs(length - 1.0) <= 4e-16 else found / length
     return float(unit[0]), float(unit[1]), float(unit[2])
 

@@ -1,4 +1,4 @@
-"""What terms add to the energy and the momenta of the massive bodies."""
+"""The contributions of terms to the energy and the momenta of the massive bodies."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from orbits.lagrangians.terms.base import Array, SumOfTerms
 
 @kernel
 def write_charges(tag, parameters, t, q, v, f, p, out):
-    """Write sum v . p - L, sum p and sum q x p, p and L being those of the terms, for each sample.
+    """Write sum v . p - L, sum p and sum q x p for each sample, where p and L are those of the terms.
 
-    t : (samples,); q, v : (samples, 3n) as kernels have them; f, p : (3n,) scratch; out : (samples, 7)
+    t : (samples,); q, v : (samples, 3n) in the kernels' order; f, p : (3n,) scratch; out : (samples, 7)
     """
     n = q.shape[1] // 3
     for k in range(q.shape[0]):
@@ -39,10 +39,10 @@ def write_charges(tag, parameters, t, q, v, f, p, out):
 
 
 def charges(lagrangian: SumOfTerms, q: Array, v: Array, t: Any = 0.0) -> tuple[Array, Array, Array]:
-    """Return what the terms add to energy (...), momentum (..., 3) and angular momentum (..., 3), times G.
+    """Return the contributions of the terms to energy (...), momentum (..., 3) and angular momentum (..., 3), times G.
 
     q, v : (..., n, 3) of the massive bodies; t : a time, or (...)
-    Float64 arithmetic: good to about 1e-16 of the terms' own energy.
+    In float64 arithmetic: accurate to about 1e-16 of the terms' own energy.
     """
     shape, n = q.shape[:-2], q.shape[-2]
     samples = int(np.prod(shape, dtype=np.int64))

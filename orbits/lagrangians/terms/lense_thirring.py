@@ -1,10 +1,10 @@
-"""Lense–Thirring: a spinning body drags inertial frames along, a force linear in velocities as a magnetic field's.
+"""Lense–Thirring: frame dragging by a spinning body, a force linear in velocities like that of a magnetic field.
 
     L = -(2 G / c^2) sum_i m_i S . (r_i x w_i) / r_i^3,     r_i = q_i - q_b,   w_i = v_i - v_b
 
-for all massive bodies i other than the body b with the spin S, which gets the reaction; for a massless particle per
-unit mass. It depends on differences alone: momentum and the uniform motion of the centre of mass are kept, and the
-component along S of the angular momentum. The canonical momenta are not m v; the energy is that without the term.
+for all massive bodies i other than the body b with the spin S, which feels the reaction; for a massless particle per
+unit mass. It depends on differences alone: momentum, the uniform motion of the centre of mass, and the component of the
+angular momentum along S are conserved. The canonical momenta are not m v; the energy is that without the term.
 Parameters: row of the body, k = -(2 G / c^2) S (3).
 Source: Lense & Thirring (1918), Phys. Z. 19, 156; Soffel & Langhans (2013), sec. 8.
 """
@@ -31,7 +31,7 @@ def _difference(q, i, b, n):
 
 @kernel(inline=True)
 def _derivatives(softening2, own, r, w):
-    """Return the derivatives by r and by w of k . (r x w) / r^3, six numbers."""
+    """Return the derivatives of k . (r x w) / r^3 with respect to r and w, six numbers."""
     x, y, z = r
     vx, vy, vz = w
     kx, ky, kz = own[1], own[2], own[3]
@@ -85,7 +85,7 @@ def _add_differences(out, at, value, a, c, i, b, n):
 
 @kernel
 def hessians(strength, own, t, q, v, out):
-    """Add the second derivatives; those by velocities twice are zero."""
+    """Add the second derivatives; those with respect to two velocities are zero."""
     n, b = strength.shape[0] - 1, int(own[0])
     d = 3 * n
     for i in range(n):
@@ -113,7 +113,7 @@ def hessians(strength, own, t, q, v, out):
 
 @kernel
 def particle_gradients(strength, own, t, sources, speeds, place, velocity):
-    """Return the force on and the momentum of a unit of mass."""
+    """Return the force and the momentum per unit mass."""
     n, b = strength.shape[0] - 1, int(own[0])
     r = place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
     w = velocity[0] - get(speeds, b), velocity[1] - get(speeds, n + b), velocity[2] - get(speeds, 2 * n + b)
@@ -141,13 +141,13 @@ def lense_thirring(row: int, k: Vector) -> Summand:
 
 @dataclass(frozen=True)
 class LenseThirring(Term):
-    """The frame dragging of a spinning body, of first order in its spin.
+    """The frame dragging by a spinning body, to first order in its spin.
 
         system.with_terms(orbits.LenseThirring("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=(286.13, 63.87) * u.deg))
 
     body : the massive body that spins; by default the most massive one
-    spin : its angular momentum, > 0; pole : the direction of it, (right ascension, declination) or a vector
-    c : the speed of light; to be given where units are dimensionless
+    spin : its angular momentum, > 0; pole : its direction, (right ascension, declination) or a vector
+    c : the speed of light; required if units are dimensionless
     """
 
     kind: ClassVar[str] = "lense-thirring"
@@ -156,7 +156,7 @@ class LenseThirring(Term):
     c: Any = None
 
     def in_units(self, units: Any) -> Self:
-        """Return it with spin and c in the system's units, and a unit vector for the pole."""
+        """Return this term with spin and c in the system's units, and a unit vector for the pole."""
         whose = f" of {self.body!r}" if self.body else ""
         if self.spin is None:
             raise InputError(

@@ -2,13 +2,13 @@
 
     L = -sum_i m_i V(q_i - q_b),     V(d) = (G m_b / r) sum_n J_n (R / r)^n P_n(s),     s = d . pole / r
 
-for all massive bodies i other than the body b, which gets the reaction; a massless particle has -V per unit mass. With
-a softening eps, r^2 = |d|^2 + eps^2 here as in the attraction.
+for all massive bodies i other than the body b, which feels the reaction; a massless particle has -V per unit mass. With
+a softening eps, r^2 = |d|^2 + eps^2, as in the attraction.
 
     a = A d / r + B pole,     A = (G m_b / r^2) sum J_n (R/r)^n [(n + 1) P_n + s P_n']
                               B = -(G m_b / r^2) sum J_n (R/r)^n P_n'
 
-The pole is fixed: the body's spin takes up no torque, so of the angular momentum the component along the pole is kept.
+The pole is fixed: the spin of the body takes up no torque, so only the angular momentum along the pole is conserved.
 Parameters: row of the body, pole (3), then J_n R^n for n = 2, 3, ...
 Source: Vallado (2013), sec. 8.6; Kaula (1966).
 """
@@ -28,7 +28,7 @@ from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
 from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
 
 HARMONICS = 4
-"""Where J_2 R^2 stands in the parameters."""
+"""The index of J_2 R^2 in the parameters."""
 
 
 @kernel(inline=True)
@@ -102,7 +102,7 @@ def gradients(strength, own, t, q, v, f, p):
 
 @kernel
 def accelerate_some(strength, own, q, out, start, stop):
-    """Add the accelerations of bodies start ... stop - 1; the body's own come from all others, in any share."""
+    """Add the accelerations of bodies start ... stop - 1; those of the flattened body are due to all others."""
     n, b = strength.shape[0] - 1, int(own[0])
     whole = start <= b < stop
     bx, by, bz = get(q, 0) * 0.0, get(q, 0) * 0.0, get(q, 0) * 0.0
@@ -132,7 +132,7 @@ def field(strength, own, sources, x, y, z):
 
 @kernel
 def particle_gradients(strength, own, t, sources, speeds, place, velocity):
-    """Return the force on a unit of mass, and no momentum."""
+    """Return the force per unit mass, and zeros for the momentum."""
     fx, fy, fz = field(strength, own, sources, place[0], place[1], place[2])
     none = fx * 0.0
     return fx, fy, fz, none, none, none
@@ -140,7 +140,7 @@ def particle_gradients(strength, own, t, sources, speeds, place, velocity):
 
 @kernel
 def hessians(strength, own, t, q, v, out):
-    """Add the tides: -GM_i d2V/dd dd for each body and the flattened one."""
+    """Add the tidal matrices -GM_i d2V/dd dd of each body and the flattened one."""
     n, b = strength.shape[0] - 1, int(own[0])
     d = 3 * n
     mu = strength[1 + b]
@@ -153,7 +153,7 @@ def hessians(strength, own, t, q, v, out):
             zero = r2 * 0.0
             before, legendre, slope, bend = zero + 1.0, s, zero + 1.0, zero
             power = mu * near * near
-            # Derivatives of V by r, by s, and the second ones.
+            # First and second derivatives of V with respect to r and s.
             vr, vs, vrr, vrs, vss = zero, zero, zero, zero, zero
             for k in range(HARMONICS, own.shape[0]):
                 m = k - HARMONICS + 2
@@ -220,13 +220,13 @@ def zonal_harmonics(row: int, radius: float, pole: Vector, harmonics: dict[int, 
 
 @dataclass(frozen=True)
 class ZonalHarmonics(Term):
-    """The flattening of a body, as zonal harmonics J2, J3, J4 of its field.
+    """The flattening of a body, by the zonal harmonics J2, J3, J4 of its field.
 
         system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg))
 
     body : the massive body that is flattened; by default the most massive one
-    J2, J3, J4 : numbers; radius : the equatorial radius that they belong to, a length
-    pole : of its axis, (right ascension, declination) in the ICRF or a vector in the axes of the system; it stays
+    J2, J3, J4 : numbers; radius : the equatorial radius in their definition, a length
+    pole : of its axis, (right ascension, declination) in the ICRF or a vector in the axes of the system; it is fixed
     """
 
     kind: ClassVar[str] = "zonal-harmonics"
@@ -237,7 +237,7 @@ class ZonalHarmonics(Term):
     pole: Any = None
 
     def in_units(self, units: Any) -> Self:
-        """Return it with floats for J_n, the radius in the system's unit, and a unit vector for the pole."""
+        """Return this term with floats for J_n, the radius in the system's unit, and a unit vector for the pole."""
         whose = f" of {self.body!r}" if self.body else ""
         if self.radius is None:
             raise InputError(
