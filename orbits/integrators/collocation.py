@@ -395,8 +395,8 @@ def signal(method, model, h, state, storage):
     """Return the last Legendre coefficient of the forces on a body in the step of h just taken, as a fraction of the
     largest force on it; the maximum over all bodies. For one register.
 
-    Where attractions cancel, the force that remains is round-off: no force counts as less than `CANCELLED` of the sum of
-    their magnitudes.
+    Where attractions cancel, the force that remains is round-off: no force counts as less than `CANCELLED` of the sum
+    of their magnitudes.
     """
     table, L, scratch = method.coefficients[0], storage.carry, storage.scratch
     size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
