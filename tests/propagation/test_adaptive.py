@@ -8,12 +8,13 @@ from astropy import units as u
 from jplephem.spk import SPK
 
 import orbits
-from orbits.archive import Archive
+from orbits.archive import Archive, ArchiveWriter
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
 from orbits.marching import passage_list
 from orbits.marching.clocks import Place
 from orbits.propagation.marchers import bound
+from orbits.time_grid import TimeGrid
 
 from ..encounters import APOPHIS_MISS, apophis_2029
 from ..problems import kepler, three_bodies
@@ -253,3 +254,26 @@ def test_a_run_that_was_killed_before_its_first_step_is_resumed(tmp_path):
     assert np.array_equal(orbits.resume(path, progress=False).q, whole.q)
     marcher = bound(start, "gauss", orbits.Adaptive(), 1)
     assert all(np.isfinite(array).all() for name, array in marcher.checkpoint().items() if name != "approaches")
+
+
+def test_a_run_without_dt_says_how_its_steps_were_chosen():
+    start = system(*three_bodies())
+    for clock, stages, tolerance in ((None, 8, "1e-09"), (orbits.Adaptive(1e-7), 8, "1e-07"), (None, 4, "1.9307e-08")):
+        run = propagate(start, 1.0, integrator=orbits.Gauss(stages=stages), dt=clock, samples=2)
+        assert run.made_by == f"Gauss(stages={stages}), adaptive steps (tolerance {tolerance})"
+        assert run.made_by in repr(run)
+        attributes = run.to_table().meta
+        assert attributes["steps"] == run.to_xarray().attrs["steps"] == f"adaptive, tolerance {tolerance}"
+        assert "dt" not in attributes
+    fixed = propagate(start, 1.0, dt=0.125, samples=2).to_table().meta
+    assert fixed["dt"] == 0.125
+    assert "steps" not in fixed
+
+
+def test_an_archive_whose_method_cannot_have_its_steps_is_damaged(tmp_path):
+    start, path = system(*three_bodies()), tmp_path / "run.h5"
+    grid = TimeGrid.of(start, None, duration=1.0, samples=2)
+    method = orbits.integrators.describe(orbits.StormerVerlet())
+    ArchiveWriter.create(path, system=start, integrator=method, grid=grid, checkpoint={}, provenance={}).close()
+    with pytest.raises(ArchiveError, match="needs a dt"):
+        orbits.Trajectory.open(path)
