@@ -270,6 +270,12 @@ def test_a_run_without_dt_says_how_its_steps_were_chosen():
     assert "steps" not in fixed
 
 
+@pytest.mark.parametrize("dt", [orbits.Adaptive, "adaptive", " Adaptive "], ids=str)
+def test_the_clock_is_an_object_and_the_message_shows_it(dt):
+    with pytest.raises(InputError, match=r"expected dt=orbits.Adaptive\(\), or no dt"):
+        propagate(system(*three_bodies()), 1.0, dt=dt)
+
+
 def test_an_archive_whose_method_cannot_have_its_steps_is_damaged(tmp_path):
     start, path = system(*three_bodies()), tmp_path / "run.h5"
     grid = TimeGrid.of(start, None, duration=1.0, samples=2)
@@ -277,3 +283,11 @@ def test_an_archive_whose_method_cannot_have_its_steps_is_damaged(tmp_path):
     ArchiveWriter.create(path, system=start, integrator=method, grid=grid, checkpoint={}, provenance={}).close()
     with pytest.raises(ArchiveError, match="needs a dt"):
         orbits.Trajectory.open(path)
+
+
+def test_samples_that_are_not_of_the_run_are_refused_in_spk_with_its_method(tmp_path):
+    start = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
+    run = propagate(start, 30 * u.day, samples=4)
+    other = run.with_samples(run.times, run.q.value + 1e-3, run.v.value)
+    with pytest.raises(InputError, match=r"motion that Gauss\(stages=8\), adaptive steps.*unchanged run"):
+        other.to_spk(tmp_path / "run.bsp")
