@@ -6,7 +6,7 @@ What has kernels is imported where it is needed: making a system without terms d
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
@@ -127,6 +127,16 @@ def together(one: System, other: System) -> dict[str, Any]:
     """Return the terms and forces of two systems as those of one; what both have is there once."""
     terms, forces = ((*mine, *(x for x in theirs if x not in mine)) for mine, theirs in _pairs(one, other))
     return {"terms": terms, "forces": forces}
+
+
+def without(system: System, gone: Set[str]) -> dict[str, Any]:
+    """Return what acts in a system without some bodies: terms of others, and forces on others that they name."""
+    forces = []
+    for force in system.forces:
+        left = force.bodies if force.bodies is None else [name for name in force.bodies if name not in gone]
+        if left is None or left:
+            forces.append(replace(force, bodies=left))
+    return {"terms": [term for term in system.terms if term.body not in gone], "forces": forces}
 
 
 def _pairs(one: System, other: System) -> tuple[tuple[Sequence[Any], Sequence[Any]], ...]:

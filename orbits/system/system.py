@@ -17,7 +17,7 @@ from orbits.point_masses import PointMasses
 from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
-from orbits.system.model import Modelled, together
+from orbits.system.model import Modelled, together, without
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.units import SOLAR, UnitSystem, as_epoch
@@ -214,13 +214,17 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     def remove(self, *names: str) -> Self:
         """Return this system without the named bodies. The other bodies do not change.
 
+        Terms of these bodies go with them. Forces act on the other bodies that they name; one that names no others goes
+        too.
+
         Raises UnknownNameError for a name that it does not have, InputError if no massive body would be left.
         """
         gone = {self.index(name) for name in names}
         keep = [i for i in range(len(self)) if i not in gone]
         gm, q, v, _ = self.values
         radii = None if self._radii is None else self._radii[keep]
-        return self.replaced(names=[self.names[i] for i in keep], gm=gm[keep], q=q[keep], v=v[keep], radii=radii)
+        left = {"names": [self.names[i] for i in keep], "gm": gm[keep], "q": q[keep], "v": v[keep], "radii": radii}
+        return self.replaced(**left, **without(self, {self.names[i] for i in gone}))
 
     def replaced(self, **changes: Any) -> Self:
         """Return this system with some values replaced: names, gm, q, v, epoch, radii, softening, terms, forces.
