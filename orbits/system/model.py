@@ -139,6 +139,13 @@ def without(system: System, gone: Set[str]) -> dict[str, Any]:
     return {"terms": [term for term in system.terms if term.body not in gone], "forces": forces}
 
 
+def seen_from(system: System, place: Array, velocity: Array) -> dict[str, Any]:
+    """Return what acts in a system as seen from an origin at a place, (3,), that moves with a velocity, (3,)."""
+    at, moving = u.Quantity(place, system.units.length), u.Quantity(velocity, system.units.speed)
+    terms, forces = ([x.seen_from(at, moving) for x in acting] for acting in (system.terms, system.forces))
+    return {"terms": terms, "forces": forces}
+
+
 def _pairs(one: System, other: System) -> tuple[tuple[Sequence[Any], Sequence[Any]], ...]:
     return (one.terms, other.terms), (one.forces, other.forces)
 

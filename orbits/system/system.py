@@ -17,7 +17,7 @@ from orbits.point_masses import PointMasses
 from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
-from orbits.system.model import Modelled, together, without
+from orbits.system.model import Modelled, seen_from, together, without
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.units import SOLAR, UnitSystem, as_epoch
@@ -240,12 +240,14 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         return type(self)(**{**values, **changes})
 
     def barycentric(self) -> Self:
-        """Return this system with the centre of mass of its massive bodies at the origin and at rest."""
+        """Return this system with the centre of mass of its massive bodies at the origin and at rest.
+
+        What acts is seen from there too, such as the medium of `Drag`: the motion of bodies relative to each other
+        stays the same.
+        """
         gm, q, v, _ = self.values
-        return self.replaced(
-            q=q - diagnostics.centre_of_mass(gm, q),
-            v=v - diagnostics.centre_of_mass(gm, v),
-        )
+        place, velocity = diagnostics.centre_of_mass(gm, q), diagnostics.centre_of_mass(gm, v)
+        return self.replaced(q=q - place, v=v - velocity, **seen_from(self, place, velocity))
 
     # -------------------------------------------------------------------------------------------------------- values
 

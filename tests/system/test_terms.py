@@ -80,6 +80,14 @@ def test_what_acts_by_or_on_a_body_alone_goes_with_it(system):
     assert left.forces == made.forces[2:]
 
 
+def test_the_medium_of_drag_is_seen_from_the_barycentre(system):
+    wind = [1, 0, 0] * u.km / u.s
+    made = system.with_forces(orbits.Drag(rate=1 / u.yr, velocity=wind))
+    boosted = made.replaced(v=made.v + [0, 5, 0] * u.km / u.s).barycentric()
+    (drag,) = boosted.forces
+    assert u.Quantity(drag.velocity).to_value(u.km / u.s) == pytest.approx([1, -5, 0], abs=1e-14)
+
+
 def test_the_body_is_the_most_massive_one_unless_it_is_named(system):
     assert system.with_terms(zonal(None)).terms[0].body == "Sun"
     assert system.with_terms(zonal("jupiter")).terms[0].body == "Jupiter"
