@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from astropy import units as u
 from typer.testing import CliRunner
 
 import orbits
@@ -134,3 +135,10 @@ def test_the_guide_names_the_conditions_that_terms_and_forces_exclude():
         except orbits.errors.InputError:
             refused = True
         assert (f"`{type(condition).__name__}`" in paragraph) == refused, condition
+
+
+def test_the_flyby_of_the_readme_is_as_far_as_it_says(capsys):
+    (code,) = (code for code in blocks(ROOT / "README.md") if "Apophis" in code)
+    exec(code, {"orbits": orbits, "u": u})
+    flyby, distance, day = re.search(r"# (.+): ([\d,]+ km) on ([\d-]+)", code).groups()
+    assert re.search(rf"closest {flyby}: .* = {distance} at {day}", capsys.readouterr().out)
