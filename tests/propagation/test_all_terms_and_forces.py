@@ -385,7 +385,7 @@ def test_the_weights_of_a_step_sum_to_its_length_exactly_so_that_what_nothing_pu
 
 @pytest.mark.parametrize("bodies", [["outer", "p"], None], ids=str)
 def test_motion_under_drag_is_the_same_in_the_frame_of_the_barycentre(bodies):
-    """The medium is seen from there too. After a time of 20: 2e-14 apart; 0.05 and more with the medium left as it was."""
+    """The medium is seen from there too. After a time of 20: 2e-14 apart; 0.05 or more with the medium as it was."""
     start = three(**PARTICLE)
     place, speed = np.array([5.0, 0.0, 1.0]), np.array([0.3, 0.1, -0.2])
     drifting = start.replaced(q=start.q.value + place, v=start.v.value + speed)
