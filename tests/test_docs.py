@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from astropy import units as u
 from typer.testing import CliRunner
 
 import orbits
@@ -115,3 +116,29 @@ def test_tables_written_by_hand_have_all_that_is_registered():
 def test_the_readme_example_has_ten_lines():
     (code, *_) = blocks(ROOT / "README.md")
     assert len([line for line in code.splitlines() if line.strip()]) <= 10
+
+
+def test_the_guide_names_the_conditions_that_terms_and_forces_exclude():
+    """Each is tried under a force; the paragraph after the table of what acts names those that are refused."""
+    after = text_of(ROOT / "docs" / "library.md").partition("| what acts | methods |")[2]
+    (paragraph,) = (text for text in after.split("\n\n") if text.startswith("Another method refuses"))
+    pair = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    system = orbits.System(["a", "b"], [1.0, 0.1], *pair, units=orbits.DIMENSIONLESS)
+    system = system.with_forces(orbits.Drag(rate=1e-3))
+    conditions = [
+        orbits.CloserThan(1e-3), orbits.FartherThan(1e3), orbits.EnergyErrorAbove(0.1), orbits.WallTimeOver(600)
+    ]  # fmt: skip
+    for condition in conditions:
+        try:
+            orbits.propagate(system, "gauss", dt=0.1, duration=0.5, samples=2, stop=condition, progress=False)
+            refused = False
+        except orbits.errors.InputError:
+            refused = True
+        assert (f"`{type(condition).__name__}`" in paragraph) == refused, condition
+
+
+def test_the_flyby_of_the_readme_is_as_far_as_it_says(capsys):
+    (code,) = (code for code in blocks(ROOT / "README.md") if "Apophis" in code)
+    exec(code, {"orbits": orbits, "u": u})
+    flyby, distance, day = re.search(r"# (.+): ([\d,]+ km) on ([\d-]+)", code).groups()
+    assert re.search(rf"closest {flyby}: .* = {distance} at {day}", capsys.readouterr().out)

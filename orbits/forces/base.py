@@ -63,6 +63,15 @@ class Force:
         """
         return self
 
+    def seen_from(self, place: Any, velocity: Any) -> Self:
+        """Return this force as seen from an origin at that place that moves with that velocity, (3,) quantities: one
+        that depends on absolute positions or velocities has to shift its numbers. The default is for one that depends
+        on relative ones alone.
+
+        Raises InputError, naming the force, if it cannot be seen from there.
+        """
+        return self
+
 
 def coefficient(own, offset, particle, sources, x):
     """Return the coefficient of a particle, from the vector of a force, which has one for each particle from `offset`

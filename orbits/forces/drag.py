@@ -70,6 +70,10 @@ class Drag(Force):
             raise InputError(f"Drag: velocity is {velocity.tolist()} {units.speed}; expected three finite numbers.")
         return replace(self, rate=float(rate) / units.time, velocity=tuple(float(x) * units.speed for x in velocity))
 
+    def seen_from(self, place: Any, velocity: Any) -> Self:
+        """Return it with the velocity of the medium relative to an origin that moves."""
+        return replace(self, velocity=tuple(own - of for own, of in zip(self.velocity, velocity, strict=True)))
+
     def bound(self, massive: NDArray[np.bool_], particles: NDArray[np.bool_], units: Any) -> BoundForce:
         """Return this force bound to these massive bodies and particles."""
         rate = float(units.frequency_value(self.rate))

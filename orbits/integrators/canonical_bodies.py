@@ -100,7 +100,7 @@ def evaluate(method, model, times, stages, work, d):
 
 
 @kernel(inline=True)
-def prepare(method, model, t, h, state, storage):
+def begin_stages(method, model, t, h, state, storage):
     """Use the velocities of the state for the stages, if the carry has none."""
     d = dimension(model.tag, model.parameters)
     V, cold = storage.carry, True
@@ -223,7 +223,7 @@ class CanonicalBodies(Form):
     forces: int = 0
 
     kernels: ClassVar[Mapping[str, Any]] = {
-        "begin": prepare,
+        "begin": begin_stages,
         "step": step,
         "step_particles": step_particles,
         "width": 1,

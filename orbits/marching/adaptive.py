@@ -196,12 +196,16 @@ class Adaptive(Clock):
         """Return the length of the workspace: the times of a block, and the state before a step."""
         return block + 1 + size
 
+    def tolerance_for(self, integrator: Any) -> float:
+        """Return the tolerance of the steps of a method: the one given, or its default."""
+        stages = integrator.stages
+        return ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
+
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
-        stages = integrator.stages
-        tolerance = ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
         numbers = np.zeros(NUMBERS)
-        numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, tolerance, 1.0 / (stages - 1)
+        power = 1.0 / (integrator.stages - 1)
+        numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, self.tolerance_for(integrator), power
         numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
         return numbers
 

@@ -130,8 +130,8 @@ def write(
         seen = _largest_distance_to_samples(run, i, about, own, grid._replace(length=length))
         if seen > 2.0 * tolerance_km:
             raise InputError(
-                f"the samples of {name!r} are up to {seen:.3g} km from the motion that {run.integrator.label} with "
-                f"dt = {run.dt} computes; expected an unchanged run of orbits.propagate. Propagate it again."
+                f"the samples of {name!r} are up to {seen:.3g} km from the motion that {run.made_by}, "
+                "computes; expected an unchanged run of orbits.propagate. Propagate it again."
             )
         errors[name], records[name] = max(error, seen), length / DAY
         segments.append(
@@ -221,10 +221,11 @@ def _fitted(
         except _TooLongError as loss:
             reached = loss.args[0]
             length = min(length, grid.length) / 2.0
+    finer = "tolerance" if run.clock.changes else "dt"
     raise InputError(
         f"{run.made_by} is not smooth to {tolerance_km:g} km: because of its own error in a step, records of "
         f"{2 * length / DAY:.3g} d deviate by {reached:.2g} km. Use a larger tolerance_km, or propagate with a smaller "
-        "dt or a method of higher order."
+        f"{finer} or a method of higher order."
     )
 
 

@@ -6,7 +6,7 @@ Modules with kernels are imported where they are needed: making a system without
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
@@ -126,6 +126,23 @@ def _each(given: Any, kind: type, expected: str, what: str) -> Sequence[Any]:
 def together(one: System, other: System) -> dict[str, Any]:
     """Return the combined terms and forces of two systems, without duplicates."""
     terms, forces = ((*mine, *(x for x in theirs if x not in mine)) for mine, theirs in _pairs(one, other))
+    return {"terms": terms, "forces": forces}
+
+
+def without(system: System, gone: Set[str]) -> dict[str, Any]:
+    """Return what acts in a system without some bodies: terms of others, and forces on others that they name."""
+    forces = []
+    for force in system.forces:
+        left = force.bodies if force.bodies is None else [name for name in force.bodies if name not in gone]
+        if left is None or left:
+            forces.append(replace(force, bodies=left))
+    return {"terms": [term for term in system.terms if term.body not in gone], "forces": forces}
+
+
+def seen_from(system: System, place: Array, velocity: Array) -> dict[str, Any]:
+    """Return what acts in a system as seen from an origin at a place, (3,), that moves with a velocity, (3,)."""
+    at, moving = u.Quantity(place, system.units.length), u.Quantity(velocity, system.units.speed)
+    terms, forces = ([x.seen_from(at, moving) for x in acting] for acting in (system.terms, system.forces))
     return {"terms": terms, "forces": forces}
 
 

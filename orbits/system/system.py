@@ -17,7 +17,7 @@ from orbits.point_masses import PointMasses
 from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
-from orbits.system.model import Modelled, together
+from orbits.system.model import Modelled, seen_from, together, without
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.units import SOLAR, UnitSystem, as_epoch
@@ -214,13 +214,17 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     def remove(self, *names: str) -> Self:
         """Return this system without the named bodies. The other bodies do not change.
 
+        Terms of these bodies go with them. Forces act on the other bodies that they name; one that names no others goes
+        too.
+
         Raises UnknownNameError for a name that it does not have, InputError if no massive body would be left.
         """
         gone = {self.index(name) for name in names}
         keep = [i for i in range(len(self)) if i not in gone]
         gm, q, v, _ = self.values
         radii = None if self._radii is None else self._radii[keep]
-        return self.replaced(names=[self.names[i] for i in keep], gm=gm[keep], q=q[keep], v=v[keep], radii=radii)
+        left = {"names": [self.names[i] for i in keep], "gm": gm[keep], "q": q[keep], "v": v[keep], "radii": radii}
+        return self.replaced(**left, **without(self, {self.names[i] for i in gone}))
 
     def replaced(self, **changes: Any) -> Self:
         """Return this system with some values replaced: names, gm, q, v, epoch, radii, softening, terms, forces.
@@ -236,12 +240,14 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         return type(self)(**{**values, **changes})
 
     def barycentric(self) -> Self:
-        """Return this system with the centre of mass of its massive bodies at the origin and at rest."""
+        """Return this system with the centre of mass of its massive bodies at the origin and at rest.
+
+        What acts is seen from there too, such as the medium of `Drag`: the motion of bodies relative to each other
+        stays the same.
+        """
         gm, q, v, _ = self.values
-        return self.replaced(
-            q=q - diagnostics.centre_of_mass(gm, q),
-            v=v - diagnostics.centre_of_mass(gm, v),
-        )
+        place, velocity = diagnostics.centre_of_mass(gm, q), diagnostics.centre_of_mass(gm, v)
+        return self.replaced(q=q - place, v=v - velocity, **seen_from(self, place, velocity))
 
     # -------------------------------------------------------------------------------------------------------- values
 

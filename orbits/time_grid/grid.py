@@ -81,6 +81,10 @@ class TimeGrid:
         if dt is None or isinstance(dt, Adaptive):
             clock = (dt or Adaptive()).towards(length)
             return cls(clock, _sample_times(system, samples, length))
+        if dt is Adaptive or (isinstance(dt, str) and dt.strip().lower() == "adaptive"):
+            raise InputError(
+                f"dt = {shown(dt)}; for steps that are chosen one by one, expected dt=orbits.Adaptive(), or no dt."
+            )
         h = step_length(system, dt, length)
         if abs(length) / h > MOST_STEPS:
             raise InputError(

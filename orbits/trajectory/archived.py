@@ -20,14 +20,16 @@ if TYPE_CHECKING:
 def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
     """Return the method of the run in an archive, and its certificate, if there is one.
 
-    Raises ArchiveError for an unknown method, and for an invalid certificate.
+    Raises ArchiveError for an unknown method, one that cannot have the steps of the run, and an invalid certificate.
     """
     from orbits import integrators
     from orbits.certificate import Certificate
 
     try:
         text = archive.certificate_text
-        return integrators.build(archive.integrator), Certificate.from_record(json.loads(text)) if text else None
+        integrator = integrators.build(archive.integrator)
+        archive.grid.clock.check(integrator)
+        return integrator, Certificate.from_record(json.loads(text)) if text else None
     except InputError as error:
         raise ArchiveError(
             f"{archive.path}: {str(error).rstrip('.')}. Read the samples with orbits.Archive.open(path), or use a "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -164,14 +164,4 @@ def moved(system: System, q: Array, v: Array, time: float, gone: NDArray[np.bool
     if not gone.any():
         return system.replaced(q=q, v=v, epoch=epoch)
     names = {system.names[i] for i in np.flatnonzero(gone)}
-    acting = (_on_others(force, names) for force in system.forces)
-    rest = system.replaced(forces=[force for force in acting if force is not None]).remove(*names)
-    return rest.replaced(q=q[~gone], v=v[~gone], epoch=epoch)
-
-
-def _on_others(force: Any, gone: set[str]) -> Any:
-    """Return a force on its remaining bodies, None if there are none."""
-    if force.bodies is None:
-        return force
-    left = [name for name in force.bodies if name not in gone]
-    return replace(force, bodies=left) if left else None
+    return system.remove(*names).replaced(q=q[~gone], v=v[~gone], epoch=epoch)

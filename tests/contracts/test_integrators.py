@@ -7,6 +7,7 @@ import pytest
 
 import orbits
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC
+from orbits.integrators.forms import Form
 
 from ..problems import particles_around, three_bodies
 from .problems import errors_against_the_exact_orbit, jacobian, march, marcher, methods, phase_map
@@ -177,3 +178,17 @@ def test_every_method_says_where_it_comes_from_and_what_it_is(method):
     assert type(method).__doc__
     assert method.order >= 1
     assert method.declares <= {SYMPLECTIC, SYMMETRIC, MOMENTUM_MAPS}
+
+
+def test_no_kernel_of_a_method_has_the_name_of_another_function_of_the_contract():
+    contract = {"begin", "step", "prepare", "signal", "begin_particles", "step_particles"}
+    kinds = [Form]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+    named = [
+        (kind.__name__, key, getattr(kernel, "__name__", ""))
+        for kind in kinds
+        for key, kernel in getattr(kind, "kernels", {}).items()
+    ]
+    assert len(named) > 10
+    assert [names for names in named if names[2] in contract - {names[1]}] == []

@@ -8,12 +8,13 @@ from astropy import units as u
 from jplephem.spk import SPK
 
 import orbits
-from orbits.archive import Archive
+from orbits.archive import Archive, ArchiveWriter
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
 from orbits.marching import passage_list
 from orbits.marching.clocks import Place
 from orbits.propagation.marchers import bound
+from orbits.time_grid import TimeGrid
 
 from ..encounters import APOPHIS_MISS, apophis_2029
 from ..problems import kepler, three_bodies
@@ -321,3 +322,40 @@ def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
     for time in np.linspace(0.0, 1.0, 1001):
         marcher.advance_to(Place(0, float(time)))
     assert len(calls) <= 2 * marcher.step + 2
+
+
+def test_a_run_without_dt_says_how_its_steps_were_chosen():
+    start = system(*three_bodies())
+    for clock, stages, tolerance in ((None, 8, "1e-09"), (orbits.Adaptive(1e-7), 8, "1e-07"), (None, 4, "1.9307e-08")):
+        run = propagate(start, 1.0, integrator=orbits.Gauss(stages=stages), dt=clock, samples=2)
+        assert run.made_by == f"Gauss(stages={stages}), adaptive steps (tolerance {tolerance})"
+        assert run.made_by in repr(run)
+        attributes = run.to_table().meta
+        assert attributes["steps"] == run.to_xarray().attrs["steps"] == f"adaptive, tolerance {tolerance}"
+        assert "dt" not in attributes
+    fixed = propagate(start, 1.0, dt=0.125, samples=2).to_table().meta
+    assert fixed["dt"] == 0.125
+    assert "steps" not in fixed
+
+
+@pytest.mark.parametrize("dt", [orbits.Adaptive, "adaptive", " Adaptive "], ids=str)
+def test_the_clock_is_an_object_and_the_message_shows_it(dt):
+    with pytest.raises(InputError, match=r"expected dt=orbits.Adaptive\(\), or no dt"):
+        propagate(system(*three_bodies()), 1.0, dt=dt)
+
+
+def test_an_archive_whose_method_cannot_have_its_steps_is_damaged(tmp_path):
+    start, path = system(*three_bodies()), tmp_path / "run.h5"
+    grid = TimeGrid.of(start, None, duration=1.0, samples=2)
+    method = orbits.integrators.describe(orbits.StormerVerlet())
+    ArchiveWriter.create(path, system=start, integrator=method, grid=grid, checkpoint={}, provenance={}).close()
+    with pytest.raises(ArchiveError, match="needs a dt"):
+        orbits.Trajectory.open(path)
+
+
+def test_samples_that_are_not_of_the_run_are_refused_in_spk_with_its_method(tmp_path):
+    start = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
+    run = propagate(start, 30 * u.day, samples=4)
+    other = run.with_samples(run.times, run.q.value + 1e-3, run.v.value)
+    with pytest.raises(InputError, match=r"motion that Gauss\(stages=8\), adaptive steps.*unchanged run"):
+        other.to_spk(tmp_path / "run.bsp")

@@ -84,6 +84,15 @@ class Term:
         """
         return self
 
+    def seen_from(self, place: Any, velocity: Any) -> Self:
+        """Return this term as seen from an origin at that place that moves with that velocity, (3,) quantities: one
+        that depends on absolute positions or velocities has to shift its numbers. The default is for one that depends
+        on relative ones alone.
+
+        Raises InputError, naming the term, if it cannot be seen from there.
+        """
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class SumOfTerms(Lagrangian):
