@@ -80,7 +80,7 @@ def cross(a, b):
 
 @pytest.fixture(scope="module")
 def truth():
-    """The position of the particle at time 1, by Taylor series of 20 digits."""
+    """Where the particle is at the time 1, by Taylor series of 20 digits."""
     with mpmath.workdps(20):
         start = [mpmath.mpf(x) for x in (*PARTICLE["p"][1], *PARTICLE["p"][2])]
         return np.array([float(x) for x in mpmath.odefun(equations, 0, start)(1)])
@@ -128,7 +128,7 @@ def test_the_floor_of_a_short_step_is_round_off(truth):
 
 @pytest.mark.parametrize("particle", [False, True])
 def test_a_term_that_depends_on_time_moves_all_by_what_it_is(particle):
-    """A uniform acceleration does not change relative orbits: a Kepler orbit and a closed form."""
+    """Relative orbits do not notice an acceleration that is the same everywhere: Kepler's orbit and a closed form."""
     sway, T = Swaying(phase=0.4), 6.0
     gm, q, v = kepler(0.3)
     gm = np.array([1.0, 0.0]) if particle else gm
@@ -260,7 +260,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits_work_included(tmp_path):
         assert np.array_equal(run[2:5].work()[0].impulse, whole.work()[0].impulse[2:5])
         assert run.drift() == whole.drift()
         assert np.array_equal(run.at(2.55).q, whole.at(2.55).q)
-        with pytest.raises(InputError, match="has only samples, but the work of forces is summed during a run"):
+        with pytest.raises(InputError, match="holds samples alone, and what forces did is accounted"):
             run.at([1.5, 2.5]).work()
         run.close()
 
@@ -330,7 +330,8 @@ def test_a_method_that_cannot_take_it_refuses_and_names_those_that_can(system, w
     ids=["term", "force"],
 )
 def test_steps_are_not_chosen_where_more_acts_than_forces_of_position(system, words):
-    with pytest.raises(InputError, match=f"steps are chosen only if forces depend on positions alone.*{words}: give dt"):
+    said = f"steps are chosen only if forces depend on positions alone.*{words}: give dt"
+    with pytest.raises(InputError, match=said):
         march(system, orbits.Gauss(stages=8), dt=None)
 
 
