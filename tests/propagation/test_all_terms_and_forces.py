@@ -260,7 +260,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits_work_included(tmp_path):
         assert np.array_equal(run[2:5].work()[0].impulse, whole.work()[0].impulse[2:5])
         assert run.drift() == whole.drift()
         assert np.array_equal(run.at(2.55).q, whole.at(2.55).q)
-        with pytest.raises(InputError, match="holds samples alone, and what forces did is accounted"):
+        with pytest.raises(InputError, match="has only samples, but the work of forces is summed"):
             run.at([1.5, 2.5]).work()
         run.close()
 
