@@ -442,7 +442,9 @@ def nonsense(value: Any, *, infinite: bool = False) -> str:
     if isinstance(value, orbits.System):
         return nonsense(list(value.values))
     if isinstance(value, orbits.Trajectory):
-        return nonsense([value.times, value.q, value.v])
+        # A particle that cannot be stepped, such as one in the place of a planet, is NaN from there on, and listed.
+        kept = [k for k, name in enumerate(value.names) if name not in value.retired.names]
+        return nonsense([value.times, value.q[:, kept], value.v[:, kept]])
     if isinstance(value, OrbitalElements | elements.Elements):  # a parabola has an infinite semi-major axis
         return nonsense([getattr(value, key) for key in value.keys()], infinite=True)  # noqa: SIM118 - no mapping
     if isinstance(value, str):  # a question that finds its own answer wrong says so
