@@ -22,6 +22,19 @@ def padded(count: int) -> int:
     return (count + WIDTH - 1) // WIDTH * WIDTH + WIDTH
 
 
+_TAGS: dict[tuple[Any, ...], Tag] = {}
+"""The tags of kernels, which live as long as these."""
+
+
+def _tag_of(kernels: Mapping[str, Any]) -> Tag:
+    """Return the tag of kernels, with a name that tells them from all others."""
+    digest = hashlib.sha256()
+    for name, kernel in sorted(kernels.items()):
+        shown = identity(kernel.py_func) if hasattr(kernel, "py_func") else repr(kernel)
+        digest.update(f"{name}: {shown}\n".encode())
+    return Tag(f"method-{digest.hexdigest()[:16]}", kernels)
+
+
 class Form:
     """A form of a method: the second-order form, in positions and velocities, or the canonical form.
 
@@ -34,11 +47,11 @@ class Form:
     @cached_property
     def tag(self) -> Tag:
         """The tag for compiled code; its name identifies the kernels."""
-        digest = hashlib.sha256()
-        for name, kernel in sorted(self.own_kernels().items()):
-            shown = identity(kernel.py_func) if hasattr(kernel, "py_func") else repr(kernel)
-            digest.update(f"{name}: {shown}\n".encode())
-        return Tag(f"method-{digest.hexdigest()[:16]}", self.own_kernels())
+        kernels = self.own_kernels()
+        known = tuple((name, id(kernel) if hasattr(kernel, "py_func") else kernel) for name, kernel in kernels.items())
+        if known not in _TAGS:
+            _TAGS[known] = _tag_of(kernels)
+        return _TAGS[known]
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels of this instance."""
