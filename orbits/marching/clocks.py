@@ -1,4 +1,4 @@
-"""Clocks: the times of the steps of a run. No other code multiplies a number of steps by their length.
+"""Clocks: the times of the steps of a run, for its loop, samples, archive and records.
 
 `ConstantSteps` is the clock t = k h. The compiled part of a clock is described in `orbits.kernels.clocks`.
 """
