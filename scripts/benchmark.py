@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.adaptive import part_adaptive
+from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_light_bodies, part_precision
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
 
@@ -38,6 +38,10 @@ BY_HAND = "## How close to the machine"
 PARTS = {
     "ten_bodies": part_ten_bodies,
     "adaptive": part_adaptive,
+    "light_bodies": part_light_bodies,
+    "crossers": part_crossers,
+    "drift": part_drift,
+    "precision": part_precision,
     "particles": part_particles,
     "explicit": part_explicit,
     "threads": part_threads,
