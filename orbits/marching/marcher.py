@@ -31,6 +31,7 @@ from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
 from orbits.marching.motion import Motion
+from orbits.marching.partial_steps import PartialSteps
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
@@ -56,7 +57,7 @@ class Marcher:
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the march begins
-    dense : whether each step is recorded for `motion`; for methods with a polynomial through their stages
+    dense : whether each step is recorded for `motion`
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition -1 for the energy, or None.
     """
@@ -112,6 +113,7 @@ class Marcher:
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
         self._block = 0, 0.0
+        self._partial: PartialSteps | None = None
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -381,9 +383,19 @@ class Marcher:
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
-        h = self.clock.h
-        times = self._loops.times[: count + 1] if self.clock.changes else h * np.arange(count + 1.0)
-        return Motion(self._form, self._bodies, begun + times, self._watcher.recorded(count), self._loops.kicks[:count])
+        after = self._loops.times[: count + 1] if self.clock.changes else self.clock.h * np.arange(count + 1.0)
+        path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
+        return Motion(self._form, begun, after, path, kicks, self.partial_steps())
+
+    def partial_steps(self) -> PartialSteps:
+        """Return what takes partial steps of the massive bodies by this method."""
+        if self._partial is None:
+            self._partial = PartialSteps(self._form, self._tag, self._vectors, self._bodies, self._partial_failure)
+        return self._partial
+
+    def _partial_failure(self, status: int, time: float) -> IntegrationError:
+        momenta = SEPARABLE not in self.lagrangian.traits
+        return failure_of_bodies(status, self.step, time, self.clock, self.integrator, [], momenta=momenta)
 
     def accounts(self) -> Array:
         """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):
