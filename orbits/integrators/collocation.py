@@ -550,8 +550,9 @@ class Collocation(Form):
 
     @property
     def is_dense(self) -> bool:
-        """Whether the stages are those of collocation, as for Gauss: they then lie on the polynomial through their forces,
-        where it resolves them."""
+        """Whether the stages are those of collocation, as for Gauss: where the polynomial through their forces resolves
+        the motion, they lie on it.
+        """
         return _collocates(self.tableau)
 
     def stages_shape(self, size: int) -> tuple[int, int]:
@@ -575,8 +576,7 @@ class Collocation(Form):
 
 @lru_cache(maxsize=256)
 def _collocates(tableau: SymplecticTableau) -> bool:
-    """Return whether eta b is the square of the matrix a_ij, the integral up to c_i of the Lagrange polynomial of c_j.
-    """
+    """Return whether eta b = a a, where a_ij is the integral up to c_i of the Lagrange polynomial of c_j."""
     s, x = tableau.stages, 2.0 * tableau.nodes - 1.0
     if len(set(x.tolist())) < s:
         return False

@@ -28,6 +28,7 @@ from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import full, load
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, step
+from orbits.kernels.summation import two_sum
 
 
 def dense(method, h, q, v, kicks, theta, out_q, out_v):
@@ -154,3 +155,13 @@ def partial_steps(
             for k in range(size):
                 q[i, k], v[i, k] = room[0, k], room[2, k]
     return -1, OK
+
+
+@kernel
+def times_reached(lengths, times):
+    """Write the times after steps of these lengths, (steps + 1, 2), each as the sum of two numbers; the first one is
+    given.
+    """
+    for k in range(len(lengths)):
+        time, lost = two_sum(times[k, 0], lengths[k])
+        times[k + 1, 0], times[k + 1, 1] = two_sum(time, lost + times[k, 1])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -114,6 +114,7 @@ class Marcher:
         self._arrived = False
         self._block = 0, 0.0
         self._partial: PartialSteps | None = None
+        self._keep: Callable[[Array, Array, Array], None] | None = None
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -149,6 +150,7 @@ class Marcher:
             before = self.step
             try:
                 failure = self._advance_block(min(steps, self.block))
+                self._pass_on(self.step - before)
             except BaseException:  # an interrupt: return to the state after the last complete block
                 self._replay(0)
                 self.step = before
@@ -189,6 +191,26 @@ class Marcher:
         except IntegrationError as error:
             return error
         return failure
+
+    def keep_steps(self, keep: Callable[[Array, Array, Array], None]) -> None:
+        """Call `keep` after each block with the lengths of its steps, (steps,), and q and v at their ends, (steps, n, 3),
+        in the order of the caller. With massless particles, which are recorded eight at a time, a block is one step.
+        """
+        self._keep = keep
+        if len(self._particles):
+            self.block = 1
+
+    def _pass_on(self, count: int) -> None:
+        """Pass the `count` steps of the last block to what keeps them."""
+        if self._keep is None or not count:
+            return
+        if len(self._particles):
+            q, v = self.state()
+            self._keep(self._loops.lengths(1), q[None], v[None])
+            return
+        n = self._bodies
+        states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
+        self._keep(self._loops.lengths(count), *states)
 
     def _lose(self, lost: Lost) -> IntegrationError | None:
         """Retire particles; or return the error for the first one, if `retire` is not set."""

@@ -26,7 +26,9 @@ class Motion:
     The arrays may be those of the march, which its next block overwrites.
     """
 
-    def __init__(self, form: Form, begun: float, after: Array, path: Array, kicks: Array, partial: PartialSteps) -> None:
+    def __init__(
+        self, form: Form, begun: float, after: Array, path: Array, kicks: Array, partial: PartialSteps
+    ) -> None:
         self._form, self._partial = form, partial
         self._lengths = np.diff(after)
         self.times, self.path, self.kicks = begun + after, path, kicks
