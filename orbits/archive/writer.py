@@ -31,7 +31,6 @@ from orbits.errors import ArchiveError, StorageError
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 
-
 SPARE, GROWTH = 1.1, 8.0
 """The room for steps in a larger file, as a multiple of those expected; and at most, of those to be stored."""
 
@@ -100,7 +99,8 @@ class ArchiveWriter:
     def going_on(cls, archive: Archive) -> Self:
         """Continue after the last commit of a claimed archive, whose file is taken over by this writer."""
         storage, header, layout = archive.parts()
-        return cls(storage, archive.path, header, layout, archive.last, archive.steps and archive.steps.kept)
+        kept = None if archive.steps is None else archive.steps.kept
+        return cls(storage, archive.path, header, layout, archive.last, kept)
 
     @classmethod
     @contextmanager

@@ -21,6 +21,7 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
+from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import adaptive
@@ -35,6 +36,9 @@ from orbits.marching.partial_steps import PartialSteps
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
+
+APART = 64
+"""The number of steps between the states that are kept of a run with massless particles."""
 
 
 def available_threads() -> int:
@@ -149,7 +153,7 @@ class Marcher:
             self._back_up()
             before = self.step
             try:
-                failure = self._advance_block(min(steps, self.block))
+                failure = self._advance_block(min(steps, self.block, self._most()))
                 self._pass_on(self.step - before)
             except BaseException:  # an interrupt: return to the state after the last complete block
                 self._replay(0)
@@ -158,6 +162,10 @@ class Marcher:
             if failure is not None:
                 raise failure
             steps -= self.step - before
+
+    def _most(self) -> int:
+        """Return the number of steps up to the next state that is kept, if not all are."""
+        return self.block if self._keep is None or not len(self._particles) else APART - self.step % APART
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -193,24 +201,28 @@ class Marcher:
         return failure
 
     def keep_steps(self, keep: Callable[[Array, Array, Array], None]) -> None:
-        """Call `keep` after each block with the lengths of its steps, (steps,), and q and v at their ends, (steps, n, 3),
-        in the order of the caller. With massless particles, which are recorded eight at a time, a block is one step.
+        """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
+        the order of the caller: at the ends of all its steps, or, with massless particles, of every `APART`-th step.
         """
         self._keep = keep
-        if len(self._particles):
-            self.block = 1
 
     def _pass_on(self, count: int) -> None:
-        """Pass the `count` steps of the last block to what keeps them."""
+        """Pass the states at the ends of the `count` steps of the last block to what keeps them."""
         if self._keep is None or not count:
             return
-        if len(self._particles):
+        times = np.zeros((count + 1, 2))
+        if self.clock.changes:
+            times[0] = self._backup["clock"][[adaptive.TIME, adaptive.TIME_LO]]
+        else:
+            times[0, 0] = self._time_of(self.step - count)
+        times_reached(self._loops.lengths(count), times)
+        if not len(self._particles):
+            n = self._bodies
+            states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
+            self._keep(times[1:], *states)
+        elif self.step % APART == 0:
             q, v = self.state()
-            self._keep(self._loops.lengths(1), q[None], v[None])
-            return
-        n = self._bodies
-        states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
-        self._keep(self._loops.lengths(count), *states)
+            self._keep(times[-1:], q[None], v[None])
 
     def _lose(self, lost: Lost) -> IntegrationError | None:
         """Retire particles; or return the error for the first one, if `retire` is not set."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,13 +72,22 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         )
     before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
-    if kept is not None and len(kept) and trajectory.system.massive.all():
-        missing = trajectory.times[before] != times
-        q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
+    missing = trajectory.times[before] != times
+    q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
+    if kept is None or not len(kept):
+        _marched(trajectory, trajectory.times, before, trajectory.sample, times, missing, q, v)
+    elif trajectory.system.massive.all():
         _part_of_steps(trajectory, kept, times, missing, q, v)
     else:
-        _marched(trajectory, times, before, q, v)
+        begun = kept.times[:, 0]
+        rows = np.searchsorted(begun * direction, times * direction, side="right") - 1
+        _marched(trajectory, begun, rows, lambda k: _one(kept, k), times, missing, q, v)
     return q, v, times
+
+
+def _one(kept: KeptSteps, row: int) -> tuple[Array, Array]:
+    q, v = kept.states(np.array([row]))
+    return q[0], v[0]
 
 
 def _part_of_steps(
@@ -96,23 +106,37 @@ def _part_of_steps(
         found, starts = np.unique(rows, return_inverse=True)
         path = np.zeros((len(found), 2, padded(3 * n)))
         for k, states in enumerate(kept.states(found)):
-            path[:, k, : 3 * n] = states.transpose(0, 2, 1).reshape(len(found), -1)
+            path[:, k, : 3 * n] = states.transpose(0, 2, 1).reshape(len(found), 3 * n)
         at = np.empty((2, len(some), 3 * n))
         partial.take(path, starts, begun[rows, 0], parts, np.ones(len(some), dtype=bool), *at)
         q[some], v[some] = at.reshape(2, len(some), 3, n).transpose(0, 1, 3, 2)
 
 
-def _marched(trajectory: Trajectory, times: Array, before: NDArray[np.intp], q: Array, v: Array) -> None:
-    """Write all states, by marches from the samples `before` the times."""
+def _marched(
+    trajectory: Trajectory,
+    begun: Array,
+    before: NDArray[np.intp],
+    state: Callable[[int], tuple[Array, Array]],
+    times: Array,
+    missing: NDArray[np.bool_],
+    q: Array,
+    v: Array,
+) -> None:
+    """Write the `missing` states, by marches from known ones.
+
+    begun : the times of the known states; before : the number of the one before each time; state : returns q and v
+    """
     clock = trajectory.clock
-    marcher, begun = None, -1
+    marcher, known = None, -1
     for k in np.argsort(times * clock.direction, kind="stable").tolist():
-        if marcher is None or before[k] != begun:
-            begun = int(before[k])
-            state = (trajectory._q[begun], trajectory._v[begun])
-            begin = float(trajectory.times[begun])
-            marcher = bound(trajectory.system, trajectory.integrator, clock, threads=1, state=state, start=begin)
-        place = clock.place(float(times[k] - trajectory.times[begun]))
+        if not missing[k]:
+            continue
+        if marcher is None or before[k] != known:
+            known, begin = int(before[k]), float(begun[before[k]])
+            marcher = bound(
+                trajectory.system, trajectory.integrator, clock, threads=1, state=state(known), start=begin
+            )
+        place = clock.place(float(times[k]) - begin)
         marcher.advance_to(place)
         q[k], v[k] = marcher.state_at(place)
     whole, _ = clock.places(times)

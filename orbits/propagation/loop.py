@@ -89,8 +89,8 @@ def march(
             marcher.compile()
             compiled = time.perf_counter()
             store = SampleStore(len(system.names), len(grid) - first, writer, accounts, steps)
-            unit, steps = system.units.time, grid.whole_steps
-            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
+            unit, count = system.units.time, grid.whole_steps
+            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
             try:
                 try:
                     _sample(system, marcher, grid, first, store, bar, stop, watch)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -9,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, InputError, StorageError
-from orbits.kernels.dense import times_reached
+from orbits.marching.kept_steps import PIECE_BYTES, StepsInMemory
+from orbits.marching.marcher import APART
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.time_grid import TimeGrid, dynamical_time
-from orbits.marching.kept_steps import PIECE_BYTES, StepsInMemory
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
@@ -31,29 +32,24 @@ SHORT = 0.2
 class StepStore:
     """Collects the states at the beginnings of the steps of a march, the first one included.
 
-    marcher : at its start, or where an archived run is resumed; last : the time of the last state in the archive
+    marcher : at its start, or where an archived run is resumed; fresh : whether nothing is kept yet
     in_memory : whether they stay in memory; else `pieces` are written to an archive, and then cleared
     """
 
-    def __init__(self, marcher: Marcher, *, last: Array | None = None, in_memory: bool) -> None:
+    def __init__(self, marcher: Marcher, *, fresh: bool = True, in_memory: bool) -> None:
         q, v = marcher.state()
         self.kept, self._in_memory = StepsInMemory(len(q)), in_memory
-        self._last = np.zeros(2) if last is None else np.array(last)
-        if last is None:
-            self.kept.add(self._last[None], q[None], v[None])
+        if fresh:
+            self.kept.add(np.zeros((1, 2)), q[None], v[None])
         marcher.keep_steps(self._add)
 
-    def _add(self, lengths: Array, q: Array, v: Array) -> None:
+    def _add(self, times: Array, q: Array, v: Array) -> None:
         if self._in_memory and self.kept.nbytes + q.nbytes + v.nbytes > MEMORY_SHARE * memory():
             raise StorageError(
                 f"the {len(self.kept):,} steps kept so far for dense output need {self.kept.nbytes / 2**30:.1f} GiB of "
                 "memory, nearly all that this machine has; use archive=... to write them to a file during the run"
             )
-        times = np.empty((len(lengths) + 1, 2))
-        times[0] = self._last
-        times_reached(lengths, times)
-        self.kept.add(times[1:], q, v)
-        self._last = times[-1]
+        self.kept.add(times, q, v)
 
     @property
     def full(self) -> bool:
@@ -73,7 +69,7 @@ def check_memory(system: System, grid: TimeGrid) -> None:
     """Refuse to keep in memory the steps of a run that has more than fit; those of one length are known beforehand."""
     if grid.clock.changes:
         return
-    rows, bodies = grid.whole_steps + 1, len(system)
+    rows, bodies = _rows(system, grid.whole_steps), len(system)
     needed = rows * (48 * bodies + 16)
     if needed > MEMORY_SHARE * memory():
         raise InputError(
@@ -82,14 +78,19 @@ def check_memory(system: System, grid: TimeGrid) -> None:
         )
 
 
+def _rows(system: System, steps: int) -> int:
+    """Return the number of states that are kept of so many steps."""
+    return 1 + (steps if system.massive.all() else steps // APART)
+
+
 def room_for_steps(system: System, grid: TimeGrid) -> int:
-    """Return for how many steps a new archive has room: for all, if they are of one length; else for some, estimated
-    from the dynamical time at the start.
+    """Return for how many states a new archive has room: for all, if the steps are of one length; else for some,
+    estimated from the dynamical time at the start.
     """
     if not grid.clock.changes:
-        return grid.whole_steps + 1
-    expected = abs(grid.end) / (SHORT * dynamical_time(system))
-    return int(max(64, min(expected, FIRST_BYTES // (48 * len(system) + 16))))
+        return _rows(system, grid.whole_steps)
+    expected = _rows(system, math.ceil(abs(grid.end) / (SHORT * dynamical_time(system))))
+    return max(64, min(expected, FIRST_BYTES // (48 * len(system) + 16)))
 
 
 def continued(archive: Archive, marcher: Marcher) -> StepStore | None:
@@ -100,9 +101,9 @@ def continued(archive: Archive, marcher: Marcher) -> StepStore | None:
     if archive.steps is None:
         return None
     rows = len(archive.steps)
-    if rows != marcher.step + 1 and (rows or marcher.step):
+    if rows != _rows(archive.system, marcher.step) and (rows or marcher.step):
         raise ArchiveError(
-            f"{archive.path} is damaged: it keeps the states at {rows} steps, but its checkpoint is after "
-            f"{marcher.step}. Restore it from a copy."
+            f"{archive.path} is damaged: it keeps {rows} steps, but its checkpoint is after {marcher.step}. Restore it "
+            "from a copy."
         )
-    return StepStore(marcher, last=archive.steps.times[-1] if rows else None, in_memory=False)
+    return StepStore(marcher, fresh=not rows, in_memory=False)

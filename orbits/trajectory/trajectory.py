@@ -34,10 +34,10 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
+    from orbits.marching.kept_steps import KeptSteps
     from orbits.propagation.passages_seen import Record
     from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory.again import MarchesAgain
-    from orbits.marching.kept_steps import KeptSteps
 
 Array = NDArray[np.float64]
 
