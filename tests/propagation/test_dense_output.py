@@ -171,12 +171,12 @@ def test_a_run_whose_file_was_deleted_still_has_its_steps(tmp_path):
 
 
 def test_a_run_that_a_condition_ends_keeps_the_steps_up_to_there():
-    stop = orbits.CloserThan(1.2, "outer", "star")
+    stop = orbits.CloserThan(1.3, "outer", "star")
     run = orbits.propagate(system(), duration=20.0, samples=3, dense=True, stop=stop, **QUIET)
     assert run.stopped is not None
     end = float(run.stopped.time)
     assert run.kept.times[-1, 0] == end
-    assert np.array_equal(run.at(end).q, run.stopped.system.q)
+    assert np.abs(run.at(end).q - run.stopped.system.q).max() < 1e-15  # its time has a second part; 2.2e-16
 
 
 def test_steps_that_do_not_fit_into_memory_are_refused_or_end_the_run_with_what_there_is(monkeypatch):
