@@ -118,6 +118,18 @@ def test_a_file_without_room_grows_and_those_that_have_it_open_read_what_they_ha
     assert [each.name for each in tmp_path.iterdir()] == ["run.h5"]
 
 
+def test_a_file_that_has_a_second_name_since_its_making_was_killed_can_grow(tmp_path):
+    path = tmp_path / "run.h5"
+    with runs.create(path, 6, steps=4) as writer:
+        commit(writer, 0)
+    os.link(path, tmp_path / ".run.h5.partial")
+    with ArchiveWriter.reopen(path) as writer:
+        for number in range(1, len(COMMITS)):
+            commit(writer, number)
+    assert_kept(path, len(COMMITS))
+    assert [each.name for each in tmp_path.iterdir()] == ["run.h5"]
+
+
 def test_a_file_that_cannot_grow_keeps_what_it_has(tmp_path, monkeypatch):
     path = tmp_path / "run.h5"
     with runs.create(path, 6, steps=4) as writer:
