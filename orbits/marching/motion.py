@@ -16,22 +16,21 @@ class Motion:
     """The motion of n massive bodies within consecutive steps of a march.
 
     form : the form that took the steps
-    begun, after : the time at which the first step begins, since the start of the run, and the times after that,
-        (steps + 1,), at which the steps begin and the last one ends
+    times : (steps + 1,), at which they begin and the last one ends, since the start of the run
+    lengths : (steps,), which late in a run have more digits than the differences of the times
     path : (steps + 1, 2, padded), q and v at these times, all x first; kicks : (steps, rows, 8), the carry after each,
         or none for a method without a polynomial through its stages
     partial : takes partial steps where no polynomial resolves the motion
 
-    times : (steps + 1,), at which the steps begin and the last one ends, since the start of the run
     The arrays may be those of the march, which its next block overwrites.
     """
 
     def __init__(
-        self, form: Form, begun: float, after: Array, path: Array, kicks: Array, partial: PartialSteps
+        self, form: Form, times: Array, lengths: Array, path: Array, kicks: Array, partial: PartialSteps
     ) -> None:
         self._form, self._partial = form, partial
-        self._lengths = np.diff(after)
-        self.times, self.path, self.kicks = begun + after, path, kicks
+        self._lengths = lengths
+        self.times, self.path, self.kicks = times, path, kicks
 
     def __len__(self) -> int:
         """Return the number of steps."""

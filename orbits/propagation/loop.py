@@ -35,6 +35,10 @@ Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
 
 
+AT_ONCE = 256
+"""The most samples within a step whose states are computed together."""
+
+
 @dataclass
 class RunEnds:
     """The conditions that may end a run early, and the one that did."""
@@ -196,18 +200,21 @@ def _sample(
 ) -> None:
     """Visit every sample from `first` on, until a stop is requested."""
     watch.begun = time.perf_counter()
+    known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
     for index in range(first, len(grid)):
         if stop.name:
             return
         place = grid.place(index)
-        while marcher.is_before(place):
+        while not known and marcher.is_before(place):
             marcher.approach(place)
             bar.update(marcher.time)
             if stop.name or watch.ended(system, marcher):
                 return
             if store.overdue:
                 store.commit(marcher)
-        state = marcher.state_at(place)
+        if not known and marcher.clock.changes:
+            known = marcher.states_before_next(grid.times[index : index + AT_ONCE])[::-1]
+        state = known.pop() if known else marcher.state_at(place)
         store.note(marcher.accounts())
         store.add(*state)
         if watch.callback is not None:

@@ -3,7 +3,6 @@
 import copy
 import os
 import pickle
-import warnings
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from astropy import units as u
 import orbits
 from orbits.archive import steps as archived_steps
 from orbits.errors import ArchiveError, InputError, StorageError
-from orbits.marching.kept_steps import StepsInMemory
 from orbits.propagation import step_store
 
 from ..problems import three_bodies
@@ -201,10 +199,10 @@ def test_damaged_steps_are_named_and_the_samples_stay_readable(tmp_path):
     path.write_bytes(data)
     run = orbits.Trajectory.open(path)
     assert np.array_equal(run.q.value, samples)
-    with pytest.raises(ArchiveError, match="steps 0 to .* do not hold their checksum"):
+    with pytest.raises(ArchiveError, match=r"steps 0 to .* do not hold their checksum"):
         run.at(7.3)
     run.close()
-    with pytest.raises(ArchiveError, match="steps 0 to .* do not hold their checksum"):
+    with pytest.raises(ArchiveError, match=r"steps 0 to .* do not hold their checksum"):
         orbits.resume(path, until=30.0, progress=False)
 
 
@@ -220,3 +218,16 @@ def test_steps_a_thousand_years_on_are_kept_to_the_second_part_of_their_times():
     sampled = orbits.propagate(start, samples=asked, duration=365340 * u.day, progress=False)
     run = orbits.propagate(start, samples=2, duration=365340 * u.day, dense=True, progress=False)
     assert np.abs(run.at(asked).q - sampled.q).max().value < 2e-15
+
+
+def test_behind_the_last_step_the_march_goes_on_with_shorter_steps_where_it_must():
+    """Thrown bodies; the step that would lead past the end may be one that the clock rejects in an encounter."""
+    q = [[1, 3, 0], [-2, -1, 0], [1, -1, 0]]
+    thrown = orbits.System(["a", "b", "c"], gm=[3, 4, 5], q=q, v=np.zeros((3, 3)), units=orbits.DIMENSIONLESS)
+    worst = 0.0
+    for end in np.linspace(15.75, 15.85, 40):
+        run = orbits.propagate(thrown, duration=end, samples=2, dense=True, **QUIET)
+        asked = np.linspace(run.kept.times[-1, 0], end, 7)[1:-1]
+        sampled = orbits.propagate(thrown, duration=end, samples=asked, **QUIET)
+        worst = max(worst, np.abs(run.at(asked).q - sampled.q).max())
+    assert worst < 1e-13
