@@ -376,6 +376,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             pairs |= {"retired": few(self.retired.names)}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
+        if self.kept is not None:
+            pairs |= {"dense output": f"from {len(self.kept):,} states"}
         if self.certificate is not None:
             pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
         return html_pairs(repr(self), pairs.items())
