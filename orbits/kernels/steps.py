@@ -15,6 +15,8 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         for clocks that change h: writes the coefficients of a step of h that follows one of `before`
     signal(method, model, h, state, storage) -> float
         the fraction of the forces that the step just taken did not resolve: 0 for none, 1 for all
+    elapsed(method, state, storage) -> (dt, dt_lo)
+        for steps of another variable than time: the time that the step just taken took, in doubled precision
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
         the same for massless particles, which are passed as values: eight in lanes, or one with its stages in lanes,
@@ -153,6 +155,17 @@ def signal(method, model, h, state, storage):
 def _signal(method, model, h, state, storage):
     compiled = _kernel(method, "signal")
     return compiled and (lambda method, model, h, state, storage: compiled(method, model, h, state, storage))
+
+
+def elapsed(method, state, storage):
+    """Return the time that the step just taken took, as a pair in doubled precision."""
+    raise NotImplementedError("elapsed() is for compiled code only")
+
+
+@overload(elapsed, jit_options=OPTIONS)
+def _elapsed(method, state, storage):
+    compiled = _kernel(method, "elapsed")
+    return compiled and (lambda method, state, storage: compiled(method, state, storage))
 
 
 def begin_particles(method, model, particles, storage):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
-from orbits.marching import adaptive, driver
+from orbits.marching import changing, driver
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
@@ -157,5 +157,5 @@ def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) 
     if isinstance(clock, ConstantSteps):
         return clock.numbers(start, steps), clock.h
     now = state["clock"]
-    now[adaptive.ORIGIN] = now[adaptive.TIME]
-    return now, float(now[adaptive.LENGTH] or clock.direction)
+    now[changing.ORIGIN] = now[changing.TIME]
+    return now, float(now[changing.LENGTH] or clock.direction)

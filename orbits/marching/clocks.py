@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple
@@ -52,6 +53,12 @@ class Clock:
 
     def check(self, integrator: Integrator) -> None:
         """Raise InputError for a method whose steps this clock cannot choose."""
+
+    def check_bodies(self, strength: Array, q: Array, v: Array, names: Sequence[str]) -> None:
+        """Raise InputError for massive bodies at the start of a run for which this clock is unsuitable.
+
+        strength : (1 + n,), see `orbits.kernels.gravity`; q, v : (n, 3); names : (n,)
+        """
 
     def room(self, block: int, size: int) -> int:
         """Return the length of the workspace for a block of `block` steps and a state of `size` numbers."""
