@@ -41,6 +41,35 @@ def step_of_bodies(problem: Problem, acting: Model) -> Measured:
     return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies against plain solutions")
 
 
+def steps_in_transformed_time(problem: Problem, marcher: Marcher) -> Measured:
+    """Compare steps of a march of bodies in transformed time, and the time that they take, with plain solutions for its
+    Lagrangian; in units of 2^-53 of the state.
+    """
+    lagrangian, h, worst, grown = problem.lagrangian, problem.dt, 0.0, 1.0
+    n = len(problem.q) // 3
+    gm = np.repeat(np.array(list(lagrangian.parameters.values())[1 : 1 + n]), 3)
+    for _ in range(PLACES):
+        q, v = (x.ravel() for x in marcher.state())
+        begun = marcher.time
+        plain = plain_step(lagrangian, problem.integrator.tableau, q, gm * v, h)
+        marcher.advance(1)
+        one, other = (x.ravel() for x in marcher.state())
+        took = h * float(problem.integrator.tableau.b @ [_rate(lagrangian, Q) for Q in plain.Q])
+        off = float(np.max(np.abs(one - plain.q) * problem.weights)) / problem.size
+        more = float(np.max(np.abs(gm * other - plain.p) / problem.weights)) / problem.momentum_size
+        late = abs(marcher.time - begun - took) / max(abs(marcher.time), abs(took))
+        worst = max(worst, off / EPS, more / EPS, late / EPS)
+        grown = max(grown, float(np.max(np.abs(plain.derivative * problem.scaling))))
+        marcher.advance(max(0, len(problem.path) // PLACES - 1))
+    return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies, and their times, against plain solutions")
+
+
+def _rate(lagrangian: Lagrangian, q: Array) -> float:
+    """Return the monitor g at q, by which the masses in the kinetic energy are divided."""
+    mass = lagrangian.hessians(q, np.zeros_like(q))[2]
+    return float(lagrangian.parameters["GM1"] / mass[0, 0])
+
+
 def balances(problem: Problem, acting: Model) -> Iterator[tuple[str, Measured]]:
     """The change of each momentum map over the march, less the contribution of forces, relative to the sum of its
     terms.

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,14 @@ from numpy.typing import ArrayLike
 
 from orbits.checks import finite_number
 from orbits.errors import InputError, shown
-from orbits.lagrangians.base import Lagrangian, Motion, show
+from orbits.lagrangians.base import Array, Lagrangian, Motion, show
 from orbits.lagrangians.symbolic import from_sympy
 from orbits.lagrangians.symbolic.generation import Formula
 from orbits.lagrangians.symmetry import Symmetry, translation
 
 TIME, ENERGY = "t", "E0"
+
+DIGITS = 50
 
 UNCHANGED = 1e-9
 """The relative change of g along a generator below which a symmetry of L is one of L~ too."""
@@ -79,44 +82,68 @@ def time_transformed(
     start, speed = _start(lagrangian, q, v)
     formula = lagrangian.symbolic()
     g = _in_symbols_of(formula, lagrangian, monitor)
-    return _made(lagrangian, formula, g, start, speed, energy, dt)
+    return _made(lagrangian, formula, g, monitor, (start, speed), energy, dt)
 
 
 def _made(
     lagrangian: Lagrangian,
     formula: Formula,
     g: Any,
-    start: Any,
-    speed: Any,
+    monitor: Any,
+    motion: tuple[Array, Array],
     energy: float | None,
     dt: float,
 ) -> Lagrangian:
+    """Return the Lagrangian; g is the monitor in the symbols of the formula."""
     import sympy
 
+    start, speed = motion
+
     parameters = dict(zip(formula.parameters, lagrangian.parameters.values(), strict=True))
-    here = _value(lagrangian.name, g, formula, parameters, start)
-    E = lagrangian.energy(start, speed) if energy is None else finite_number(energy, "energy")
+    here = _value(g, {**dict(zip(formula.q, start, strict=True)), **parameters})
+    if not 0.0 < here < math.inf:
+        raise InputError(
+            f"the monitor {monitor} of '{lagrangian.name}' is {here:g} at q = {show(start)}; expected a positive, finite "
+            "number: time would stand still or run backwards."
+        )
+    E = _energy(formula, parameters, start, speed) if energy is None else finite_number(energy, "energy")
     clock, hour, level = sympy.Symbol(TIME), sympy.Dummy("t'"), sympy.Symbol(ENERGY)
     names = lagrangian.coordinates
     plain = dict(zip(formula.q, [sympy.Symbol(x) for x in names], strict=True))
     speeds = {old: sympy.Dummy(f"{name}'") for old, name in zip(formula.v, names, strict=True)}
     called = dict(zip(formula.parameters, [sympy.Symbol(x) for x in lagrangian.parameters], strict=True))
-    slow = {old: new / g for old, new in speeds.items()}
-    L = g * (formula.L.xreplace(slow) + level) + (hour - g) ** 2 / 2
-    L = L.xreplace(plain).xreplace(called)
-    return from_sympy(
-        L,
+    clock_rate = _guarded(g)
+    slow = {old: new / clock_rate for old, new in speeds.items()}
+    L = clock_rate * (formula.L.xreplace(slow) + level) + (hour - clock_rate) ** 2 / 2
+    g = g.xreplace(plain).xreplace(called)
+    made = from_sympy(
+        L.xreplace(plain).xreplace(called),
         q=[*plain.values(), clock],
         v=[*speeds.values(), hour],
         parameters={**{called[key]: value for key, value in parameters.items()}, level: E},
         name=f"{lagrangian.name} in transformed time",
-        example=Motion((*start, 0.0), (*(here * speed), here), dt),
-        symmetries=_symmetries(lagrangian, g.xreplace(plain).xreplace(called), names, start),
+        example=Motion((*start.tolist(), 0.0), (*(here * speed).tolist(), here), dt),
+        symmetries=_symmetries(lagrangian, g, names, start),
         source="Hairer, Lubich & Wanner (2006), sec. VIII.2.1",
     )
+    return replace(made, formula=f"g (L(q, q' / g) + E0) + (t' - g)^2 / 2, L = {lagrangian.formula}, g = {g}")
 
 
-def _start(lagrangian: Lagrangian, q: ArrayLike | None, v: ArrayLike | None) -> tuple[Any, Any]:
+def _guarded(g: Any) -> Any:
+    """Return g, marked for the kernels: NaN where it is not positive, and time would stand still or run backwards."""
+    import sympy
+
+    class positive(sympy.Function):  # noqa: N801 - the name of its kernel
+        nargs = 1
+        _imp_ = staticmethod(lambda x: x)
+
+        def fdiff(self, argindex: int = 1) -> Any:
+            return sympy.Integer(1)  # its value makes everything NaN already
+
+    return positive(g)
+
+
+def _start(lagrangian: Lagrangian, q: ArrayLike | None, v: ArrayLike | None) -> tuple[Array, Array]:
     """Return q and v of the start of the motion."""
     if (q is None) != (v is None):
         raise InputError(f"'{lagrangian.name}': a start needs both q and v.")
@@ -153,22 +180,27 @@ def _in_symbols_of(formula: Formula, lagrangian: Lagrangian, monitor: Any) -> An
     return g
 
 
-def _value(name: str, g: Any, formula: Formula, parameters: Mapping[Any, float], q: Sequence[float]) -> float:
-    """Return g at q. Raises InputError unless it is positive and finite."""
+def _value(g: Any, known: Mapping[Any, float]) -> float:
+    """Return g for the values of its symbols; NaN if it is not a real number."""
     import sympy
 
-    known = {**dict(zip(formula.q, q, strict=True)), **parameters}
     number = sympy.N(g.xreplace({key: sympy.Float(float(value)) for key, value in known.items()}))
-    here = float(number) if number.is_real and number.is_finite else math.nan
-    if not 0.0 < here < math.inf:
-        raise InputError(
-            f"the monitor {g} of '{name}' is {number} at q = {show(np.asarray(q))}; expected a positive, finite number: "
-            "time would stand still or run backwards."
-        )
-    return here
+    return float(number) if number.is_real and number.is_finite else math.nan
 
 
-def _symmetries(lagrangian: Lagrangian, g: Any, names: Sequence[str], start: Any) -> tuple[Symmetry, ...]:
+def _energy(formula: Formula, parameters: Mapping[Any, float], q: Sequence[float], v: Sequence[float]) -> float:
+    """Return p . v - L, rounded once: in float64, terms that cancel would leave an orbit of another energy."""
+    import sympy
+
+    known = {**dict(zip(formula.q, q, strict=True)), **dict(zip(formula.v, v, strict=True)), **parameters}
+    exact = {key: sympy.Float(float(value), DIGITS) for key, value in known.items()}
+    # Velocities first: those that are derivatives of functions of t contain the coordinates.
+    moving = {x: exact[x] for x in formula.v}
+    E = sum(x * formula.L.diff(x) for x in formula.v) - formula.L
+    return float(sympy.N(E.xreplace(moving).xreplace(exact), DIGITS))
+
+
+def _symmetries(lagrangian: Lagrangian, g: Any, names: Sequence[str], start: Array) -> tuple[Symmetry, ...]:
     """Return the symmetries of L that leave g unchanged, as those of L~, and the translation of time."""
     import sympy
 
