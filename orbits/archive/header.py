@@ -174,7 +174,8 @@ def _clock(items: Mapping[str, Any]) -> ChangingSteps:
         raise ArchiveError(f"@clock is {shown(items['@clock'])}; expected a clock of adaptive or transformed steps.")
     if known["direction"] not in (1.0, -1.0):
         raise ArchiveError(f"the direction of its clock is {shown(known['direction'])}; expected 1 or -1.")
-    return clock(known[parameter]).towards(known["direction"])
+    made: ChangingSteps = clock(known[parameter]).towards(known["direction"])
+    return made
 
 
 def checksum(items: Mapping[str, Item]) -> str:

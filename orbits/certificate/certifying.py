@@ -75,8 +75,8 @@ def certify(
     if isinstance(problem, Lagrangian):
         if isinstance(dt, ChangingSteps):
             raise InputError(
-                f"dt is {shown(dt)}, a clock for bodies; a Lagrangian is certified with steps of one length: dt=0.1. In "
-                "transformed time it is another Lagrangian: orbits.lagrangians.time_transformed(L, monitor=...)."
+                f"dt is {shown(dt)}, a clock for bodies; a Lagrangian is certified with steps of one length: dt=0.1. "
+                "In transformed time it is another Lagrangian: orbits.lagrangians.time_transformed(L, monitor=...)."
             )
         start, p = starting_state(problem, q, v, None, t)
         step = _without_units(dt)
@@ -131,11 +131,23 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
 def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTransformed) -> Certificate:
     from orbits.certificate.bodies import steps_in_transformed_time
     from orbits.lagrangians.bodies_in_transformed_time import bodies_in_transformed_time
-    from orbits.propagation.marchers import bound
-    from orbits.system.model import lagrangian_of
+    from orbits.marching.marcher import Marcher
+    from orbits.system.model import lagrangian_of, model
 
-    marcher = bound(system, integrator, clock, threads=1)  # which says what cannot be marched in transformed time
-    values = system.values
+    values, massive = system.values, np.flatnonzero(system.massive)
+    acting = model(system, massive)
+    # What cannot be marched in transformed time is refused here.
+    marcher = Marcher(
+        acting.lagrangian,
+        integrator,
+        acting.vectors,
+        system.massive,
+        values.q,
+        values.v,
+        clock,
+        forces=acting.forces,
+    )
+    clock.check_bodies(marcher.parameters, values.q, values.v, system.names)
     q, v = values.q.ravel(), values.v.ravel()
     newton = lagrangian_of(system)
     transformed = bodies_in_transformed_time(values.gm, newton.energy(q, v), values.softening)

@@ -1,8 +1,8 @@
 """Variational partitioned Runge–Kutta methods for bodies in transformed time, dt = g dtau.
 
-The Lagrangian is L~(q, q') = q'.M q' / (2 g) - g (V - E0), with g the dynamical time of the bodies and E0 their energy at
-the start (`orbits.lagrangians.bodies_in_transformed_time`). Its momenta are those of L, so that its canonical equations
-are, in positions and velocities,
+The Lagrangian is L~(q, q') = q'.M q' / (2 g) - g (V - E0), with g the dynamical time of the bodies and E0 their energy
+at the start (`orbits.lagrangians.bodies_in_transformed_time`). Its momenta are those of L, so that its canonical
+equations are, in positions and velocities,
 
     q' = g v,     v' = g a - (H - E0) M^-1 grad g,     t' = g
 

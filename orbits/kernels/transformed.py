@@ -18,7 +18,8 @@ from orbits.kernels.summation import two_product
 def transformed_field(strength, energy, q, q_lo, v, pull, velocity, kick):
     """Write q' into `velocity` and v' into `kick`, and return g, for rows (3n, 8) of eight stages.
 
-    energy : E0 in doubled precision, times G; q, q_lo : positions in doubled precision, so that distances of close bodies keep their digits
+    energy : E0 as a pair in doubled precision, times G
+    q, q_lo : positions in doubled precision, so that distances of close bodies keep their digits
     pull : workspace with the shape of q
     """
     n = strength.shape[0] - 1

@@ -2,9 +2,9 @@
 
     L~(q, t, q', t') = g(q) (L(q, q' / g(q)) + E0) + (t' - g(q))^2 / 2
 
-E0 is the energy of the motion, a parameter. The first part has the same orbits and the same momenta as L at that energy.
-The second makes the time t a coordinate: its momentum p_t = t' - g is conserved, and is 0 at the start; so t' = g, in
-every stage of every variational method, and t has no effect on q.
+E0 is the energy of the motion, a parameter. The first part has the same orbits and the same momenta as L at that
+energy. The second makes the time t a coordinate: its momentum p_t = t' - g is conserved, and is 0 at the start; so
+t' = g, in every stage of every variational method, and t has no effect on q.
 
 For L = q'.M q' / 2 - V the first part is q'.M q' / (2 g) - g (V - E0).
 Source: Hairer, Lubich & Wanner (2006), sec. VIII.2.1; Leimkuhler & Reich (2004), sec. 9.2.
@@ -25,6 +25,7 @@ from orbits.errors import InputError, shown
 from orbits.lagrangians.base import Array, Lagrangian, Motion, show
 from orbits.lagrangians.symbolic import from_sympy
 from orbits.lagrangians.symbolic.generation import Formula
+from orbits.lagrangians.symbolic.printing import GUARD
 from orbits.lagrangians.symmetry import Symmetry, translation
 
 TIME, ENERGY = "t", "E0"
@@ -103,8 +104,8 @@ def _made(
     here = _value(g, {**dict(zip(formula.q, start, strict=True)), **parameters})
     if not 0.0 < here < math.inf:
         raise InputError(
-            f"the monitor {monitor} of '{lagrangian.name}' is {here:g} at q = {show(start)}; expected a positive, finite "
-            "number: time would stand still or run backwards."
+            f"the monitor {monitor} of '{lagrangian.name}' is {here:g} at q = {show(start)}; expected a positive, "
+            "finite number: time would stand still or run backwards."
         )
     E = _energy(formula, parameters, start, speed) if energy is None else finite_number(energy, "energy")
     clock, hour, level = sympy.Symbol(TIME), sympy.Dummy("t'"), sympy.Symbol(ENERGY)
@@ -133,14 +134,12 @@ def _guarded(g: Any) -> Any:
     """Return g, marked for the kernels: NaN where it is not positive, and time would stand still or run backwards."""
     import sympy
 
-    class positive(sympy.Function):  # noqa: N801 - the name of its kernel
-        nargs = 1
-        _imp_ = staticmethod(lambda x: x)
-
-        def fdiff(self, argindex: int = 1) -> Any:
-            return sympy.Integer(1)  # its value makes everything NaN already
-
-    return positive(g)
+    parts = {
+        "nargs": 1,
+        "fdiff": lambda self, argindex=1: sympy.Integer(1),  # its value makes everything NaN already
+        "_imp_": staticmethod(lambda x: x),
+    }
+    return type(GUARD, (sympy.Function,), parts)(g)
 
 
 def _start(lagrangian: Lagrangian, q: ArrayLike | None, v: ArrayLike | None) -> tuple[Array, Array]:
@@ -174,8 +173,8 @@ def _in_symbols_of(formula: Formula, lagrangian: Lagrangian, monitor: Any) -> An
     if strangers or g.has(*formula.v):
         what = ", ".join(strangers) or "velocities"
         raise InputError(
-            f"the monitor depends on {what}; expected a function of the coordinates {', '.join(lagrangian.coordinates)} "
-            "and of parameters of the Lagrangian, with their numbers put in: else the momenta would change."
+            f"the monitor depends on {what}; expected a function of the coordinates "
+            f"{', '.join(lagrangian.coordinates)} and of parameters of the Lagrangian: else the momenta would change."
         )
     return g
 
@@ -188,7 +187,7 @@ def _value(g: Any, known: Mapping[Any, float]) -> float:
     return float(number) if number.is_real and number.is_finite else math.nan
 
 
-def _energy(formula: Formula, parameters: Mapping[Any, float], q: Sequence[float], v: Sequence[float]) -> float:
+def _energy(formula: Formula, parameters: Mapping[Any, float], q: Array, v: Array) -> float:
     """Return p . v - L, rounded once: in float64, terms that cancel would leave an orbit of another energy."""
     import sympy
 

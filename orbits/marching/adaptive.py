@@ -126,6 +126,7 @@ class Adaptive(ChangingSteps):
     direction: float = field(default=1.0, init=False)
 
     timing: ClassVar[Tag] = ADAPTIVE
+    finer: ClassVar[str] = "tolerance"
 
     def __post_init__(self) -> None:
         tolerance = self.tolerance

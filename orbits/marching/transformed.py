@@ -1,10 +1,10 @@
 """Constant steps of transformed time tau, dt = g dtau, with the dynamical time g of the bodies as the monitor.
 
-The method marches the Lagrangian L~(q, q') = q'.M q' / (2 g) - g (V - E0), which has the same orbits at the energy E0 of
-the start: it is symplectic at equal tau, while the steps in t are as short as the closest pair needs.
+The method marches the Lagrangian L~(q, q') = q'.M q' / (2 g) - g (V - E0), which has the same orbits at the energy E0
+of the start: it is symplectic at equal tau, while the steps in t are as short as the closest pair needs.
 
-A step is taken before it is known when it ends. One that would pass the goal of the march is taken back; where the march
-must end at the goal, for a sample on a copy, the part of the step is found at whose end t is the goal.
+A step is taken before it is known when it ends. One that would pass the goal of the march is taken back; where the
+march must end at the goal, for a sample on a copy, the part of the step is found at whose end t is the goal.
 
 Source: Hairer, Lubich & Wanner (2006), sec. VIII.2.1; Leimkuhler & Reich (2004), sec. 9.2.
 """
@@ -134,6 +134,7 @@ class TimeTransformed(ChangingSteps):
     direction: float = field(default=1.0, init=False)
 
     timing: ClassVar[Tag] = TRANSFORMED
+    finer: ClassVar[str] = "step of transformed time"
 
     def __post_init__(self) -> None:
         step = self.step
@@ -144,8 +145,8 @@ class TimeTransformed(ChangingSteps):
             )
         if not 0.0 < step <= LONGEST:
             raise InputError(
-                f"step is {step:g}; expected a positive number up to {LONGEST:g}, such as 0.3. For a run backwards give "
-                "a negative duration."
+                f"step is {step:g}; expected a positive number up to {LONGEST:g}, such as 0.3. For a run backwards "
+                "give a negative duration."
             )
         object.__setattr__(self, "step", float(step))
 
@@ -179,7 +180,7 @@ class TimeTransformed(ChangingSteps):
         if not amplified[worst] <= MOST_AMPLIFIED:
             raise InputError(
                 f"{names[worst]} is too light for transformed time: rounding errors of the energy of the whole system, "
-                f"divided by its mass, would act on it with {amplified[worst]:.1g} times those of its own force (at "
+                f"divided by its mass, would act on it with {amplified[worst]:,.0f} times those of its own force (at "
                 f"most {MOST_AMPLIFIED:g} are accepted). Leave dt away: steps are then chosen one by one."
             )
 

@@ -16,6 +16,7 @@ from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers, is_whole
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, clock_of
 from orbits.system import OrbitalElements, System, osculating
@@ -202,6 +203,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         Raises InputError for a run of a method with adaptive steps.
         """
         if math.isnan(self.step):
+            if isinstance(self.clock, ChangingSteps) and not isinstance(self.clock, Adaptive):
+                raise InputError(f"this run took {self.clock.describe(self.integrator)}, so it has no dt.")
             raise InputError(f"{self.integrator.label} has adaptive steps, so this run has no dt.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
