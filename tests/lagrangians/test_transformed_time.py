@@ -7,7 +7,7 @@ import sympy
 import orbits
 from orbits import discrete
 from orbits.diagnostics.tangent import plain_step
-from orbits.errors import ConvergenceError, InputError, IntegrationError, SingularityError
+from orbits.errors import InputError, IntegrationError, SingularityError
 from orbits.lagrangians.bodies_in_transformed_time import bodies_in_transformed_time
 from orbits.lagrangians.newtonian import n_body
 
@@ -94,7 +94,8 @@ def test_certificates_hold_for_a_lagrangian_of_ones_own(method):
 
 def test_a_monitor_that_becomes_negative_ends_the_march():
     """The motion cannot reach x = 0, where time stands still, but a long step can jump over; from there time would run
-    backwards. Without the guard around the monitor, only luck ends the march: the iteration of a later step."""
+    backwards. Without the guard around the monitor, only luck ends the march: the iteration of a later step.
+    """
     falls = time_transformed(KEPLER, monitor=x, q=[0.5, 0.5], v=[-1.5, 0.3])
     with pytest.raises(SingularityError) as caught:
         orbits.march(falls, orbits.Gauss(stages=1), dt=1.0, steps=60)
@@ -124,8 +125,6 @@ def test_a_plain_step_far_too_long_is_an_error_of_the_step():
     """Newton's method meets a singular matrix far from any solution, which once went through as an error of NumPy."""
     start = time_transformed(KEPLER, monitor=DYNAMICAL, q=[0.1, 0.0], v=[0.0, 19**0.5])
     q, v = start.example.q, start.example.v
-    for h in 0.3 * 2.0 ** np.arange(1, 9):
-        try:
+    for h in 0.3 * 2.0 ** np.arange(4, 12):
+        with pytest.raises(IntegrationError):
             plain_step(start, orbits.Gauss(stages=8).tableau, q, start.momentum(q, v), h)
-        except (ConvergenceError, IntegrationError) as error:
-            assert "dt" in str(error) or "Start" in str(error)

@@ -19,7 +19,7 @@ from orbits.propagation.marchers import bound
 
 from .. import kepler_truth
 from ..problems import three_bodies
-from .test_adaptive import BURRAU, PLAIN, falling, system
+from .test_adaptive import BURRAU, falling, system
 
 MASSES = np.array([0.7, 0.3])
 TT = orbits.TimeTransformed(step=0.3)
@@ -97,8 +97,9 @@ def test_burraus_problem_comes_out_right_through_its_encounters():
 
 
 def test_a_step_of_bodies_is_symplectic_at_equal_tau():
-    """The derivative of the compiled step itself, by differences in all of q and p with E0 fixed; 3e-11 is seen, and the
-    step in t of the default clock, which depends on the state, gives 0.1."""
+    """The derivative of the compiled step itself, by differences in all of q and p with E0 fixed; without the term
+    with H - E0 the defect is 0.3, and that of a step of the default clock, which depends on the state, 0.1.
+    """
     gm, q, v = three_bodies()
     n = len(gm)
     masses = np.repeat(gm, 3)
@@ -146,12 +147,12 @@ def test_samples_and_blocks_change_no_bit():
 
 
 def test_samples_lie_on_the_orbit_at_their_times():
-    """Also where a step is long: 40 samples of an eccentric orbit, of 24 steps, against the exact one; 1e-15 is seen."""
+    """Also where a step is long: 40 samples of an orbit of 24 steps, against the exact one."""
     start = pair(0.9)
     run = propagate(start, 6.0, orbits.TimeTransformed(step=0.349), samples=41)
     exact = [truth(start, t) for t in run.times[1:]]
     off = np.linalg.norm(run.q.value[1:, 1] - run.q.value[1:, 0] - exact, axis=1)
-    assert off.max() < 2e-14
+    assert off.max() < 3e-15  # 2e-16
 
 
 def test_a_run_backwards_leads_back():
@@ -249,7 +250,7 @@ def test_what_cannot_be_marched_in_transformed_time_is_refused_with_the_remedy(t
         propagate(system(*three_bodies(particles=2)), 1.0)
     with pytest.raises(InputError, match=r"Mercury is too light for transformed time.*Leave dt away"):
         propagate(orbits.System.solar_system(), 10.0)
-    with pytest.raises(InputError, match="this system has 1. Leave dt away"):
+    with pytest.raises(InputError, match=r"this system has 1\. Leave dt away"):
         propagate(system([1.0], [[0, 0, 0]], [[0, 0, 0]]), 1.0)
     with pytest.raises(InputError, match=r"not with the force of drag.*Give dt=\.\.\. a length"):
         propagate(start.with_forces(orbits.Drag(rate=1e-3)), 1.0)
@@ -262,7 +263,7 @@ def test_what_cannot_be_marched_in_transformed_time_is_refused_with_the_remedy(t
     for step in (0.0, -0.1, 3.0, float("nan"), "0.3", True, None, 0.3 * u.day):
         with pytest.raises(InputError, match="step is"):
             orbits.TimeTransformed(step=step)
-    with pytest.raises(InputError, match="took steps of 0.3 in transformed time, so it has no dt"):
+    with pytest.raises(InputError, match=r"took steps of 0\.3 in transformed time, so it has no dt"):
         _ = propagate(start, 1.0).dt
 
 
