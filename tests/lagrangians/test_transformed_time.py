@@ -7,7 +7,7 @@ import sympy
 import orbits
 from orbits import discrete
 from orbits.diagnostics.tangent import plain_step
-from orbits.errors import InputError, IntegrationError, SingularityError
+from orbits.errors import ConvergenceError, InputError, SingularityError
 from orbits.lagrangians.bodies_in_transformed_time import bodies_in_transformed_time
 from orbits.lagrangians.newtonian import n_body
 
@@ -125,6 +125,5 @@ def test_a_plain_step_far_too_long_is_an_error_of_the_step():
     """Newton's method meets a singular matrix far from any solution, which once went through as an error of NumPy."""
     start = time_transformed(KEPLER, monitor=DYNAMICAL, q=[0.1, 0.0], v=[0.0, 19**0.5])
     q, v = start.example.q, start.example.v
-    for h in 0.3 * 2.0 ** np.arange(4, 12):
-        with pytest.raises(IntegrationError):
-            plain_step(start, orbits.Gauss(stages=8).tableau, q, start.momentum(q, v), h)
+    with pytest.raises(ConvergenceError, match="Newton's method fails"):
+        plain_step(start, orbits.Gauss(stages=8).tableau, q, start.momentum(q, v), 4.2)
