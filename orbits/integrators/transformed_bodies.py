@@ -20,6 +20,7 @@ Source: Marsden & West (2001), sec. 2.6; Hairer, Lubich & Wanner (2006), sec. VI
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
@@ -28,7 +29,7 @@ import numpy as np
 
 from orbits.integrators.canonical import combine
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import dimension
+from orbits.kernels.binding import dimension, dynamical_rate
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
@@ -49,6 +50,14 @@ from orbits.tableaux import SymplecticTableau
 # Rows of the table. From MU on, each is the first of eight: row j holds column j of a matrix, one stage in each lane.
 HB, WEIGHTS, MU, MU_BAR, CONTINUATION = 0, 1, 2, 10, 18
 ROWS = 26
+
+ROUND_OFF = 2.0**-54
+"""The fraction of its time by which a step of a given time may miss it."""
+
+FINEST = 2.0**-52
+"""The relative distance of bounds of its length between which there is no other."""
+
+PARTS = 100
 
 ENERGY, ENERGY_LO, KNOWN, ELAPSED, ELAPSED_LO = 0, 1, 2, 3, 4
 """The last row of the carry: E0 in doubled precision, whether it is known (1), and the time that the last step took."""
@@ -184,6 +193,58 @@ def elapsed(method, state, storage):
     return storage.carry[row, ELAPSED], storage.carry[row, ELAPSED_LO]
 
 
+@kernel
+def part(method, model, t, h, state, storage):
+    """Take a step of tau that takes the time h: its length is found by Newton's method, with dt / dtau = g."""
+    rows, carry = state.q.shape[0], storage.carry
+    kept = storage.scratch[8 * rows + WIDTH + 6 * rows // WIDTH :].reshape(-1)
+    _copy(state, kept, True)
+    rate, _ = dynamical_rate(model.tag, model.parameters, state.q, state.p)
+    length, low, high = abs(h) * math.sqrt(rate), 0.0, math.inf
+    status, where, evaluations = NOT_CONVERGED, 0, 0
+    for _ in range(PARTS):
+        for k in range(2 * rows):
+            store(carry, k, full(0.0))
+        own = math.copysign(length, h)
+        prepare(method, own, own, storage)
+        status, where, count = step(method, model, t, own, state, storage)
+        evaluations += count
+        after = 0.0
+        if status == OK:
+            dt, dt_lo = elapsed(method, state, storage)
+            beyond = math.copysign(1.0, h) * ((dt - h) + dt_lo)
+            low, high = (low, length) if beyond > 0.0 else (length, high)
+            rate, _ = dynamical_rate(model.tag, model.parameters, state.q, state.p)
+            after = length - beyond * math.sqrt(rate)
+            if abs(beyond) <= ROUND_OFF * abs(h) or after == length or high <= low * (1.0 + FINEST):
+                break
+        else:
+            high = length
+        if not low < after < high:
+            after = 0.5 * (low + high) if high < math.inf else 2.0 * length
+        _copy(state, kept, False)
+        length = after
+    return status, where, evaluations
+
+
+@kernel(inline=True)
+def _copy(state, room, away):
+    """Copy the state into `room`, or back."""
+    at = 0
+    for x in (state.q, state.q_lo, state.p, state.p_lo):
+        for k in range(0, x.shape[0], WIDTH):
+            if away:
+                store(room, at + k, load(x, k))
+            else:
+                store(x, k, load(room, at + k))
+        at += x.shape[0]
+
+
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """Do nothing: `part` makes the coefficients of each step that it tries."""
+
+
 @dataclass(frozen=True)
 class TransformedBodies(Form):
     """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies in transformed time."""
@@ -195,6 +256,8 @@ class TransformedBodies(Form):
         "step": step,
         "prepare": prepare,
         "elapsed": elapsed,
+        "part": part,
+        "stretch": stretch,
     }
 
     def coefficients(self, h: float, before: float) -> Array:
@@ -217,9 +280,9 @@ class TransformedBodies(Form):
         return 2 * padded(size) + 1
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """The size of `Work`."""
+        """The size of `Work`, and of a state that `part` keeps."""
         rows = padded(size)
-        return 8 * rows + WIDTH + 6 * rows // WIDTH, WIDTH
+        return 8 * rows + WIDTH + 10 * rows // WIDTH, WIDTH
 
     def forget(self, carry: Array) -> None:
         """Delete the stages; E0 remains."""

@@ -91,7 +91,7 @@ def take_step(clock, method, model, k, state, storage):
                 time, lost = two_sum(numbers[TIME], h)
                 numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
                 numbers[NEXT], numbers[LENGTH], numbers[THETA] = numbers[TIME], h, theta * min(factor, GROWTH)
-                room[k + 1] = room[k] + h
+                room[k + 1], room[kept // 2 + k] = room[k] + h, h
                 return OK, 0, evaluations
         put_back(room, kept, state, storage.carry)
         theta *= CAUTION * factor

@@ -89,8 +89,10 @@ class ChangingSteps(Clock):
         raise NotImplementedError
 
     def room(self, block: int, size: int) -> int:
-        """Return the length of the workspace: the times of a block, and the state before a step."""
-        return block + 1 + size
+        """Return the length of the workspace: the times of a block, the lengths of its steps, and the state before a
+        step.
+        """
+        return 2 * (block + 1) + size
 
     def time(self, reading: Any) -> Any:
         """Return the time that this clock reads: a time is its own reading."""

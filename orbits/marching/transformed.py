@@ -4,7 +4,7 @@ The method marches the Lagrangian L~(q, q') = q'.M q' / (2 g) - g (V - E0), whic
 of the start: it is symplectic at equal tau, while the steps in t are as short as the closest pair needs.
 
 A step is taken before it is known when it ends. One that would pass the goal of the march is taken back; where the
-march must end at the goal, for a sample on a copy, the part of the step is found at whose end t is the goal.
+march must end at the goal, for a sample on a copy, the method takes the part of the step at whose end t is the goal.
 
 Source: Hairer, Lubich & Wanner (2006), sec. VIII.2.1; Leimkuhler & Reich (2004), sec. 9.2.
 """
@@ -22,10 +22,10 @@ from orbits.errors import InputError, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.integrators.variational import VariationalRungeKutta
-from orbits.kernels.binding import Tag, dynamical_rate
+from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, elapsed, prepare, step
+from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, elapsed, part, prepare, step
 from orbits.kernels.summation import two_sum
 from orbits.marching.changing import (
     DIRECTION,
@@ -46,13 +46,8 @@ from orbits.marching.changing import (
 STEP = 3
 """The own number of this clock: the step of tau, with the sign of the direction."""
 
-ROUND_OFF = 2.0**-54
-"""The fraction of a step by which a goal may be missed."""
-
 SHORTEST = 2.0**-90
 """The fraction of the time reached below which a step ends the march: only bodies that collide come so close."""
-
-ATTEMPTS = 100
 
 
 @kernel(inline=True)
@@ -65,44 +60,26 @@ def take_step(clock, method, model, k, state, storage):
     if direction * left <= 0.0:
         return BEYOND, 0, 0
     keep(room, kept, state, storage.carry)
-    h, low, high, evaluations = whole, 0.0, 1.0, 0
-    for attempt in range(ATTEMPTS):
-        prepare(method, h, whole, storage)
-        status, where, count = step(method, model, numbers[TIME], h, state, storage)
-        evaluations += count
-        if status != OK:
-            put_back(room, kept, state, storage.carry)
-            return status, where, evaluations
-        dt, dt_lo = elapsed(method, state, storage)
-        if not abs(dt) > SHORTEST * abs(numbers[TIME]):
-            put_back(room, kept, state, storage.carry)
-            return TOO_SHORT, 0, evaluations
-        beyond = direction * ((dt - left) + dt_lo)
-        if attempt == 0 and beyond <= 0.0:
-            time, lost = two_sum(numbers[TIME], dt)
-            numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + (dt_lo + numbers[TIME_LO]))
-            break
-        if attempt == 0 and numbers[EXACT] == 0.0:
-            numbers[NEXT] = min(max(numbers[TIME] + dt, -FARTHEST), FARTHEST)
-            put_back(room, kept, state, storage.carry)
-            return BEYOND, 0, evaluations
-        # Newton's method for the part of the step, between bounds; dt / dtau = g.
-        part = h / whole
-        low, high = (low, part) if beyond > 0.0 else (part, high)
-        rate, _ = dynamical_rate(model.tag, model.parameters, state.q, state.p)
-        after = part - beyond * math.sqrt(rate) / abs(whole)
-        if attempt == 0:
-            after = left / dt
-        if not low < after < high:
-            after = 0.5 * (low + high)
-        arrived = attempt > 0 and (abs(beyond) <= ROUND_OFF * abs(left) or whole * after == h)
-        if arrived or high - low <= ROUND_OFF * high:
-            numbers[TIME], numbers[TIME_LO], dt = numbers[LIMIT], 0.0, left
-            break
-        h = whole * after
+    prepare(method, whole, whole, storage)
+    status, where, evaluations = step(method, model, numbers[TIME], whole, state, storage)
+    dt, dt_lo = elapsed(method, state, storage)
+    if status == OK and direction * ((dt - left) + dt_lo) > 0.0:
         put_back(room, kept, state, storage.carry)
+        if numbers[EXACT] == 0.0:
+            numbers[NEXT] = min(max(numbers[TIME] + dt, -FARTHEST), FARTHEST)
+            return BEYOND, 0, evaluations
+        status, where, count = part(method, model, numbers[TIME], left, state, storage)
+        evaluations += count
+        dt, dt_lo = left, 0.0
+    if status == OK and not abs(dt) > SHORTEST * abs(numbers[TIME]):
+        status, where = TOO_SHORT, 0
+    if status != OK:
+        put_back(room, kept, state, storage.carry)
+        return status, where, evaluations
+    time, lost = two_sum(numbers[TIME], dt)
+    numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + (dt_lo + numbers[TIME_LO]))
     numbers[NEXT], numbers[LENGTH] = numbers[TIME], dt
-    room[k + 1] = room[k] + dt
+    room[k + 1], room[kept // 2 + k] = room[k] + dt, dt
     return OK, 0, evaluations
 
 
