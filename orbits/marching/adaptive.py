@@ -126,7 +126,7 @@ class Adaptive(ChangingSteps):
     direction: float = field(default=1.0, init=False)
 
     timing: ClassVar[Tag] = ADAPTIVE
-    finer: ClassVar[str] = "tolerance"
+    refined_by: ClassVar[str] = "tolerance"
 
     def __post_init__(self) -> None:
         tolerance = self.tolerance

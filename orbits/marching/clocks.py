@@ -35,7 +35,7 @@ class Clock:
     """The times of the steps of a run: a frozen value.
 
     timing : the tag by which compiled code identifies it
-    finer : what is made smaller for more accuracy, in words
+    refined_by : what is made smaller for more accuracy, in words
     direction : 1 forwards in time, -1 backwards
     h : the length of its steps, with that sign; NaN if they differ
 
@@ -44,7 +44,7 @@ class Clock:
     """
 
     timing: ClassVar[Tag]
-    finer: ClassVar[str] = "dt"
+    refined_by: ClassVar[str] = "dt"
     direction: float
     h: float
 

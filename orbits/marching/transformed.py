@@ -111,7 +111,7 @@ class TimeTransformed(ChangingSteps):
     direction: float = field(default=1.0, init=False)
 
     timing: ClassVar[Tag] = TRANSFORMED
-    finer: ClassVar[str] = "step of transformed time"
+    refined_by: ClassVar[str] = "step of transformed time"
 
     def __post_init__(self) -> None:
         step = self.step

@@ -225,7 +225,7 @@ def _fitted(
     raise InputError(
         f"{run.made_by} is not smooth to {tolerance_km:g} km: because of its own error in a step, records of "
         f"{2 * length / DAY:.3g} d deviate by {reached:.2g} km. Use a larger tolerance_km, or propagate with a smaller "
-        f"{run.clock.finer} or a method of higher order."
+        f"{run.clock.refined_by} or a method of higher order."
     )
 
 
