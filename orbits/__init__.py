@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
+    from orbits.marching.transformed import TimeTransformed
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
@@ -109,6 +110,7 @@ __all__ = [
     "SymplecticEuler",
     "System",
     "Table",
+    "TimeTransformed",
     "Trajectory",
     "UnitSystem",
     "UnknownNameError",
@@ -156,6 +158,7 @@ _HOME = {
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
+    "marching.transformed": ["TimeTransformed"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
