@@ -19,6 +19,7 @@ from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
+    from orbits.propagation.events.base import Sought
     from orbits.system import System
 
 
@@ -93,12 +94,12 @@ Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
 class Stop:
     """Why and where a run ended early.
 
-    reason : in words; condition : the one that was met, or None if the callback ended the run
+    reason : in words; condition : the one that was met, or the event, or None if the callback ended the run
     time : since the epoch, with unit; system : the state at that time, the end of a step
     """
 
     reason: str
-    condition: Condition | None
+    condition: Condition | Sought | None
     time: u.Quantity
     system: System
 

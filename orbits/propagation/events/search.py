@@ -30,6 +30,11 @@ CLOSE_EXTREMUM = 1e-8
 
 ROUNDS = 200
 
+REFINEMENTS, MISSED = 8, 1e-3
+"""The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
+march, from which on there is no zero.
+"""
+
 POINTS = 2_000_000
 """The most numbers that the function has at a time."""
 
@@ -51,8 +56,8 @@ class Zeros(NamedTuple):
     rising: NDArray[np.bool_]
 
 
-States = Callable[[Whole, Array], tuple[Array, Array, Array]]
-"""Returns t (m,), q and v (m, n, 3) of all bodies at fractions of steps."""
+Along = Callable[[Whole, Array, Whole], Array]
+"""Returns functions at fractions of steps: numbers of the steps, fractions, and columns, (m,) each."""
 
 
 class Stretch:
@@ -68,10 +73,11 @@ class Stretch:
     def __len__(self) -> int:
         return len(self._motion)
 
-    def at(self, steps: Whole, fractions: Array) -> tuple[Array, Array, Array]:
-        """Return t (m,), q and v (m, n, 3) at fractions of steps."""
+    def at(self, steps: Whole, fractions: Array, rough: bool = False) -> tuple[Array, Array, Array]:
+        """Return t (m,), q and v (m, n, 3) at fractions of steps; see `Motion.roughly_at`."""
         lengths = self.times[steps + 1] - self.times[steps]
-        return self.times[steps] + fractions * lengths, *self._of_all(*self._motion.at(steps, fractions))
+        states = self._motion.roughly_at(steps, fractions) if rough else self._motion.at(steps, fractions)
+        return self.times[steps] + fractions * lengths, *self._of_all(*states)
 
     def ends(self) -> tuple[Array, Array, Array]:
         """Return t (steps + 1,), q and v at the ends of the steps, as they were marched."""
@@ -116,12 +122,12 @@ def _in_steps(
     backwards: bool,
     first: bool,
 ) -> Zeros:
-    """Return the zeros of these columns in these steps."""
+    """Return the zeros of these columns in these steps; ends : the states at the ends of all steps."""
     # The checks of each step: its begin and the nodes, the same a little later, and its end.
     checks = np.concatenate([[0.0], NODES])
     fractions = np.concatenate([checks, checks + APART, [1.0 - APART, 1.0]])
     count, each = len(steps), len(fractions)
-    t, q, v = stretch.at(np.repeat(steps, each), np.tile(fractions, count))
+    t, q, v = stretch.at(np.repeat(steps, each), np.tile(fractions, count), True)
     g = bound.values(t, q, v, columns).reshape(count, each, -1)
     t_end, q_end, v_end = (x[steps[-1] + 1 :][:1] for x in ends)
     last = bound.values(t_end, q_end, v_end, columns)
@@ -142,7 +148,10 @@ def _in_steps(
     turns |= ~positive & ~positive_after & (slope > 0.0) & (slope_after < 0.0)
     if backwards:
         falls, rises = rises, falls
-    crossings = (falls if bound.words[0] is not None else False) | (rises if bound.words[1] is not None else False)
+    crossings = np.zeros_like(falls)
+    for word, some in zip(bound.words, (falls, rises), strict=True):
+        if word is not None:
+            crossings |= some
 
     edges = np.append(checks, 1.0)
 
@@ -166,15 +175,45 @@ def _in_steps(
     low, high, g_low, g_high = low[wanted], high[wanted], g_low[wanted], g_high[wanted]
     along = _along(bound, stretch)
     at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high, CLOSE)
+    at, there = _refined(along, _along(bound, stretch, False), k, c, at)
+    k, c, at, rising = k[there], c[there], at[there], rising[there]
     order = np.lexsort((c, at, k))
     return Zeros(k[order], at[order], c[order], rising[order])
 
 
-def _along(bound: Bound, stretch: Stretch) -> Callable[[Whole, Array, Whole], Array]:
+def _refined(rough: Along, exact: Along, k: Whole, c: Whole, at: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the zeros of functions of the exact motion from those of the rough one, and which there are.
+
+    By Newton's method, and then by secants; the slope of the rough motion is good enough to begin with.
+    """
+    if not len(at):
+        return at, np.ones(0, dtype=bool)
+    ahead = np.where(at < 0.5, APART, -APART)
+    g = exact(k, at, c)
+    with np.errstate(all="ignore"):
+        slope = (rough(k, at + ahead, c) - rough(k, at, c)) / ahead
+        last = np.where(g == 0.0, 0.0, -g / slope)
+    at, going = at.copy(), np.flatnonzero(np.abs(last) > CLOSE)
+    for _ in range(REFINEMENTS):
+        if not len(going):
+            break
+        moved = np.clip(at[going] + last[going], 0.0, 1.0)
+        way, before = moved - at[going], g[going]
+        at[going], g[going] = moved, exact(k[going], moved, c[going])
+        with np.errstate(all="ignore"):
+            change = g[going] - before
+            slope[going] = np.where((change != 0.0) & (way != 0.0), change / way, slope[going])
+            last[going] = np.where(g[going] == 0.0, 0.0, -g[going] / slope[going])
+        going = going[np.abs(last[going]) > CLOSE]
+    # A zero at the end of a step may lie behind it by the difference of the two motions.
+    return at, np.abs(last) < MISSED
+
+
+def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:
     """Return the function of a column at a fraction of a step."""
 
     def along(steps: Whole, fractions: Array, columns: Whole) -> Array:
-        t, q, v = stretch.at(steps, fractions)
+        t, q, v = stretch.at(steps, fractions, rough)
         g = bound.at(t, q, v, columns)
         _check_finite(bound, g, t)
         return g
@@ -191,7 +230,7 @@ def _check_finite(bound: Bound, g: Array, t: Array) -> None:
 
 
 def _extrema(
-    along: Callable[[Whole, Array, Whole], Array],
+    along: Along,
     steps: Whole,
     columns: Whole,
     low: Array,

@@ -49,7 +49,7 @@ class Seeking:
     Raises InputError for events that cannot be sought among these bodies.
     """
 
-    def __init__(self, system: System, events: Sequence[Sought], direction: float) -> None:
+    def __init__(self, system: System, events: Sought | Sequence[Sought], direction: float) -> None:
         given = [events] if isinstance(events, Sought) else events
         if not isinstance(given, list | tuple) or not all(isinstance(event, Sought) for event in given):
             raise InputError(
@@ -79,8 +79,8 @@ class Seeking:
         """Raise InputError for a march that does not tell the motion within its steps."""
         if self.events and not marcher.tells_motion:
             raise InputError(
-                f"events are sought on the motion within steps, which {marcher.integrator.label} does not tell here; "
-                "use Gauss(stages=8), or leave out events=..."
+                f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} bodies "
+                "of this run on several threads; use threads=1, or leave out events=..."
             )
 
     @property
