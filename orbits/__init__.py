@@ -59,7 +59,12 @@ if TYPE_CHECKING:
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.propagation import Trajectory, propagate, resume
+    from orbits.propagation.events.base import Action, Happening
     from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
+    from orbits.propagation.events.orbital import Ejection, ElementCrossing
+    from orbits.propagation.events.own import Event
+    from orbits.propagation.events.planes import NodeCrossing, PlaneCrossing
+    from orbits.propagation.events.seen import Conjunction, Occultation, Opposition, Transit
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
@@ -70,6 +75,7 @@ __all__ = [
     "DIMENSIONLESS",
     "SOLAR",
     "VPRK",
+    "Action",
     "Adaptive",
     "Apocentre",
     "Archive",
@@ -79,16 +85,21 @@ __all__ = [
     "CloseApproach",
     "CloserThan",
     "Composition",
+    "Conjunction",
     "ConvergenceError",
     "DiscretePath",
     "Drag",
+    "Ejection",
+    "ElementCrossing",
     "EnergyErrorAbove",
     "EpochError",
+    "Event",
     "EventError",
     "ExplicitEuler",
     "FartherThan",
     "Flow",
     "Gauss",
+    "Happening",
     "ImplicitMidpoint",
     "InputError",
     "IntegrationError",
@@ -99,9 +110,13 @@ __all__ = [
     "LobattoIIIBA",
     "MissingPackageError",
     "Motion",
+    "NodeCrossing",
+    "Occultation",
+    "Opposition",
     "OrbitsError",
     "OrbitsWarning",
     "Pericentre",
+    "PlaneCrossing",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -116,6 +131,7 @@ __all__ = [
     "System",
     "Table",
     "Trajectory",
+    "Transit",
     "UnitSystem",
     "UnknownNameError",
     "WallTimeOver",
@@ -176,7 +192,12 @@ _HOME = {
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
+    "propagation.events.base": ["Action", "Happening"],
     "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
+    "propagation.events.orbital": ["Ejection", "ElementCrossing"],
+    "propagation.events.own": ["Event"],
+    "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
+    "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],

@@ -551,7 +551,8 @@ class Collocation(Form):
     @property
     def is_dense(self) -> bool:
         """Whether the stages are those of collocation, as for Gauss: they then lie on the polynomial through their forces,
-        where it resolves them."""
+        where it resolves them.
+        """
         return _collocates(self.tableau)
 
     def stages_shape(self, size: int) -> tuple[int, int]:

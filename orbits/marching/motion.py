@@ -27,7 +27,9 @@ class Motion:
     The arrays may be those of the march, which its next block overwrites.
     """
 
-    def __init__(self, form: Form, begun: float, after: Array, path: Array, kicks: Array, partial: PartialSteps) -> None:
+    def __init__(
+        self, form: Form, begun: float, after: Array, path: Array, kicks: Array, partial: PartialSteps
+    ) -> None:
         self._form, self._partial = form, partial
         self._lengths = np.diff(after)
         self.times, self.path, self.kicks = begun + after, path, kicks
@@ -57,7 +59,7 @@ class Motion:
         return self._within(steps, fractions, False)
 
     def roughly_at(self, steps: ArrayLike, fractions: ArrayLike) -> tuple[Array, Array]:
-        """Return what `at` returns, from the polynomial of every step, or for a method without one from the cubic through
+        """Return what `at` returns from the polynomial of each step, or for a method without one from the cubic through
         the states at its ends: cheap, to see where something happens.
         """
         if len(self.kicks):

@@ -12,7 +12,15 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import EventError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StepWarning, StorageError
+from orbits.errors import (
+    EventError,
+    IntegrationError,
+    Interrupted,
+    OrbitsError,
+    RetiredWarning,
+    StepWarning,
+    StorageError,
+)
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement
 from orbits.propagation.events.base import Sought

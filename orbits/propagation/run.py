@@ -12,8 +12,8 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.propagation import step_check
+from orbits.propagation.events.again import sought_again
 from orbits.propagation.events.base import Sought
-from orbits.propagation.events.kinds import sought_again
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import bound, differences, provenance, restore
