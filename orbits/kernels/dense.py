@@ -26,7 +26,7 @@ from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import full, load
+from orbits.kernels.lanes import WIDTH, full, load
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, step
 
 
@@ -154,3 +154,32 @@ def partial_steps(
             for k in range(size):
                 q[i, k], v[i, k] = room[0, k], room[2, k]
     return -1, OK
+
+
+@kernel
+def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, rows, q, v):
+    """Write some coordinates at the same fractions of all recorded steps, from their polynomials.
+
+    once, twice : (registers * 8, fractions), the weights of the stages at each; checks : (fractions,)
+    lengths, path, kicks : see `motion_within`
+    coordinates : (c,), their numbers; rows : (c,), where they are written
+    q, v : (rows, steps, fractions), receive positions and velocities
+    """
+    registers = once.shape[0] // WIDTH
+    block = kicks.shape[1] // registers
+    for c in range(len(coordinates)):
+        i = coordinates[c]
+        for k in range(len(lengths)):
+            h, Q, V = lengths[k], q[rows[c], k], v[rows[c], k]
+            for m in range(len(checks)):
+                Q[m], V[m] = 0.0, 0.0
+            for r in range(registers):
+                for j in range(WIDTH):
+                    L = kicks[k, r * block + i, j]
+                    for m in range(len(checks)):
+                        Q[m] += twice[r * WIDTH + j, m] * L
+                        V[m] += once[r * WIDTH + j, m] * L
+            base, speed = path[k, 0, i], path[k, 1, i]
+            for m in range(len(checks)):
+                Q[m] = base + h * (checks[m] * speed + Q[m])
+                V[m] += speed

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.integrators.forms import Array, Form
-from orbits.kernels.dense import motion_within
+from orbits.integrators.forms import Array, Form, padded
+from orbits.kernels.dense import motion_at_checks, motion_within
+from orbits.kernels.lanes import WIDTH
 from orbits.marching.partial_steps import PartialSteps
 
 
@@ -73,6 +74,44 @@ class Motion:
         found = q + x * (slope + x * (bend + x * twist)), v + x * (2.0 * bend + 3.0 * x * twist) / h
         return self._shaped(*found)
 
+    def at_checks(self, steps: slice, checks: Array, bodies: NDArray[np.int64], rows: NDArray[np.int64], n: int) -> Any:
+        """Return what `roughly_at` returns for some bodies at the same fractions of all of these steps.
+
+        checks : (fractions,); bodies : their numbers; rows, n : their places among n bodies; nothing is written for others
+        Returns q and v, (steps * fractions, n, 3), all fractions of a step in turn.
+        """
+        lengths = self._lengths[steps]
+        count, each = len(lengths), len(checks)
+        if not len(self.kicks):
+            which = np.arange(len(self))[steps]
+            found = self.roughly_at(np.repeat(which, each), np.tile(checks, count))
+            q, v = np.empty((2, count * each, n, 3))
+            q[:, rows], v[:, rows] = found[0][:, bodies], found[1][:, bodies]
+            return q, v
+        q, v = np.empty((2, 3 * n, count, each))
+        axes, size = np.arange(3)[:, None], self._partial.size // 3
+        places = (axes * size + bodies).ravel(), (axes * n + rows).ravel()
+        once, twice = self._weights(checks)
+        path, kicks = self.path[steps.start : steps.stop + 1], self.kicks[steps]
+        motion_at_checks(once, twice, checks, lengths, path, kicks, *places, q, v)
+        shape = (3, n, count * each)
+        return q.reshape(shape).transpose(2, 1, 0), v.reshape(shape).transpose(2, 1, 0)
+
+    def _weights(self, checks: Array) -> tuple[Array, Array]:
+        """Return the weights of the stages in velocities and positions at fractions of a step, (stages, fractions)."""
+        registers = self.kicks.shape[1] // padded(self._partial.size)
+        stages, each = WIDTH * registers, len(checks)
+        kicks = np.zeros((stages, registers, WIDTH))
+        kicks.reshape(stages, stages)[...] = np.eye(stages)
+        nothing, out = np.zeros((stages + 1, 2, 1)), np.empty((2, stages * each, 1))
+        which, fractions = np.repeat(np.arange(stages), each), np.tile(checks, stages)
+        done = np.ones(len(which), dtype=bool)
+        unit = np.ones(stages)
+        motion_within(
+            self._form.tag, self._partial.unit, unit, nothing, kicks, which, fractions, out[0], out[1], done
+        )
+        return out[1].reshape(stages, each), out[0].reshape(stages, each)
+
     def _shaped(self, q: Array, v: Array) -> tuple[Array, Array]:
         shape = (len(q), 3, -1)
         return q.reshape(shape).transpose(0, 2, 1), v.reshape(shape).transpose(0, 2, 1)
@@ -83,10 +122,8 @@ class Motion:
         q, v = np.empty((2, len(which), self._partial.size))
         done = np.full(len(which), rough)
         if len(self.kicks):
-            coefficients: Any = self._form.coefficients(1.0, 1.0)
-            motion_within(
-                self._form.tag, coefficients, self._lengths, self.path, self.kicks, which, parts, q, v, done
-            )
+            unit = self._partial.unit
+            motion_within(self._form.tag, unit, self._lengths, self.path, self.kicks, which, parts, q, v, done)
         if not done.all():
             missing, lengths = ~done, parts * self._lengths[which]
             self._partial.take(self.path, which, self.times[which], lengths, missing, q, v)

@@ -62,6 +62,10 @@ class Leaving(Bound):
         super().__init__((None, "ejection"), pairs)
         self._gm, self._distance = gm, distance
 
+    def bodies(self) -> None:
+        """Return None: all bodies have a part in the barycentre."""
+        return
+
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function of these columns, (m, len(columns))."""
         way, speed, total = self._from_others(q, v, self.pairs[columns, 0])

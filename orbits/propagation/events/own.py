@@ -91,6 +91,10 @@ class Own(Bound):
         super().__init__(words, pairs)
         self._function = function
 
+    def bodies(self) -> None:
+        """Return None: the function may depend on all bodies."""
+        return
+
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function, (m, 1)."""
         found = np.asarray(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)

@@ -8,7 +8,7 @@ therefore has all its zeros found.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,8 +35,13 @@ REFINEMENTS, MISSED = 8, 1e-3
 march, from which on there is no zero.
 """
 
-POINTS = 2_000_000
-"""The most numbers that the function has at a time."""
+CHECKS = np.concatenate([[0.0], NODES])
+
+FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
+"""Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
+
+STEPS_AT_ONCE, POINTS = 256, 2_000_000
+"""The most steps that are searched at a time, and the most numbers that a function has in them."""
 
 
 class NotFiniteError(ArithmeticError):
@@ -64,10 +69,13 @@ class Stretch:
     """The motion of all bodies in consecutive steps.
 
     motion : of the massive bodies; massive : (n,), which of the bodies these are
+    needed : (n,), those that matter
     """
 
-    def __init__(self, motion: Motion, massive: NDArray[np.bool_]) -> None:
+    def __init__(self, motion: Motion, massive: NDArray[np.bool_], needed: NDArray[np.bool_]) -> None:
         self._motion, self._massive = motion, massive
+        self._rows = np.flatnonzero(needed & massive)
+        self._needed = (np.cumsum(massive) - 1)[self._rows]
         self.times = motion.times
 
     def __len__(self) -> int:
@@ -78,6 +86,17 @@ class Stretch:
         lengths = self.times[steps + 1] - self.times[steps]
         states = self._motion.roughly_at(steps, fractions) if rough else self._motion.at(steps, fractions)
         return self.times[steps] + fractions * lengths, *self._of_all(*states)
+
+    @property
+    def backwards(self) -> bool:
+        """Whether the steps go back in time."""
+        return bool(self.times[-1] < self.times[0])
+
+    def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
+        """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly."""
+        begin, length = self.times[steps], np.diff(self.times)[steps]
+        t = (begin[:, None] + fractions * length[:, None]).ravel()
+        return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
 
     def ends(self) -> tuple[Array, Array, Array]:
         """Return t (steps + 1,), q and v at the ends of the steps, as they were marched."""
@@ -93,87 +112,120 @@ class Stretch:
         return every[0], every[1]
 
 
-def zeros(bound: Bound, stretch: Stretch, first: bool) -> Zeros:
-    """Return the zeros of a function in a stretch, in the order of steps; each counts once, also one at a check.
+def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zeros | NotFiniteError]:
+    """Return the zeros of each function in a stretch, in the order of steps; each counts once, also one at a check. Or
+    where a function is not finite.
 
     first : whether the stretch is at the start of a run, where a zero does not count
-    Raises NotFiniteError.
     """
-    backwards = bool(stretch.times[-1] < stretch.times[0])
     ends = stretch.ends()
-    columns = bound.near(*ends)
-    steps_at_once = max(1, POINTS // (20 * max(1, len(columns))))
-    found = []
-    for begin in range(0, len(stretch) if len(columns) else 0, steps_at_once):
-        steps = np.arange(begin, min(begin + steps_at_once, len(stretch)))
-        found.append(_in_steps(bound, stretch, ends, steps, columns, backwards, first and begin == 0))
-    if not found:
+    columns = [bound.near(*ends) for bound in bounds]
+    found: list[list[Brackets]] = [[] for _ in bounds]
+    failed: dict[int, NotFiniteError] = {}
+    most = max((len(some) for some in columns), default=0)
+    at_once = max(1, min(STEPS_AT_ONCE, POINTS // (len(FRACTIONS) * max(1, most))))
+    for begin in range(0, len(stretch) if most else 0, at_once):
+        steps = slice(begin, min(begin + at_once, len(stretch)))
+        states = stretch.at_checks(steps, FRACTIONS)
+        last = tuple(x[steps.stop : steps.stop + 1] for x in ends)
+        for number, bound in enumerate(bounds):
+            if len(columns[number]) and number not in failed:
+                try:
+                    g, g_last = (_finite(bound, some, columns[number]) for some in (states, last))
+                except NotFiniteError as error:
+                    failed[number] = error
+                    continue
+                start = first and begin == 0
+                found[number].append(_brackets(bound.words, g, g_last, columns[number], steps, stretch.backwards, start))
+    answers: list[Zeros | NotFiniteError] = []
+    for number, bound in enumerate(bounds):
+        try:
+            answers.append(_zeros(bound, stretch, found[number]))
+        except NotFiniteError as error:
+            failed.setdefault(number, error)
+            answers.append(error)
+        if number in failed:
+            answers[-1] = failed[number]
+    return answers
+
+
+class Brackets(NamedTuple):
+    """Where zeros, or extrema with two zeros about them, are between two checks: steps and columns, (m,); the fractions
+    of both checks, and the function there; and whether it is an extremum.
+    """
+
+    steps: Whole
+    columns: Whole
+    low: Array
+    high: Array
+    g_low: Array
+    g_high: Array
+    turns: NDArray[np.bool_]
+
+
+def _brackets(
+    words: tuple[str | None, str | None],
+    g: Array,
+    g_last: Array,
+    columns: Whole,
+    steps: slice,
+    backwards: bool,
+    start: bool,
+) -> Brackets:
+    """Return the brackets in consecutive steps.
+
+    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as it was marched
+    """
+    size, count = len(CHECKS), steps.stop - steps.start
+    g = np.ascontiguousarray(g.T).reshape(len(columns), count, -1)
+    before = g[:, :, :size]
+    # The end of a step is the begin of the next one, as it was marched: no zero falls in between, or counts twice.
+    end = np.concatenate([before[:, 1:, 0], g_last.T], axis=1)
+    after = np.concatenate([before[:, :, 1:], end[:, :, None]], axis=2)
+    slope = g[:, :, size : 2 * size] - before
+    slope_after = np.concatenate([slope[:, :, 1:], (g[:, :, -1] - g[:, :, -2])[:, :, None]], axis=2)
+    positive = before >= 0.0
+    if start:
+        at_zero = before[:, 0, 0] == 0.0
+        positive[at_zero, 0, 0] = g[at_zero, 0, size] >= 0.0
+    changes = positive != (after >= 0.0)
+    turns = ~changes & np.where(positive, (slope < 0.0) & (slope_after > 0.0), (slope > 0.0) & (slope_after < 0.0))
+    for word, falling in zip(words, (True, False), strict=True):
+        if word is None:
+            changes &= positive != (falling != backwards)
+    c, k, i = np.nonzero(changes | turns)
+    edges = np.append(CHECKS, 1.0)
+    ends = edges[i], edges[i + 1], before[c, k, i], after[c, k, i]
+    return Brackets(steps.start + k, columns[c], *ends, turns[c, k, i])
+
+
+def _finite(bound: Bound, states: tuple[Array, Array, Array], columns: Whole) -> Array:
+    """Return a function, (m, columns). Raises NotFiniteError."""
+    g = bound.values(*states, columns)
+    _check_finite(g, states[0])
+    return g
+
+
+def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
+    """Return the zeros in brackets. Raises NotFiniteError."""
+    if not sum(len(some.steps) for some in found):
         nothing = np.zeros(0, dtype=np.int64)
         return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool))
-    return Zeros(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-
-
-def _in_steps(
-    bound: Bound,
-    stretch: Stretch,
-    ends: tuple[Array, Array, Array],
-    steps: Whole,
-    columns: Whole,
-    backwards: bool,
-    first: bool,
-) -> Zeros:
-    """Return the zeros of these columns in these steps; ends : the states at the ends of all steps."""
-    # The checks of each step: its begin and the nodes, the same a little later, and its end.
-    checks = np.concatenate([[0.0], NODES])
-    fractions = np.concatenate([checks, checks + APART, [1.0 - APART, 1.0]])
-    count, each = len(steps), len(fractions)
-    t, q, v = stretch.at(np.repeat(steps, each), np.tile(fractions, count), True)
-    g = bound.values(t, q, v, columns).reshape(count, each, -1)
-    t_end, q_end, v_end = (x[steps[-1] + 1 :][:1] for x in ends)
-    last = bound.values(t_end, q_end, v_end, columns)
-    _check_finite(bound, np.concatenate([g.reshape(-1, len(columns)), last]), np.concatenate([t, t_end]))
-
-    size = len(checks)
-    before = g[:, :size]
-    # The end of a step is the begin of the next one, as it was marched: no zero falls in between, or counts twice.
-    after = np.concatenate([before[:, 1:], np.concatenate([before[1:, 0], last])[:, None]], axis=1)
-    slope = g[:, size : 2 * size] - before
-    slope_after = np.concatenate([slope[:, 1:], (g[:, -1] - g[:, -2])[:, None]], axis=1)
-    positive, positive_after = before >= 0.0, after >= 0.0
-    if first:
-        start = before[0, 0] == 0.0
-        positive[0, 0, start] = g[0, size, start] >= 0.0
-    falls, rises = positive & ~positive_after, ~positive & positive_after
-    turns = positive & positive_after & (slope < 0.0) & (slope_after > 0.0)
-    turns |= ~positive & ~positive_after & (slope > 0.0) & (slope_after < 0.0)
-    if backwards:
-        falls, rises = rises, falls
-    crossings = np.zeros_like(falls)
-    for word, some in zip(bound.words, (falls, rises), strict=True):
-        if word is not None:
-            crossings |= some
-
-    edges = np.append(checks, 1.0)
-
-    def brackets(where: NDArray[np.bool_]) -> tuple[Whole, Whole, Array, Array, Array, Array]:
-        k, i, c = np.nonzero(where)
-        return steps[k], columns[c], edges[i], edges[i + 1], before[k, i, c], after[k, i, c]
-
-    k, c, low, high, g_low, g_high = brackets(crossings)
-    turn_k, turn_c, *limits = brackets(turns)
-    if len(turn_k):
-        middle, g_middle = _extrema(_along(bound, stretch), turn_k, turn_c, *limits)
-        two = (g_middle >= 0.0) != (limits[2] >= 0.0)
-        (low2, high2, g_low2, g_high2), middle, g_middle = (x[two] for x in limits), middle[two], g_middle[two]
-        both = np.concatenate([turn_k[two]] * 2), np.concatenate([turn_c[two]] * 2)
-        k, c = np.concatenate([k, both[0]]), np.concatenate([c, both[1]])
-        low, high = np.concatenate([low, low2, middle]), np.concatenate([high, middle, high2])
-        g_low, g_high = np.concatenate([g_low, g_low2, g_middle]), np.concatenate([g_high, g_middle, g_high2])
-    rising = (g_low < 0.0) != backwards
+    k, c, low, high, g_low, g_high, turns = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    along = _along(bound, stretch)
+    if turns.any():
+        around = k[turns], c[turns], low[turns], high[turns], g_low[turns], g_high[turns]
+        middle, g_middle = _extrema(along, *around)
+        two = (g_middle >= 0.0) != (around[4] >= 0.0)
+        k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
+        middle, g_middle = middle[two], g_middle[two]
+        k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
+        low, high = np.concatenate([low[~turns], low2, middle]), np.concatenate([high[~turns], middle, high2])
+        g_low, g_high = np.concatenate([g_low[~turns], g_low2, g_middle]), np.concatenate([g_high[~turns], g_middle, g_high2])
+    rising = (g_low < 0.0) != stretch.backwards
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
     k, c, rising = k[wanted], c[wanted], rising[wanted]
     low, high, g_low, g_high = low[wanted], high[wanted], g_low[wanted], g_high[wanted]
-    along = _along(bound, stretch)
     at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high, CLOSE)
     at, there = _refined(along, _along(bound, stretch, False), k, c, at)
     k, c, at, rising = k[there], c[there], at[there], rising[there]
@@ -215,13 +267,13 @@ def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:
     def along(steps: Whole, fractions: Array, columns: Whole) -> Array:
         t, q, v = stretch.at(steps, fractions, rough)
         g = bound.at(t, q, v, columns)
-        _check_finite(bound, g, t)
+        _check_finite(g, t)
         return g
 
     return along
 
 
-def _check_finite(bound: Bound, g: Array, t: Array) -> None:
+def _check_finite(g: Array, t: Array) -> None:
     if not np.isfinite(g).all():
         rows = ~np.isfinite(g.reshape(len(t), -1)).all(axis=1)
         row = int(np.argmax(rows))

@@ -13,7 +13,7 @@ from orbits.errors import EventError, InputError, shown
 from orbits.marching.motion import Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought
 from orbits.propagation.events.log import Log
-from orbits.propagation.events.search import NotFiniteError, Stretch, zeros
+from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described
 from orbits.trajectory.retired import absent, moved
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-STEPS, NUMBERS = 256, 1 << 20
+STEPS, NUMBERS = 2048, 1 << 22
 """The steps, and the numbers that describe their motion, after which events are sought that only record."""
 
 SAME = 1e-9
@@ -67,6 +67,10 @@ class Seeking:
             _check_massive(event, bounds, system)
             self._bounds += bounds
             self._of += [event] * len(bounds)
+        self._needed = np.zeros(len(system), dtype=bool)
+        for bound in self._bounds:
+            bodies = bound.bodies()
+            self._needed[slice(None) if bodies is None else bodies] = True
         self.interrupts = any(event.interrupts for event in self.events)
         self._parts: list[Motion] = []
         self._first = True
@@ -166,7 +170,7 @@ class Seeking:
         """Find the events in a stretch of the march and record them; those after one that interrupts are left out."""
         if not len(motion):
             return None
-        stretch = Stretch(motion, self._system.massive)
+        stretch = Stretch(motion, self._system.massive, self._needed)
         rows, places, failure = self._found(stretch)
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
         if self.log.known:
@@ -190,12 +194,11 @@ class Seeking:
     def _found(self, stretch: Stretch) -> tuple[Array, NDArray[np.int64], EventError | None]:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
-        for number, bound in enumerate(self._bounds):
-            try:
-                found = zeros(bound, stretch, self._first)
-            except NotFiniteError as error:
-                if failure is None or (error.time - failure.time) * self._direction < 0.0:
-                    failure = self._not_finite(number, error)
+        for number, found in enumerate(zeros_of(self._bounds, stretch, self._first)):
+            bound = self._bounds[number]
+            if isinstance(found, NotFiniteError):
+                if failure is None or (found.time - failure.time) * self._direction < 0.0:
+                    failure = self._not_finite(number, found)
                 continue
             if not len(found.steps):
                 continue

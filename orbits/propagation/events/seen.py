@@ -88,6 +88,10 @@ class SeenBound(Bound):
         super().__init__(words, [(sight.body, sight.other)])
         self._sight = sight
 
+    def bodies(self) -> Whole:
+        """Return the numbers of the three bodies."""
+        return np.array([self._sight.body, self._sight.other, self._sight.observer])
+
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function, (m, 1)."""
         return self.of(*self._sight.of(q, v))[:, None]
