@@ -160,12 +160,13 @@ def partial_steps(
 def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, rows, q, v):
     """Write some coordinates at the same fractions of all recorded steps, from their polynomials.
 
-    once, twice : (registers * 8, fractions), the weights of the stages at each; checks : (fractions,)
-    lengths, path, kicks : see `motion_within`
+    once, twice : (registers * width, fractions), the weights of the stages at each; checks : (fractions,)
+    lengths, path : see `motion_within`; kicks : (steps, rows, width), a register of each coordinate after another
     coordinates : (c,), their numbers; rows : (c,), where they are written
     q, v : (rows, steps, fractions), receive positions and velocities
     """
-    registers = once.shape[0] // WIDTH
+    width = kicks.shape[2]
+    registers = once.shape[0] // width
     block = kicks.shape[1] // registers
     for c in range(len(coordinates)):
         i = coordinates[c]
@@ -174,11 +175,11 @@ def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, row
             for m in range(len(checks)):
                 Q[m], V[m] = 0.0, 0.0
             for r in range(registers):
-                for j in range(WIDTH):
+                for j in range(width):
                     L = kicks[k, r * block + i, j]
                     for m in range(len(checks)):
-                        Q[m] += twice[r * WIDTH + j, m] * L
-                        V[m] += once[r * WIDTH + j, m] * L
+                        Q[m] += twice[r * width + j, m] * L
+                        V[m] += once[r * width + j, m] * L
             base, speed = path[k, 0, i], path[k, 1, i]
             for m in range(len(checks)):
                 Q[m] = base + h * (checks[m] * speed + Q[m])

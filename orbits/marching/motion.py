@@ -24,7 +24,7 @@ class Motion:
         or none for a method without a polynomial through its stages
     partial : takes partial steps where no polynomial resolves the motion
 
-    times : (steps + 1,), at which the steps begin and the last one ends, since the start of the run
+    times : (steps + 1,), at which the steps begin and the last one ends, since the start of the run; lengths : (steps,)
     The arrays may be those of the march, which its next block overwrites.
     """
 
@@ -32,23 +32,18 @@ class Motion:
         self, form: Form, begun: float, after: Array, path: Array, kicks: Array, partial: PartialSteps
     ) -> None:
         self._form, self._partial = form, partial
-        self._lengths = np.diff(after)
+        self.lengths = np.diff(after)
         self.times, self.path, self.kicks = begun + after, path, kicks
 
     def __len__(self) -> int:
         """Return the number of steps."""
         return len(self.times) - 1
 
-    @classmethod
-    def joined(cls, parts: Sequence[Motion]) -> Motion:
-        """Return the motion within all steps of consecutive parts of a march, as copies."""
-        one, last = parts[0], parts[-1]
-        path = np.concatenate([*(part.path[:-1] for part in parts), last.path[-1:]])
-        kicks = np.concatenate([part.kicks for part in parts])
-        whole = cls(one._form, 0.0, np.zeros(1), path, kicks, one._partial)
-        whole._lengths = np.concatenate([part._lengths for part in parts])
-        whole.times = np.concatenate([*(part.times[:-1] for part in parts), last.times[-1:]])
-        return whole
+    def with_steps(self, times: Array, path: Array, kicks: Array, lengths: Array) -> Motion:
+        """Return the motion within other steps of the march."""
+        other = Motion(self._form, 0.0, times, path, kicks if len(self.kicks) else self.kicks, self._partial)
+        other.times, other.lengths = times, lengths
+        return other
 
     def at(self, steps: ArrayLike, fractions: ArrayLike) -> tuple[Array, Array]:
         """Return q and v, (m, n, 3), at fractions of steps, both (m,).
@@ -66,33 +61,42 @@ class Motion:
         if len(self.kicks):
             return self._within(steps, fractions, True)
         k, x = np.asarray(steps, dtype=np.int64), np.asarray(fractions, dtype=np.float64)[:, None]
-        h = self._lengths[k][:, None]
-        path = self.path[:, :, : self._partial.size]
-        (q, v), (q1, v1) = path[k].swapaxes(0, 1), path[k + 1].swapaxes(0, 1)
-        way, slope, slope1 = q1 - q, h * v, h * v1
-        bend, twist = 3.0 * way - 2.0 * slope - slope1, slope + slope1 - 2.0 * way
-        found = q + x * (slope + x * (bend + x * twist)), v + x * (2.0 * bend + 3.0 * x * twist) / h
+        h = self.lengths[k][:, None]
+        q, v = self.path[k, :, : self._partial.size].swapaxes(0, 1)
+        bend, twist = np.moveaxis(self._bends(k), -1, 0)
+        found = q + h * x * (v + x * (bend + x * twist)), v + x * (2.0 * bend + 3.0 * x * twist)
         return self._shaped(*found)
+
+    def _bends(self, steps: Any) -> Array:
+        """Return the last two coefficients of the cubics through the states at the ends of steps, as kicks (m, 3n, 2)."""
+        size, h = self._partial.size, self.lengths[steps][:, None]
+        (q, v), (q1, v1) = self._ends_of(steps)
+        way = (q1 - q) / h
+        return np.stack([3.0 * way - 2.0 * v - v1, v + v1 - 2.0 * way], axis=-1)[:, :size]
+
+    def _ends_of(self, steps: Any) -> Array:
+        """Return the states at both ends of steps, (2, 2, m, 3n): begin and end; q and v."""
+        path = self.path[:, :, : self._partial.size]
+        return np.stack([path[:-1][steps], path[1:][steps]]).swapaxes(1, 2)
 
     def at_checks(self, steps: slice, checks: Array, bodies: NDArray[np.int64], rows: NDArray[np.int64], n: int) -> Any:
         """Return what `roughly_at` returns for some bodies at the same fractions of all of these steps.
 
-        checks : (fractions,); bodies : their numbers; rows, n : their places among n bodies; nothing is written for others
+        checks : (fractions,)
+        bodies : their numbers; rows, n : their places among n bodies; nothing is written for others
         Returns q and v, (steps * fractions, n, 3), all fractions of a step in turn.
         """
-        lengths = self._lengths[steps]
+        lengths = self.lengths[steps]
         count, each = len(lengths), len(checks)
-        if not len(self.kicks):
-            which = np.arange(len(self))[steps]
-            found = self.roughly_at(np.repeat(which, each), np.tile(checks, count))
-            q, v = np.empty((2, count * each, n, 3))
-            q[:, rows], v[:, rows] = found[0][:, bodies], found[1][:, bodies]
-            return q, v
         q, v = np.empty((2, 3 * n, count, each))
         axes, size = np.arange(3)[:, None], self._partial.size // 3
         places = (axes * size + bodies).ravel(), (axes * n + rows).ravel()
-        once, twice = self._weights(checks)
-        path, kicks = self.path[steps.start : steps.stop + 1], self.kicks[steps]
+        if len(self.kicks):
+            kicks, (once, twice) = self.kicks[steps], self._weights(checks)
+        else:
+            kicks = self._bends(steps)
+            once, twice = np.stack([2.0 * checks, 3.0 * checks**2]), np.stack([checks**2, checks**3])
+        path = self.path[steps.start : steps.stop + 1]
         motion_at_checks(once, twice, checks, lengths, path, kicks, *places, q, v)
         shape = (3, n, count * each)
         return q.reshape(shape).transpose(2, 1, 0), v.reshape(shape).transpose(2, 1, 0)
@@ -123,8 +127,44 @@ class Motion:
         done = np.full(len(which), rough)
         if len(self.kicks):
             unit = self._partial.unit
-            motion_within(self._form.tag, unit, self._lengths, self.path, self.kicks, which, parts, q, v, done)
+            motion_within(self._form.tag, unit, self.lengths, self.path, self.kicks, which, parts, q, v, done)
         if not done.all():
-            missing, lengths = ~done, parts * self._lengths[which]
+            missing, lengths = ~done, parts * self.lengths[which]
             self._partial.take(self.path, which, self.times[which], lengths, missing, q, v)
         return self._shaped(q, v)
+
+
+class Collected:
+    """The motion within the steps of several blocks of a march, copied: a room that is used again and again.
+
+    most : the most steps
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most, self._count = most, 0
+        self._room: list[Array] = []
+        self._like: Motion | None = None
+
+    def __len__(self) -> int:
+        """Return the number of steps."""
+        return self._count
+
+    def takes(self, motion: Motion) -> bool:
+        """Return whether there is room for the steps of a block, and add them if so."""
+        count, now = len(motion), self._count
+        if now + count > self._most:
+            return False
+        arrays = motion.times, motion.path, motion.kicks, motion.lengths
+        if not self._room:
+            self._room = [np.empty((self._most + 1, *array.shape[1:])) for array in arrays]
+        for room, array in zip(self._room, arrays, strict=True):
+            room[now : now + len(array)] = array
+        self._like, self._count = motion, now + count
+        return True
+
+    def emptied(self) -> Motion:
+        """Return all that was added, in arrays that what is added next overwrites."""
+        assert self._like is not None
+        count, self._count = self._count, 0
+        times, path, kicks, lengths = self._room
+        return self._like.with_steps(times[: count + 1], path[: count + 1], kicks[:count], lengths[:count])

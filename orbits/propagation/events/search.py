@@ -40,7 +40,7 @@ CHECKS = np.concatenate([[0.0], NODES])
 FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
 """Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
 
-STEPS_AT_ONCE, POINTS = 256, 2_000_000
+STEPS_AT_ONCE, POINTS = 512, 2_000_000
 """The most steps that are searched at a time, and the most numbers that a function has in them."""
 
 
@@ -94,7 +94,7 @@ class Stretch:
 
     def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
         """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly."""
-        begin, length = self.times[steps], np.diff(self.times)[steps]
+        begin, length = self.times[:-1][steps], np.diff(self.times)[steps]
         t = (begin[:, None] + fractions * length[:, None]).ravel()
         return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
 
@@ -127,11 +127,11 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zer
     for begin in range(0, len(stretch) if most else 0, at_once):
         steps = slice(begin, min(begin + at_once, len(stretch)))
         states = stretch.at_checks(steps, FRACTIONS)
-        last = tuple(x[steps.stop : steps.stop + 1] for x in ends)
+        t, q, v = (x[steps.stop : steps.stop + 1] for x in ends)
         for number, bound in enumerate(bounds):
             if len(columns[number]) and number not in failed:
                 try:
-                    g, g_last = (_finite(bound, some, columns[number]) for some in (states, last))
+                    g, g_last = (_finite(bound, some, columns[number]) for some in (states, (t, q, v)))
                 except NotFiniteError as error:
                     failed[number] = error
                     continue

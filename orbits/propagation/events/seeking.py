@@ -10,7 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import EventError, InputError, shown
-from orbits.marching.motion import Motion
+from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought
 from orbits.propagation.events.log import Log
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-STEPS, NUMBERS = 2048, 1 << 22
-"""The steps, and the numbers that describe their motion, after which events are sought that only record."""
+STEPS, NUMBERS = 1024, 1 << 22
+"""The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
 
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
@@ -72,7 +72,7 @@ class Seeking:
             bodies = bound.bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
         self.interrupts = any(event.interrupts for event in self.events)
-        self._parts: list[Motion] = []
+        self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
         self._first = True
         self.log = Log(direction)
 
@@ -133,16 +133,16 @@ class Seeking:
             if found is not None:
                 marcher.go_back(found.steps)
             return found
-        self._parts.append(Motion.joined([motion]))
-        if sum(map(len, self._parts)) >= STEPS or sum(part.kicks.size for part in self._parts) >= NUMBERS:
+        if not self._collected.takes(motion):
             self.flush()
+            if not self._collected.takes(motion):
+                self._seek(motion, True)
         return None
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
-        if self._parts:
-            motion, self._parts = Motion.joined(self._parts), []
-            self._seek(motion, True)
+        if len(self._collected):
+            self._seek(self._collected.emptied(), True)
 
     def before(self, marcher: Marcher, time: float, record: bool) -> Found | None:
         """Seek events between the state of the march and a time less than a step ahead.
