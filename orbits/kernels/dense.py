@@ -26,7 +26,7 @@ from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, full, load
+from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, step
 
 
@@ -160,27 +160,27 @@ def partial_steps(
 def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, rows, q, v):
     """Write some coordinates at the same fractions of all recorded steps, from their polynomials.
 
-    once, twice : (registers * width, fractions), the weights of the stages at each; checks : (fractions,)
+    once, twice : (registers * width, fractions), the weights of the stages at each; checks : (fractions,), 8 or more
     lengths, path : see `motion_within`; kicks : (steps, rows, width), a register of each coordinate after another
     coordinates : (c,), their numbers; rows : (c,), where they are written
     q, v : (rows, steps, fractions), receive positions and velocities
     """
-    width = kicks.shape[2]
+    width, each = kicks.shape[2], len(checks)
     registers = once.shape[0] // width
     block = kicks.shape[1] // registers
     for c in range(len(coordinates)):
         i = coordinates[c]
         for k in range(len(lengths)):
-            h, Q, V = lengths[k], q[rows[c], k], v[rows[c], k]
-            for m in range(len(checks)):
-                Q[m], V[m] = 0.0, 0.0
-            for r in range(registers):
-                for j in range(width):
-                    L = kicks[k, r * block + i, j]
-                    for m in range(len(checks)):
-                        Q[m] += twice[r * width + j, m] * L
-                        V[m] += once[r * width + j, m] * L
-            base, speed = path[k, 0, i], path[k, 1, i]
-            for m in range(len(checks)):
-                Q[m] = base + h * (checks[m] * speed + Q[m])
-                V[m] += speed
+            h, base, speed, Q, V = lengths[k], path[k, 0, i], path[k, 1, i], q[rows[c], k], v[rows[c], k]
+            at = 0
+            while at < each:
+                at = min(at, each - WIDTH)  # the last ones overlap those before
+                way = change = full(0.0)
+                for r in range(registers):
+                    for j in range(width):
+                        L = full(kicks[k, r * block + i, j])
+                        way = way + load(twice[r * width + j], at) * L
+                        change = change + load(once[r * width + j], at) * L
+                store(Q, at, base + h * (load(checks, at) * speed + way))
+                store(V, at, speed + change)
+                at += WIDTH

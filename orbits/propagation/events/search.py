@@ -23,10 +23,10 @@ APART = 1e-5
 """The distance of two checks that give a slope, as a fraction of a step."""
 
 CLOSE = 1e-15
-"""The width of a bracket at which a zero is found, as a fraction of a step."""
+"""How close a zero is found, as a fraction of a step."""
 
-CLOSE_EXTREMUM = 1e-8
-"""The same for an extremum, of whose square the value is off."""
+ROUGHLY = 1e-9
+"""The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
 
 ROUNDS = 200
 
@@ -40,7 +40,7 @@ CHECKS = np.concatenate([[0.0], NODES])
 FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
 """Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
 
-STEPS_AT_ONCE, POINTS = 512, 2_000_000
+STEPS_AT_ONCE, POINTS = 256, 2_000_000
 """The most steps that are searched at a time, and the most numbers that a function has in them."""
 
 
@@ -226,7 +226,7 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
     k, c, rising = k[wanted], c[wanted], rising[wanted]
     low, high, g_low, g_high = low[wanted], high[wanted], g_low[wanted], g_high[wanted]
-    at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high, CLOSE)
+    at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high)
     at, there = _refined(along, _along(bound, stretch, False), k, c, at)
     k, c, at, rising = k[there], c[there], at[there], rising[there]
     order = np.lexsort((c, at, k))
@@ -307,14 +307,14 @@ def _extrema(
         found[g[1] < 0.0] = 0.0  # the other sign: an answer
         return np.asarray(found)
 
-    _root(slope, low, high, -np.ones(len(low)), np.ones(len(low)), CLOSE_EXTREMUM)
+    _root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
     return best, sign * g_best
 
 
 def _root(
-    function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array, close: float
+    function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array
 ) -> Array:
-    """Return a zero of each function in its bracket, all at once.
+    """Return a zero of each function in its bracket, roughly, all at once.
 
     function : of places and of the numbers of the functions; f_low, f_high : at the ends, of different signs
     Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
@@ -338,8 +338,7 @@ def _root(
         width = np.abs(b[i] - a[i])
         least = np.where(np.abs(fa[i]) <= np.abs(fb[i]), a[i], b[i])
         found[i] = least
-        tolerance = 2.0 * np.finfo(np.float64).eps * np.abs(least) + close
-        going = i[(fa[i] != 0.0) & (width > tolerance)]
+        going = i[(fa[i] != 0.0) & (width > ROUGHLY)]
         j = going
         with np.errstate(all="ignore"):
             xi, phi = (a[j] - b[j]) / (c[j] - b[j]), (fa[j] - fb[j]) / (fc[j] - fb[j])
@@ -347,6 +346,6 @@ def _root(
             step = fa[j] / (fb[j] - fa[j]) * fc[j] / (fb[j] - fc[j])
             step += alpha * fa[j] / (fc[j] - fa[j]) * fb[j] / (fc[j] - fb[j])
             safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(step)
-            least_step = 0.5 * close / np.abs(b[j] - a[j])
+            least_step = 0.5 * ROUGHLY / np.abs(b[j] - a[j])
         fraction[j] = np.clip(np.where(safe, step, 0.5), least_step, 1.0 - least_step)
     return found

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-STEPS, NUMBERS = 1024, 1 << 22
+STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
 
 SAME = 1e-9
