@@ -240,10 +240,12 @@ def _sample(
                 return
             if store.overdue:
                 store.commit(marcher)
-        if watch.events.interrupts:
+        while watch.events.interrupts:  # those between the last step and the sample
             found = watch.events.before(marcher, float(grid.times[index]), record=False)
             if watch.interrupted(system, marcher, found):
                 return
+            if found is None:
+                break
         state = marcher.state_at(place)
         store.note(marcher.accounts())
         store.add(*state)
@@ -254,8 +256,9 @@ def _sample(
                 return
         if store.full:
             store.commit(marcher)
-    if watch.interrupted(system, marcher, watch.events.before(marcher, grid.end, record=True)):
-        return
+    while (found := watch.events.before(marcher, grid.end, record=True)) is not None:
+        if watch.interrupted(system, marcher, found):
+            return
     if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
         with suppress(IntegrationError):
             end = marcher.ended_at(grid.end)  # the last step of the march leads beyond the run

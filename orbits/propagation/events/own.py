@@ -97,7 +97,7 @@ class Own(Bound):
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function, (m, 1)."""
-        found = np.asarray(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)
+        found = np.array(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)
         if found.shape != t.shape:
             raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
         return found[:, None]

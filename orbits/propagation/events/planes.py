@@ -100,10 +100,10 @@ class Height(Bound):
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the heights, (m, len(columns))."""
-        a, b = self.pairs[columns].T
-        heights = dot(q, self._normal)
-        base = np.where(b == NOBODY, 0.0, heights[:, b])
-        return np.asarray(heights[:, a] - base - self._offset)
+        found = np.empty((len(columns), len(t)))
+        for row, (a, b) in enumerate(self.pairs[columns]):
+            found[row] = dot(q[:, a] if b == NOBODY else q[:, a] - q[:, b], self._normal) - self._offset
+        return found.T
 
 
 def axes_of(units: UnitSystem, frame: str | None) -> Array:

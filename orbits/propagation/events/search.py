@@ -28,7 +28,8 @@ CLOSE = 1e-15
 ROUGHLY = 1e-9
 """The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
 
-ROUNDS = 200
+ROUNDS, TINY = 200, np.finfo(np.float64).tiny
+"""The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
 
 REFINEMENTS, MISSED = 8, 1e-3
 """The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
@@ -216,7 +217,7 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     if turns.any():
         around = k[turns], c[turns], low[turns], high[turns], g_low[turns], g_high[turns]
         middle, g_middle = _extrema(along, *around)
-        two = (g_middle >= 0.0) != (around[4] >= 0.0)
+        two = np.where(around[4] >= 0.0, g_middle < 0.0, g_middle > 0.0)
         k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
         middle, g_middle = middle[two], g_middle[two]
         k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
@@ -320,11 +321,12 @@ def _root(
     Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
     bisection.
     """
-    a, b, fa, fb = high.copy(), low.copy(), f_high.copy(), f_low.copy()
+    # Zeros count as positive numbers, also at the ends: there may be another one between them.
+    a, b, fa, fb = high.copy(), low.copy(), *(np.where(f == 0.0, TINY, f) for f in (f_high, f_low))
     c, fc = a.copy(), fa.copy()
     fraction = np.full(len(a), 0.5)
     found = np.where(np.abs(fa) < np.abs(fb), a, b)
-    going = np.flatnonzero((fa != 0.0) & (fb != 0.0))
+    going = np.arange(len(a))
     for _ in range(ROUNDS):
         if not len(going):
             break

@@ -187,6 +187,7 @@ class Seeking:
             self._first = False
         if not acting:
             return None
+        self.log.pass_by(last)
         self._check_alone(rows[acting], stretch)
         number, column, steps = (int(x) for x in places[acting[0]])
         return Found(number, column, bool(rows[acting[0], RISING]), steps, last)
@@ -254,7 +255,7 @@ class Seeking:
 
 
 def _said(bound: Bound) -> str:
-    return " / ".join(repr(word) for word in bound.words if word)
+    return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
 
 
 def _check_massive(event: Sought, bounds: Sequence[Bound], system: System) -> None:
