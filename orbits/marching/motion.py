@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -68,7 +67,7 @@ class Motion:
         return self._shaped(*found)
 
     def _bends(self, steps: Any) -> Array:
-        """Return the last two coefficients of the cubics through the states at the ends of steps, as kicks (m, 3n, 2)."""
+        """Return the last two coefficients of the cubics through the states at the ends of steps, (m, 3n, 2)."""
         size, h = self._partial.size, self.lengths[steps][:, None]
         (q, v), (q1, v1) = self._ends_of(steps)
         way = (q1 - q) / h

@@ -89,7 +89,7 @@ def test_a_narrow_dip_with_one_extremum_between_two_checks_is_found():
 
 
 def test_zeros_with_two_extrema_between_two_checks_may_stay_unseen():
-    """This is what the guarantee excludes: a wave with many extrema between two checks."""
+    """The guarantee excludes a wave with many extrema between two checks."""
     found, _ = times_of(lambda t: np.sin(2.0 * np.pi * 40.0 * t + 0.1), np.arange(3.0))
     assert 0 < len(found) < 160
 

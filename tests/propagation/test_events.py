@@ -15,8 +15,8 @@ LATE = 0.3 / (2.0 * np.pi)
 
 def pair(e=0.3, inc=0.0):
     """A star and a planet with a = 1, 0.3 radians of mean anomaly after its pericentre."""
-    elements = dict(a=1.0, e=e, inc=inc, Omega=0.4, omega=0.9, M=0.3, gm=GM)
-    return orbits.System.from_elements({"star": dict(gm=1.0), "planet": elements}, units=orbits.DIMENSIONLESS)
+    elements = {"a": 1.0, "e": e, "inc": inc, "Omega": 0.4, "omega": 0.9, "M": 0.3, "gm": GM}
+    return orbits.System.from_elements({"star": {"gm": 1.0}, "planet": elements}, units=orbits.DIMENSIONLESS)
 
 
 def times(run, kind):
@@ -181,15 +181,16 @@ def test_the_argument_of_pericentre_and_the_true_anomaly_cross_an_angle():
     run = orbits.propagate(system, duration=3 * PERIOD, events=orbits.ElementCrossing("planet", "f", 2.0))
     assert len(run.events) == 3
     found = run.at(run.events.time).elements("star")
-    np.testing.assert_allclose(found.f[:, 0].to_value(u.rad), 2.0, rtol=0.0, atol=1e-12)  # 3.5e-13 seen: states of a longer march
+    # 3.5e-13 seen: the states of another march.
+    np.testing.assert_allclose(found.f[:, 0].to_value(u.rad), 2.0, rtol=0.0, atol=1e-12)
     at = orbits.ElementCrossing("planet", "omega", 0.9 + 1e-3)
     assert len(orbits.propagate(system, duration=3 * PERIOD, events=at).events) == 0  # Kepler's ellipse stands still
 
 
 def test_a_body_is_ejected_once_and_only_with_energy_to_leave():
-    system = orbits.System(["a", "b", "fast", "slow"], [1.0, 1.0, 1e-6, 1e-6],
-                           [[-0.5, 0, 0], [0.5, 0, 0], [0, 5, 0], [0, 0, 5]],
-                           [[0, -0.7, 0], [0, 0.7, 0], [0, 1.5, 0], [0, 0, 0.8]], units=orbits.DIMENSIONLESS)  # fmt: skip
+    q = [[-0.5, 0, 0], [0.5, 0, 0], [0, 5, 0], [0, 0, 5]]
+    v = [[0, -0.7, 0], [0, 0.7, 0], [0, 1.5, 0], [0, 0, 0.8]]
+    system = orbits.System(["a", "b", "fast", "slow"], [1.0, 1.0, 1e-6, 1e-6], q, v, units=orbits.DIMENSIONLESS)
     run = orbits.propagate(system, duration=20.0, events=orbits.Ejection(8.0))
     (event,) = run.events
     assert (event.kind, event.body) == ("ejection", "fast")
@@ -234,7 +235,9 @@ def test_events_that_only_record_change_no_bit_of_the_run():
 
 def test_the_samples_of_a_run_change_its_events_by_round_off_alone():
     tables = [
-        orbits.propagate(pair(0.9), dt=dt, duration=5 * PERIOD, samples=samples, events=APSIDES, check_step=False).events
+        orbits.propagate(
+            pair(0.9), dt=dt, duration=5 * PERIOD, samples=samples, events=APSIDES, check_step=False
+        ).events
         for dt in (None, PERIOD / 64)
         for samples in (2, 37, 1000)
     ]

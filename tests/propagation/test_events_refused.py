@@ -9,7 +9,7 @@ from orbits.trajectory import events as tables
 
 
 def pair(**changes):
-    bodies = {"star": dict(gm=1.0), "planet": dict(a=1.0, e=0.3, M=0.3, gm=1e-9)}
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.3, "M": 0.3, "gm": 1e-9}}
     return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS).replaced(**changes)
 
 
@@ -31,7 +31,7 @@ REFUSED = [
     (lambda: orbits.Pericentre("planet", then="halt"), "then = 'halt'; expected 'record', 'stop'"),
     (lambda: orbits.ElementCrossing("planet", "z", 1.0), "expected one of a, q, Q, P, e, inc"),
     (lambda: sought(orbits.ElementCrossing("planet", "P", -1.0)), "P = -1 is of no orbit"),
-    (lambda: orbits.Transit("planet", 3, observer="star"), "expected names of bodies"),
+    (lambda: orbits.Transit("planet", 3, observer="star"), "expected names, as in Transit"),
     (lambda: sought(orbits.Conjunction("planet", "star", observer="star")), "'star' twice; expected three bodies"),
     (lambda: sought(orbits.Ejection(-2.0)), "expected a finite number above 0"),
     (lambda: orbits.Event(3), "expected a function of t, q and v, or a SymPy expression"),
@@ -56,8 +56,8 @@ def test_a_transit_without_radii_is_refused_with_the_remedy():
         orbits.propagate(system, duration=1.0, events=event)
     with pytest.raises(orbits.InputError, match="needs the radius of star"):
         orbits.propagate(system.replaced(radii=[0.0, 0.1, 0.0]), duration=1.0, events=event)
+    apparent = orbits.Conjunction("planet", "star", observer="moon", apparent=True)
     with pytest.raises(orbits.InputError, match="apparent positions need physical units"):
-        apparent = orbits.Conjunction("planet", "star", observer="moon", apparent=True)
         orbits.propagate(system, duration=1.0, events=apparent)
 
 
@@ -104,7 +104,7 @@ def test_two_events_that_act_on_one_body_at_once_are_refused():
         orbits.Pericentre("planet", then=lambda t, system: calls.append(t)),
         orbits.CloseApproach("planet", "star", then=lambda t, system: calls.append(t)),
     ]
-    with pytest.raises(orbits.EventError, match=r"'pericentre' and 'close approach' both act on (planet|star) at t = 5"):
+    with pytest.raises(orbits.EventError, match=r"'pericentre' and 'close approach' both act on (planet|star) at t"):
         sought(*events)
     assert not calls
     with pytest.raises(orbits.EventError):
@@ -124,7 +124,7 @@ def test_massless_bodies_are_refused_with_a_remedy():
 def test_an_expression_of_other_symbols_is_refused():
     import sympy
 
-    with pytest.raises(orbits.InputError, match="expected t, and symbols of orbits.Event.symbols"):
+    with pytest.raises(orbits.InputError, match=r"expected t, and symbols of orbits\.Event\.symbols"):
         sought(orbits.Event(sympy.Symbol("a") - 1))
     with pytest.raises(orbits.UnknownNameError, match="there is no body 'comet'"):
         sought(orbits.Event(orbits.Event.symbols("comet")[0] - 1))

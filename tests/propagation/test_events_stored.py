@@ -24,9 +24,9 @@ EVENTS = [
 
 def system():
     bodies = {
-        "star": dict(gm=1.0, radius=0.4),
-        "planet": dict(a=1.0, e=0.3, inc=0.1, M=0.3, gm=1e-9, radius=0.1),
-        "moon": dict(a=2.0, e=0.1, M=1.0, gm=1e-9, radius=0.1),
+        "star": {"gm": 1.0, "radius": 0.4},
+        "planet": {"a": 1.0, "e": 0.3, "inc": 0.1, "M": 0.3, "gm": 1e-9, "radius": 0.1},
+        "moon": {"a": 2.0, "e": 0.1, "M": 1.0, "gm": 1e-9, "radius": 0.1},
     }
     return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
 
@@ -42,7 +42,7 @@ class Halted(Exception):
 
 @pytest.mark.parametrize("dt", [None, PERIOD / 50], ids=["adaptive", "constant"])
 def test_an_interrupted_and_resumed_run_has_the_same_table(tmp_path, dt):
-    options = dict(dt=dt, duration=12 * PERIOD, samples=25, events=EVENTS, check_step=False)
+    options = {"dt": dt, "duration": 12 * PERIOD, "samples": 25, "events": EVENTS, "check_step": False}
     whole = orbits.propagate(system(), **options)
     assert len(whole.events) > 80
     path = tmp_path / "run.h5"

@@ -116,8 +116,8 @@ def check_direction(event: Any) -> None:
     given = event.direction
     if isinstance(given, bool) or not isinstance(given, int | float | np.number) or given not in (-1, 0, 1):
         raise InputError(
-            f"{type(event).__name__}: direction is {shown(given)}; expected 1 for functions that rise, -1 for those that "
-            "fall, or 0 for both."
+            f"{type(event).__name__}: direction is {shown(given)}; expected 1 for functions that rise, -1 for those "
+            "that fall, or 0 for both."
         )
     object.__setattr__(event, "direction", int(given))
 

@@ -136,8 +136,8 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zer
                 except NotFiniteError as error:
                     failed[number] = error
                     continue
-                start = first and begin == 0
-                found[number].append(_brackets(bound.words, g, g_last, columns[number], steps, stretch.backwards, start))
+                where = columns[number], steps, stretch.backwards, first and begin == 0
+                found[number].append(_brackets(bound.words, g, g_last, *where))
     answers: list[Zeros | NotFiniteError] = []
     for number, bound in enumerate(bounds):
         try:
@@ -175,7 +175,8 @@ def _brackets(
 ) -> Brackets:
     """Return the brackets in consecutive steps.
 
-    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as it was marched
+    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as marched
+    start : whether the first step is that of a run
     """
     size, count = len(CHECKS), steps.stop - steps.start
     g = np.ascontiguousarray(g.T).reshape(len(columns), count, -1)
@@ -221,8 +222,8 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
         k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
         middle, g_middle = middle[two], g_middle[two]
         k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
-        low, high = np.concatenate([low[~turns], low2, middle]), np.concatenate([high[~turns], middle, high2])
-        g_low, g_high = np.concatenate([g_low[~turns], g_low2, g_middle]), np.concatenate([g_high[~turns], g_middle, g_high2])
+        low, g_low = np.concatenate([low[~turns], low2, middle]), np.concatenate([g_low[~turns], g_low2, g_middle])
+        high, g_high = np.concatenate([high[~turns], middle, high2]), np.concatenate([g_high[~turns], g_middle, g_high2])
     rising = (g_low < 0.0) != stretch.backwards
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
     k, c, rising = k[wanted], c[wanted], rising[wanted]

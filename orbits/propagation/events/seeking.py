@@ -83,8 +83,8 @@ class Seeking:
         """Raise InputError for a march that does not tell the motion within its steps."""
         if self.events and not marcher.tells_motion:
             raise InputError(
-                f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} bodies "
-                "of this run on several threads; use threads=1, or leave out events=..."
+                f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} "
+                "bodies of this run on several threads; use threads=1, or leave out events=..."
             )
 
     @property
@@ -248,8 +248,8 @@ class Seeking:
     def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
         when = f"t = {error.time:.10g} {self._system.units.time}".rstrip()
         return EventError(
-            f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend the "
-            "function; all before stays readable.",
+            f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend "
+            "the function; all before stays readable.",
             time=error.time,
         )
 

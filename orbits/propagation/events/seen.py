@@ -24,8 +24,8 @@ class Seen(Sought):
     """The base class of events of two bodies as seen from a third one.
 
     body, other, observer : names of three bodies
-    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order in
-        v/c; otherwise where they are
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
     """
 
@@ -40,7 +40,7 @@ class Seen(Sought):
         for name in (self.body, self.other, self.observer):
             if not isinstance(name, str):
                 raise InputError(
-                    f"{what} of {shown(name)}; expected names of bodies, as in {what}('Venus', 'Sun', observer='Earth')."
+                    f"{what} of {shown(name)}; expected names, as in {what}('Venus', 'Sun', observer='Earth')."
                 )
         checked_flag(self.apparent, f"{what}.apparent")
 
@@ -114,8 +114,8 @@ class Conjunction(Seen):
     body, other, observer : names of three bodies
     frame : "ecliptic" (of J2000) for longitudes, or "icrf" (the system's own axes) for right ascensions; by default as
         for elements
-    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order in
-        v/c; otherwise where they are
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
     """
 
@@ -162,8 +162,8 @@ class Transit(Seen):
     """A body passes in front of another one, as seen from a third one: its contacts, and where they are closest.
 
     body, other, observer : names of three bodies; the first two need radii
-    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order in
-        v/c; otherwise where they are
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
 
     The discs touch at the first and the fourth contact from outside, at the second and the third from inside.
@@ -176,8 +176,8 @@ class Transit(Seen):
         for name, radius in zip((self.body, self.other), radii, strict=True):
             if not radius > 0.0:
                 raise InputError(
-                    f"{type(self).__name__} needs the radius of {name}; expected radii in the system: System(radii=...), "
-                    "or system.add(..., radius=...)."
+                    f"{type(self).__name__} needs the radius of {name}; expected radii in the system: "
+                    "System(radii=...), or system.add(..., radius=...)."
                 )
         sign = 1.0 if word == "transit" else -1.0
         outer, inner, least = ((1, 4), (2, 3), None)
