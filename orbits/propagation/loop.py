@@ -39,6 +39,7 @@ from orbits.trajectory.retired import absent, moved
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.marching.marcher import Marcher
+    from orbits.propagation.step_store import StepStore
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
@@ -98,10 +99,11 @@ def march(
     progress: bool | None,
     watch: RunEnds,
     accounts: Array,
+    steps: StepStore | None = None,
 ) -> Trajectory:
     """March from sample `first` to the last one; however it ends, the archive is left closed and readable.
 
-    accounts : see `SampleStore`
+    accounts, steps : see `SampleStore`
     begin : opens the archive to write to, if there is one
     """
     begun, known = time.perf_counter(), len(marcher.retired())
@@ -113,9 +115,9 @@ def march(
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
-            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, watch.events)
-            unit, steps = system.units.time, grid.whole_steps
-            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
+            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, steps, watch.events)
+            unit, count = system.units.time, grid.whole_steps
+            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
             try:
                 try:
                     _sample(system, marcher, grid, first, store, bar, stop, watch)
@@ -209,6 +211,7 @@ def _result(
         complete=len(q) == len(grid),
         again=REPLAY,
         accounts=accounts,
+        kept=None if store.steps is None else store.steps.kept,
     )
 
 

@@ -84,7 +84,7 @@ class Stretch:
 
     def at(self, steps: Whole, fractions: Array, rough: bool = False) -> tuple[Array, Array, Array]:
         """Return t (m,), q and v (m, n, 3) at fractions of steps; see `Motion.roughly_at`."""
-        lengths = self.times[steps + 1] - self.times[steps]
+        lengths = self._motion.lengths[steps]
         states = self._motion.roughly_at(steps, fractions) if rough else self._motion.at(steps, fractions)
         return self.times[steps] + fractions * lengths, *self._of_all(*states)
 
@@ -95,7 +95,7 @@ class Stretch:
 
     def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
         """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly."""
-        begin, length = self.times[:-1][steps], np.diff(self.times)[steps]
+        begin, length = self.times[:-1][steps], self._motion.lengths[steps]
         t = (begin[:, None] + fractions * length[:, None]).ravel()
         return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
 
@@ -222,8 +222,9 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
         k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
         middle, g_middle = middle[two], g_middle[two]
         k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
-        low, g_low = np.concatenate([low[~turns], low2, middle]), np.concatenate([g_low[~turns], g_low2, g_middle])
-        high, g_high = np.concatenate([high[~turns], middle, high2]), np.concatenate([g_high[~turns], g_middle, g_high2])
+        low, high = np.concatenate([low[~turns], low2, middle]), np.concatenate([high[~turns], middle, high2])
+        g_low = np.concatenate([g_low[~turns], g_low2, g_middle])
+        g_high = np.concatenate([g_high[~turns], g_middle, g_high2])
     rising = (g_low < 0.0) != stretch.backwards
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
     k, c, rising = k[wanted], c[wanted], rising[wanted]
