@@ -74,7 +74,11 @@ class RunEnds:
         if not isinstance(then, str):
             changed = then.act(happening)
             if changed is not None:
-                raise EventError(f"{happening.kind}: the bodies cannot be changed in a run yet.")
+                raise EventError(
+                    f"then=... of {happening.kind!r} returned a System at t = {happening.time:.10g}; the bodies of a run "
+                    "change by collisions alone. Use then='stop', and go on from a changed run.stopped.system.",
+                    time=found.time,
+                )
             return False
         names = [name for name in (happening.body, happening.other) if name is not None]
         self.note(system, found.time, state, " and ".join(names) + ": " * bool(names) + happening.kind, happening.event)

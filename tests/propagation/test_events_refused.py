@@ -135,3 +135,12 @@ def test_a_quantity_of_the_wrong_kind_is_refused():
     with pytest.raises(orbits.InputError, match="length"):
         orbits.propagate(system, duration=1 * u.yr, events=orbits.CloseApproach("Jupiter", "Sun", within=1 * u.s))
     assert tables.MOST_EVENTS == 32_768
+
+
+def test_a_function_that_changes_the_bodies_ends_the_run_with_the_remedy():
+    event = orbits.Pericentre("planet", then=lambda t, system: system.replaced(v=2 * system.v))
+    with pytest.raises(orbits.EventError, match=r"returned a System at t = 5.98.* Use then='stop'") as caught:
+        sought(event)
+    assert len(caught.value.trajectory) > 90
+    with pytest.raises(orbits.EventError, match=r"returned 3 at t = 5.98.*; expected None"):
+        sought(orbits.Pericentre("planet", then=lambda t, system: 3))
