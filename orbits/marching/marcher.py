@@ -344,6 +344,19 @@ class Marcher:
             self.evaluations = before
         return self._gather(copy)
 
+    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
+        """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
+        others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
+        """
+        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1:
+            now = self._state["clock"]
+            ahead = (times[1:] - now[adaptive.NEXT]) * self.clock.direction < 0.0
+            count = 1 + int(np.argmin(np.append(ahead, False)))
+            found = self._loops.march_to_each(self._state, self._loops.bound(self.clock, now), times[:count])
+            if len(found):
+                return [(self._in_order(q, self._nothing), self._in_order(v, self._nothing)) for q, v in found]
+        return [self.state_at(self.clock.place(times[0]))]
+
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
         massive = np.ones(len(self._massive), dtype=bool)
