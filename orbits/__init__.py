@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
+    from orbits.marching.transformed import TimeTransformed
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.events.base import Action, Happening
     from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
@@ -130,6 +131,7 @@ __all__ = [
     "SymplecticEuler",
     "System",
     "Table",
+    "TimeTransformed",
     "Trajectory",
     "Transit",
     "UnitSystem",
@@ -179,6 +181,7 @@ _HOME = {
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
+    "marching.transformed": ["TimeTransformed"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
-from orbits.marching import adaptive, driver
+from orbits.marching import changing, driver
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
@@ -140,7 +140,7 @@ class BoundLoops:
             self._copies = np.zeros(len(state["clock"])), *copies
         out = np.empty((len(limits), 2, 3 * self._n))
         reached, _ = driver.march_to_each(
-            *bound, *vectors, self._scratch, self._stages, limits, adaptive.LIMIT, *self._copies, out
+            *bound, *vectors, self._scratch, self._stages, limits, changing.LIMIT, *self._copies, out
         )
         return out[:reached]
 
@@ -191,5 +191,5 @@ def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) 
     if isinstance(clock, ConstantSteps):
         return clock.numbers(start, steps), clock.h
     now = state["clock"]
-    now[adaptive.ORIGIN] = now[adaptive.TIME]
-    return now, float(now[adaptive.LENGTH] or clock.direction)
+    now[changing.ORIGIN] = now[changing.TIME]
+    return now, float(now[changing.LENGTH] or clock.direction)
