@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         ArchiveError,
         ConvergenceError,
         EpochError,
+        EventError,
         InputError,
         IntegrationError,
         Interrupted,
@@ -59,6 +60,12 @@ if TYPE_CHECKING:
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.marching.transformed import TimeTransformed
     from orbits.propagation import Trajectory, propagate, resume
+    from orbits.propagation.events.base import Action, Happening
+    from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
+    from orbits.propagation.events.orbital import Ejection, ElementCrossing
+    from orbits.propagation.events.own import Event
+    from orbits.propagation.events.planes import NodeCrossing, PlaneCrossing
+    from orbits.propagation.events.seen import Conjunction, Occultation, Opposition, Transit
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
@@ -69,22 +76,31 @@ __all__ = [
     "DIMENSIONLESS",
     "SOLAR",
     "VPRK",
+    "Action",
     "Adaptive",
+    "Apocentre",
     "Archive",
     "ArchiveError",
     "Certificate",
     "Check",
+    "CloseApproach",
     "CloserThan",
     "Composition",
+    "Conjunction",
     "ConvergenceError",
     "DiscretePath",
     "Drag",
+    "Ejection",
+    "ElementCrossing",
     "EnergyErrorAbove",
     "EpochError",
+    "Event",
+    "EventError",
     "ExplicitEuler",
     "FartherThan",
     "Flow",
     "Gauss",
+    "Happening",
     "ImplicitMidpoint",
     "InputError",
     "IntegrationError",
@@ -95,8 +111,13 @@ __all__ = [
     "LobattoIIIBA",
     "MissingPackageError",
     "Motion",
+    "NodeCrossing",
+    "Occultation",
+    "Opposition",
     "OrbitsError",
     "OrbitsWarning",
+    "Pericentre",
+    "PlaneCrossing",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -112,6 +133,7 @@ __all__ = [
     "Table",
     "TimeTransformed",
     "Trajectory",
+    "Transit",
     "UnitSystem",
     "UnknownNameError",
     "WallTimeOver",
@@ -141,6 +163,7 @@ _HOME = {
         "ArchiveError",
         "ConvergenceError",
         "EpochError",
+        "EventError",
         "InputError",
         "IntegrationError",
         "Interrupted",
@@ -172,6 +195,12 @@ _HOME = {
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
+    "propagation.events.base": ["Action", "Happening"],
+    "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
+    "propagation.events.orbital": ["Ejection", "ElementCrossing"],
+    "propagation.events.own": ["Event"],
+    "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
+    "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],

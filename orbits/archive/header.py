@@ -49,6 +49,7 @@ class Header:
     grid : the step and the times of the samples, in the system's unit of time
     provenance : versions and processor, as text
     certificate : the certificate of the integrator on this system, measured before the run, as JSON; "" without one
+    events : what was sought in the run, as JSON; "" without events
     steps : for how many states at the beginnings of steps there is room, for dense output; 0 for none
 
     Raises ArchiveError for values that no run has.
@@ -59,12 +60,15 @@ class Header:
     grid: TimeGrid
     provenance: Mapping[str, str]
     certificate: str = ""
+    events: str = ""
     steps: int = 0
 
     def __post_init__(self) -> None:
         _check_integrator(self.integrator)
         if self.certificate and not isinstance(_from_json(self.certificate, "the certificate"), dict):
             raise ArchiveError(f"the certificate is {shown(self.certificate)}; expected a JSON object.")
+        if self.events and not isinstance(_from_json(self.events, "the description of events"), list):
+            raise ArchiveError(f"the description of events is {shown(self.events)}; expected a JSON array.")
 
 
 def to_items(header: Header) -> dict[str, Item]:
@@ -116,6 +120,8 @@ def to_items(header: Header) -> dict[str, Item]:
         items["system@epoch_jd2"] = float(system.epoch.jd2)
     if header.certificate:
         items["@certificate"] = header.certificate
+    if header.events:
+        items["@events"] = header.events
     if header.steps:
         items["steps@room"] = float(header.steps)
     for name, text in header.provenance.items():
@@ -166,6 +172,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
         grid,
         {name.partition("@")[2]: _item(items, name, str) for name in items if name.startswith("provenance@")},
         _item(items, "@certificate", str) if "@certificate" in items else "",
+        _item(items, "@events", str) if "@events" in items else "",
         _room(items) if "steps@room" in items else 0,
     )
 

@@ -64,6 +64,7 @@ class ArchiveWriter:
         checkpoint: Mapping[str, NDArray[Any]],
         provenance: Mapping[str, str],
         certificate: str = "",
+        events: str = "",
         steps: int = 0,
         overwrite: bool = False,
     ) -> Self:
@@ -75,13 +76,14 @@ class ArchiveWriter:
             of the same names, shapes and types
         provenance : versions and processor, as text
         certificate : the certificate measured before the run, as JSON
+        events : what is sought in the run, as JSON
         steps : room for so many states at the beginnings of steps, for dense output; it grows as needed
         overwrite : whether a file at `path` may be replaced; it is kept until the new one is complete
 
         Raises ArchiveError for a path that exists, that cannot be written, or that another run is writing;
         StorageError, with the required and the free space, if the device has not enough.
         """
-        header = Header(system, dict(integrator), grid, dict(provenance), certificate, steps)
+        header = Header(system, dict(integrator), grid, dict(provenance), certificate, events, steps)
         place = schema.resolved(path)
         check_target(place, overwrite)
         nothing = np.empty((0, len(system), 3))

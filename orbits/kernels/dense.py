@@ -26,7 +26,7 @@ from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import full, load
+from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, part
 from orbits.kernels.summation import two_sum
 
@@ -107,16 +107,16 @@ def motion_within(form, coefficients, lengths, path, kicks, steps, fractions, q,
     lengths : (steps,); path : (steps + 1, 2, padded), q and v at the beginning of each and at the end of the last one
     kicks : (steps, rows, 8), the carry after each step
     steps, fractions : (m,), number and fraction of the step of each state
-    q, v : (m, size), receive the states; done : (m,) bool, receives which were written
+    q, v : (m, size), receive the states; done : (m,) bool, which to write in any case; receives which were written
     """
     method = Method(form, coefficients)
     known, good = -1, False
     for i in range(len(steps)):
         k = steps[i]
-        if k != known:
+        if not done[i] and k != known:
             known, good = k, resolves(method, lengths[k], path[k, 0], kicks[k], q.shape[1] // 3)
-        done[i] = good
-        if good:
+        done[i] = done[i] or good
+        if done[i]:
             dense(method, lengths[k], path[k, 0], path[k, 1], kicks[k], fractions[i], q[i], v[i])
 
 
@@ -155,6 +155,36 @@ def partial_steps(
             for k in range(size):
                 q[i, k], v[i, k] = room[0, k], room[2, k]
     return -1, OK
+
+
+@kernel
+def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, rows, q, v):
+    """Write some coordinates at the same fractions of all recorded steps, from their polynomials.
+
+    once, twice : (registers * width, fractions), the weights of the stages at each; checks : (fractions,), 8 or more
+    lengths, path : see `motion_within`; kicks : (steps, rows, width), a register of each coordinate after another
+    coordinates : (c,), their numbers; rows : (c,), where they are written
+    q, v : (rows, steps, fractions), receive positions and velocities
+    """
+    width, each = kicks.shape[2], len(checks)
+    registers = once.shape[0] // width
+    block = kicks.shape[1] // registers
+    for c in range(len(coordinates)):
+        i = coordinates[c]
+        for k in range(len(lengths)):
+            h, base, speed, Q, V = lengths[k], path[k, 0, i], path[k, 1, i], q[rows[c], k], v[rows[c], k]
+            at = 0
+            while at < each:
+                at = min(at, each - WIDTH)  # the last ones overlap those before
+                way = change = full(0.0)
+                for r in range(registers):
+                    for j in range(width):
+                        L = full(kicks[k, r * block + i, j])
+                        way = way + load(twice[r * width + j], at) * L
+                        change = change + load(once[r * width + j], at) * L
+                store(Q, at, base + h * (load(checks, at) * speed + way))
+                store(V, at, speed + change)
+                at += WIDTH
 
 
 @kernel

@@ -76,6 +76,11 @@ class StepsInMemory:
             count = min(self._length, self._count - k * self._length)
             yield piece[0][:count], piece[1][:count], piece[2][:count]
 
+    def take_back(self, count: int) -> None:
+        """Forget the last states, as many as were added last or fewer."""
+        self._count -= count
+        self._pieces, self._times = self._pieces[: -(-self._count // self._length)], np.empty((0, 2))
+
     def clear(self) -> None:
         """Forget all states."""
         self._pieces, self._count, self._times = [], 0, np.empty((0, 2))

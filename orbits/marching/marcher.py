@@ -117,7 +117,7 @@ class Marcher:
             self._state["clock"] = self.clock.numbers_for(integrator)
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
-        self._block = 0, 0.0
+        self._block, self._begun_lo, self._lengths = (0, 0.0), 0.0, np.zeros(0)
         self._partial: PartialSteps | None = None
         self._keep: Callable[[Array, Array, Array], None] | None = None
         self._backup: dict[str, Array] = {}
@@ -151,18 +151,22 @@ class Marcher:
         """
         self._stopped = self._arrived = False
         while steps > 0 and not (self._stopped or self._arrived):
-            self._back_up()
-            before = self.step
-            try:
-                failure = self._advance_block(min(steps, self.block, self._most()))
-                self._pass_on(self.step - before)
-            except BaseException:  # an interrupt: return to the state after the last complete block
-                self._replay(0)
-                self.step = before
-                raise
-            if failure is not None:
-                raise failure
-            steps -= self.step - before
+            steps -= self._one_block(min(steps, self.block))
+
+    def _one_block(self, most: int) -> int:
+        """March on by a block of at most `most` steps, and return their number. Raises what `advance` raises."""
+        self._back_up()
+        before = self.step
+        try:
+            failure = self._advance_block(min(most, self._most()))
+            self._pass_on(self.step - before)
+        except BaseException:  # an interrupt: return to the state after the last complete block
+            self._replay(0)
+            self.step = before
+            raise
+        if failure is not None:
+            raise failure
+        return self.step - before
 
     def _most(self) -> int:
         """Return the number of steps up to the next state that is kept, if not all are."""
@@ -201,11 +205,15 @@ class Marcher:
             return error
         return failure
 
-    def keep_steps(self, keep: Callable[[Array, Array, Array], None]) -> None:
+    def keep_steps(
+        self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
+    ) -> None:
         """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
         the order of the caller: at the ends of all its steps, or, with massless particles, of every `APART`-th step.
+
+        take_back : called with a number of states passed last that are no longer of the run; see `go_back`
         """
-        self._keep = keep
+        self._keep, self._take_back = keep, take_back
 
     def _pass_on(self, count: int) -> None:
         """Pass the states at the ends of the `count` steps of the last block to what keeps them."""
@@ -303,7 +311,19 @@ class Marcher:
         """March on by a block of steps, or by those before a place. Raises what `advance` raises."""
         if self.clock.changes:
             self._state["clock"][changing.LIMIT] = place.rest
-        self.advance(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+        self._stopped = self._arrived = False
+        self._one_block(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+
+    def go_back(self, steps: int) -> None:
+        """Return to the state after the first `steps` steps of the last block."""
+        count = self._block[0]
+        if steps < count:
+            if self._keep is not None:
+                self._take_back(int(self.step % APART == 0) if len(self._particles) else count - steps)
+            self.step -= count
+            self._retired.return_to(self.step + steps)
+            self._replay(steps)
+            self.step += steps
 
     def advance_to(self, place: Place) -> None:
         """March on by all whole steps before a place, which must lie ahead. Raises what `advance` raises."""
@@ -348,6 +368,24 @@ class Marcher:
         end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
         end.advance_to(Place(0, time))
         return end
+
+    def towards(self, time: float) -> tuple[Marcher, Place]:
+        """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense
+        output, and the place of that time in it.
+        """
+        q, v = (self._state[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
+        options: dict[str, Any] = {"names": self.names, "forces": self._forces, "start": self.time, "dense": True}
+        clock: Clock = self.clock
+        place = Place(0, time)
+        if not self.clock.changes:
+            clock, place = ConstantSteps(time - self.time), Place(1, 0.0)
+        massive = np.ones(self._bodies, dtype=bool)
+        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
+        if self.clock.changes:
+            for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"):
+                end._state[name][...] = self._state[name]
+            end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
+        return end, place
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -428,12 +466,23 @@ class Marcher:
         q, v = self._state["particle_q"], self._state["particle_v"]
         return retirements(self._retired.table(), q, v, self._particles)
 
+    @property
+    def tells_motion(self) -> bool:
+        """Whether the motion within steps can be told: of any method, but not of thousands of bodies on threads."""
+        return self._loops.parallel is None
+
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
-        after = self._loops.times[: count + 1] if self.clock.changes else self.clock.h * np.arange(count + 1.0)
+        if self.clock.changes:
+            times, lengths = np.array([[begun, self._begun_lo]] * (count + 1)), self._lengths[:count]
+            times_reached(lengths, times)
+            reached = times[:, 0]
+        else:
+            step = self.step - count
+            reached, lengths = self._start + self.clock.time(step + np.arange(count + 1.0)), self._loops.lengths(count)
         path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
-        return Motion(self._form, begun + after, self._loops.lengths(count), path, kicks, self.partial_steps())
+        return Motion(self._form, reached, lengths, path, kicks, self.partial_steps())
 
     def partial_steps(self) -> PartialSteps:
         """Return what takes partial steps of the massive bodies by this method."""
@@ -490,6 +539,7 @@ class Marcher:
         usual = clock == self.clock
         now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
         bound = self._loops.bound(clock, now)
+        begun_lo = float(now[changing.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
         path = self._nothing if record is None else self._watcher.path(count)
         status, done, body, evaluations = self._loops.march(state, bound, path, count)
@@ -506,6 +556,8 @@ class Marcher:
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
             self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
+            if self._loops.kicks.size and self.clock.changes:  # copies of the state use the same room
+                self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
             self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)

@@ -21,13 +21,15 @@ class PartialSteps:
 
     form : of the method; tag, vectors : of what acts on the bodies, and its parameters
     failure : returns the error for a status and a time
+
+    unit : the coefficients of a step of unit length
     """
 
     def __init__(self, form: Form, tag: Tag, vectors: Any, n: int, failure: Callable[[int, float], Exception]) -> None:
         self._form, self._tag, self._vectors, self._failure = form, tag, vectors, failure
         self.size = 3 * n
         self._stretches = "stretch" in form.own_kernels()
-        self._unit, self._own = form.coefficients(1.0, 1.0), form.coefficients(1.0, 1.0)
+        self.unit, self._own = form.coefficients(1.0, 1.0), form.coefficients(1.0, 1.0)
         shapes = (4, padded(self.size)), (form.carry_rows(self.size), WIDTH), form.scratch_shape(self.size)
         self._room = aligned(*shapes, form.stages_shape(self.size))
 
@@ -47,11 +49,11 @@ class PartialSteps:
         Raises an IntegrationError if a partial step fails.
         """
         if self._stretches:
-            self._run(self._own, self._unit, path, starts, times, parts, missing, q, v)
+            self._run(self._own, self.unit, path, starts, times, parts, missing, q, v)
             return
         for k in np.flatnonzero(missing):  # a method whose coefficients are made in Python, for each length
             one = slice(k, k + 1)
-            own = self._form.coefficients(parts[k], parts[k]) if parts[k] else self._unit
+            own = self._form.coefficients(parts[k], parts[k]) if parts[k] else self.unit
             self._run(own, own, path, starts[one], times[one], parts[one], missing[one], q[one], v[one])
 
     def _run(self, own: Any, unit: Any, path: Array, starts: NDArray[np.int64], times: Array, *rest: Any) -> None:

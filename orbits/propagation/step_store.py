@@ -41,7 +41,7 @@ class StepStore:
         self.kept, self._in_memory = StepsInMemory(len(q)), in_memory
         if fresh:
             self.kept.add(np.zeros((1, 2)), q[None], v[None])
-        marcher.keep_steps(self._add)
+        marcher.keep_steps(self._add, self.kept.take_back)
 
     def _add(self, times: Array, q: Array, v: Array) -> None:
         if self._in_memory and self.kept.nbytes + q.nbytes + v.nbytes > MEMORY_SHARE * memory():
