@@ -45,11 +45,13 @@ def bound(
     conditions: Conditions | None = None,
     state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     start: float = 0.0,
+    radii: NDArray[np.float64] | None = None,
 ) -> Marcher:
     """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
     state : q and v, (n, 3) floats, if the march begins in another state than that of the system
     start : the time since the epoch at which it begins
+    radii : (n,), if it ends where two bodies may come closer than the sum of theirs
 
     Raises InputError if the integrator does not support the terms and forces of the system.
     """
@@ -68,6 +70,7 @@ def bound(
         threads=threads,
         stops=None if conditions is None else conditions.stops,
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
+        radii=radii,
     )
 
 

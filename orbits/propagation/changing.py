@@ -1,0 +1,400 @@
+"""A march whose bodies change: a chain of legs, each with its own bodies and masses.
+
+Where bodies collide, the state is found by a partial step of the method, changed, and marched on: with steps chosen one
+by one from there; with constant steps by a partial step to the next multiple of dt, so that the grid of steps stays.
+What is found depends on the whole steps alone: samples change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import ArchiveError, StorageError
+from orbits.integrators.base import Integrator
+from orbits.kernels.steps import IMPACT
+from orbits.marching import adaptive
+from orbits.marching.clocks import Clock, ConstantSteps, Place
+from orbits.marching.driver import NOWHERE
+from orbits.marching.marcher import Marcher
+from orbits.marching.retirement import Retirement
+from orbits.propagation.acting import State
+from orbits.propagation.collisions import COLUMNS, FIRST, SECOND, TIME, Collisions, Found
+from orbits.propagation.impact import Impact, Step, impacts
+from orbits.propagation.marchers import bound
+from orbits.system import System
+from orbits.trajectory import changes
+from orbits.trajectory.changes import Changes, of_bodies
+
+Array = NDArray[np.float64]
+
+FIRST_BLOCK = 8
+"""The steps of the first block after a change; each block without an impact is followed by one twice as long."""
+
+CHANGES, COLLISIONS, COUNTS, WORK = "changes", "collisions", "change_counts", "change_work"
+"""The arrays of a checkpoint for the changes and collisions so far."""
+
+ROOM = 8192
+"""The most changes and collisions that an archive holds, if they are not mergers, of which there are fewer than bodies."""
+
+
+class ChangingMarch:
+    """A march of a system whose bodies collide, with the interface of `Marcher` that runs need.
+
+    system : at the start, with radii; collisions : what is sought and done
+
+    rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`); found : (k, columns), the collisions so
+        far (see `orbits.propagation.collisions`)
+    ended : the collision that ended the march, or None
+    """
+
+    def __init__(
+        self, system: System, integrator: Integrator, clock: Clock, threads: int | None, collisions: Collisions
+    ) -> None:
+        self.system, self.integrator, self.clock = system, integrator, clock
+        self._collisions, self._threads = collisions, threads
+        self._massive = system.massive
+        self.rows, self.found = np.empty((0, changes.COLUMNS)), np.empty((0, COLUMNS))
+        self.ended: tuple[Found, State] | None = None
+        self.changed = False
+        self._work = np.zeros((len(system.forces), 7))
+        self._steps = 0  # of earlier legs, for steps without a grid
+        self._grid = -1  # the step of the grid within which a leg began, until its end is reached
+        self._ahead: tuple[Marcher, list[Impact]] | None = None
+        self.bodies = Changes(system, self.rows, clock.direction).bodies_after(0)
+        self._there = np.ones(len(system), dtype=bool)
+        self._marcher = self._made(system.values.q, system.values.v, clock)
+        self._largest = self._marcher.block
+        self._shapes = {name: (x.shape, x.dtype) for name, x in self._marcher.checkpoint().items()}
+
+    # ----------------------------------------------------------------------------------------- what a march shows
+
+    @property
+    def current(self) -> Marcher:
+        """The march of the current leg."""
+        return self._marcher
+
+    @property
+    def step(self) -> int:
+        """Whole steps taken; of constant steps those of the grid."""
+        return self._grid if self._grid >= 0 else self._steps + self._marcher.step
+
+    @property
+    def time(self) -> float:
+        """The time reached, since the start of the run."""
+        return self._marcher.time
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the forces among the massive bodies."""
+        return self._marcher.evaluations
+
+    @property
+    def particle_evaluations(self) -> int:
+        """Evaluations of the field at massless particles."""
+        return self._marcher.particle_evaluations
+
+    @property
+    def met(self) -> None:
+        """None: conditions that end a run are not tested together with collisions that act."""
+
+    def changes(self) -> Changes:
+        """Return the changes so far."""
+        return Changes(self.system, self.rows, self.clock.direction)
+
+    def collisions(self) -> tuple[Found, ...]:
+        """Return the collisions so far."""
+        return tuple(Found.of(row) for row in self.found)
+
+    def retired(self) -> list[Retirement]:
+        """Return the particles that were retired, numbered as in the system at the start."""
+        numbers = np.flatnonzero(self._there)
+        return [lost._replace(body=int(numbers[lost.body])) for lost in self._marcher.retired()]
+
+    def accounts(self) -> Array:
+        """Return the time integrals of each force up to the state returned last; see `Marcher.accounts`."""
+        return self._work + self._marcher.accounts()
+
+    def state(self) -> tuple[Array, Array]:
+        """Return (q, v), each (n, 3); NaN for bodies that are gone."""
+        return self._whole(self._marcher.state(), self.time)
+
+    def state_at(self, place: Place) -> tuple[Array, Array]:
+        """Return (q, v) at a place up to which the march has advanced, without changing the march."""
+        time = self._time_of(place)
+        if self._grid < 0:
+            return self._whole(self._marcher.state_at(place), time)
+        return self._whole(self._marcher.state_after(time - self._marcher.time), time)
+
+    def compile(self) -> None:
+        """Compile, or load from the cache, all that `approach` needs."""
+        self._marcher.compile()
+
+    def close(self) -> None:
+        """Release the threads."""
+        self._marcher.close()
+
+    # ------------------------------------------------------------------------------------------------ the march
+
+    def is_before(self, place: Place) -> bool:
+        """Return whether there may be whole steps, or collisions, left before a place."""
+        if self.ended is not None:
+            return False
+        if self._steps_before(place):
+            return True
+        time, direction = self._time_of(place), self.clock.direction
+        if not (time - self._marcher.time) * direction > 0.0:
+            return False
+        return self._ahead is None or self._pending(time)
+
+    def approach(self, place: Place) -> None:
+        """March on by a block of steps, or by those before a place or a collision. Raises what `advance` raises."""
+        if not self._steps_before(place):
+            self._look_ahead()
+            self._take(self._time_of(place))
+            return
+        before, begun = self._marcher.checkpoint(), self._marcher.step
+        self._ahead = None
+        if self._grid >= 0:
+            self._marcher.advance(1)
+        else:
+            self._marcher.approach(place)
+        if self._marcher.met is not None:
+            self._marcher.met = None
+            start = self._again(before)
+            start.advance(self._marcher.step - begun - 1)
+            self._ahead = start, self._impacts(start, self._marcher)
+            marcher = self._marcher
+            self._take(None)
+            self._ahead = None
+            if marcher is not self._marcher or self.ended is not None:
+                return
+        self._marcher.block = min(2 * self._marcher.block, self._largest)
+        if self._grid >= 0:
+            self._reach_grid()
+
+    def advance_to(self, place: Place) -> None:
+        """March on by all whole steps and collisions before a place. Raises what `advance` raises."""
+        while self.is_before(place):
+            self.approach(place)
+
+    def _steps_before(self, place: Place) -> bool:
+        return place.steps > self._grid if self._grid >= 0 else self._marcher.is_before(place)
+
+    def _time_of(self, place: Place) -> float:
+        return place.rest if self.clock.changes else float(self.clock.time(place.steps)) + place.rest
+
+    def _look_ahead(self) -> None:
+        """Search the step in which a place lies, on a copy of the march."""
+        if self._ahead is not None:
+            return
+        now = self._marcher.checkpoint()
+        start, after = self._again(now), self._again(now, seek=True)
+        after.advance(1)
+        self._ahead = start, self._impacts(start, after) if after.met is not None else []
+
+    def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:
+        """Return the collisions in the step between two states of a march, in the order of time."""
+        q, v = self._whole(start.state(), start.time), self._whole(after.state(), start.time)
+
+        def at(time: float) -> tuple[Array, Array]:
+            return self._whole(self._partial(start, time), start.time)
+
+        step = Step(start.time, after.time, q, v, at)
+        return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks)
+
+    def _pending(self, time: float) -> bool:
+        """Return whether a collision of the step ahead, up to a time, has not been dealt with."""
+        assert self._ahead is not None
+        direction = self.clock.direction
+        return any((x.time - time) * direction <= 0.0 and not self._is_known(x) for x in self._ahead[1])
+
+    def _is_known(self, impact: Impact) -> bool:
+        """Return whether a collision is listed already, or a body of it is gone."""
+        if not (self.bodies.present[impact.first] and self.bodies.present[impact.second]):
+            return True
+        listed = self.found[self.found[:, TIME] == impact.time]
+        pairs = np.sort(listed[:, [FIRST, SECOND]], axis=1)
+        return bool((pairs == [impact.first, impact.second]).all(axis=1).any())
+
+    def _take(self, until: float | None) -> None:
+        """Deal with the collisions of the step ahead, up to a time, until one of them begins a new leg or ends the run."""
+        assert self._ahead is not None
+        start, listed = self._ahead
+        for impact in listed:
+            if until is not None and (impact.time - until) * self.clock.direction > 0.0:
+                return
+            if not self._is_known(impact):
+                self._collide(start, impact)
+                if self._ahead is None or self.ended is not None:
+                    return
+
+    def _collide(self, start: Marcher, impact: Impact) -> None:
+        """Let two bodies collide in the step that begins where the march `start` is."""
+        q, v = self._whole(self._partial(start, impact.time), start.time)
+        before = State(self.bodies.gm, self.bodies.radii, q, v)
+        done = self._collisions.act(self.system, self.bodies, before, impact, self.found, self.clock.direction)
+        self.found = np.concatenate([self.found, done.found])
+        if done.ends:
+            self.ended = done.last, before
+        if not len(done.rows):
+            return
+        self.rows = np.concatenate([self.rows, done.rows])
+        self.bodies = self.changes().bodies_after(len(self.rows))
+        if done.vanished is not None:  # massless: nothing else changes by a bit
+            numbers = np.cumsum(self._there) - 1
+            for body in done.vanished:
+                self._marcher.retire(int(numbers[body]), IMPACT, start.step, q[body], v[body])
+            return
+        self._work = self._work + start.accounts()
+        self._begin_leg(start, impact.time, done.after)
+
+    def _begin_leg(self, start: Marcher, time: float, state: State) -> None:
+        """Go on from a changed state at a time in the step that begins where the march `start` is."""
+        self.changed, self._ahead = True, None
+        clock: Clock = self.clock
+        if not clock.changes:
+            self._grid = self._grid if self._grid >= 0 else start.step
+            rest = float(clock.time(self._grid + 1)) - time
+            clock = ConstantSteps(rest)
+            if rest * self.clock.direction <= 0.0:  # a collision at the very end of the step
+                self._grid, clock = -1, self.clock
+        else:
+            self._steps += start.step
+        old, self._there = self._marcher, self.bodies.present | ~self._massive
+        steps = start.step + 1
+        self._marcher = self._made(state.q[self._there], state.v[self._there], clock, time)
+        self._marcher.follow(old)
+        self._marcher.block = FIRST_BLOCK
+        if not self.clock.changes and self._grid < 0:
+            self._marcher.step = steps
+        old.close()
+
+    def _reach_grid(self) -> None:
+        """Go on with whole steps from the end of the partial step with which a leg began."""
+        old, step = self._marcher, self._grid + 1
+        self._work = self._work + old.accounts()
+        self._grid = -1
+        q, v = old.state()
+        self._marcher = self._made(q, v, self.clock)
+        self._marcher.follow(old)
+        self._marcher.step, self._marcher.block = step, FIRST_BLOCK
+        old.close()
+
+    def _partial(self, start: Marcher, time: float) -> tuple[Array, Array]:
+        return start.state_at(Place(0, time)) if start.clock.changes else start.state_after(time - start.time)
+
+    def _made(
+        self, q: Array, v: Array, clock: Clock, time: float = 0.0, *, seek: bool = True, copy: bool = False
+    ) -> Marcher:
+        """Return a march of the bodies of this leg, of q and v (there, 3), from a time on.
+
+        seek : whether it ends where bodies may touch; copy : whether it is a copy, for few steps, which is not closed
+        """
+        system = of_bodies(self.system, self.bodies._replace(present=self._there))
+        q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
+        radii = self._collisions.sought(self.bodies.radii)[self._there] if seek else None
+        threads = 1 if copy else self._threads
+        made = bound(system, self.integrator, clock, threads, state=(q, v), start=time, radii=radii)
+        if clock.changes and time != 0.0:
+            now = made.checkpoint()
+            now["clock"][[adaptive.TIME, adaptive.NEXT]] = time
+            made.restore(now)
+        return made
+
+    def _again(self, checkpoint: Mapping[str, NDArray[Any]], seek: bool = False) -> Marcher:
+        """Return a march of this leg at one of its checkpoints, without a goal."""
+        known = dict(checkpoint)
+        if self.clock.changes:
+            known["clock"] = known["clock"].copy()
+            known["clock"][adaptive.LIMIT] = np.copysign(adaptive.FARTHEST, self.clock.direction)
+        values, there = self.system.values, self._there
+        begun = 0.0 if self._grid < 0 else self._marcher.start
+        again = self._made(values.q[there], values.v[there], self._marcher.clock, begun, seek=seek, copy=True)
+        again.restore(known)
+        again.block = FIRST_BLOCK
+        return again
+
+    def _whole(self, state: tuple[Array, Array], time: float) -> tuple[Array, Array]:
+        """Return a state of all bodies of the run, NaN for those that are gone at a time."""
+        q, v = np.full((2, len(self._there), 3), np.nan)
+        q[self._there], v[self._there] = state
+        gone = ~self.changes().bodies_at(time).present
+        q[gone] = v[gone] = np.nan
+        return q, v
+
+    # ------------------------------------------------------------------------------------------------- checkpoints
+
+    def checkpoint(self) -> dict[str, NDArray[Any]]:
+        """Return all that is needed to resume bit for bit, in arrays whose shapes do not change in a run.
+
+        Raises StorageError if there are more changes than an archive has room for.
+        """
+        known = self._marcher.checkpoint()
+        known["counts"][0] = self.step if not self.clock.changes else self._marcher.step
+        out: dict[str, NDArray[Any]] = {}
+        for name, (shape, dtype) in self._shapes.items():
+            out[name] = np.zeros(shape, dtype=dtype)
+            out[name][_corner(known[name].shape)] = known[name]
+        counts = [len(self.rows), len(self.found), int(self._grid >= 0), self._steps]
+        out[COUNTS] = np.array(counts, dtype=np.int64)
+        room = self._room()
+        for name, table in ((CHANGES, self.rows), (COLLISIONS, self.found)):
+            if len(table) > room:
+                raise StorageError(
+                    f"there are more than {room:,} collisions, for which an archive has room. End the run before, or "
+                    "omit archive=...; the samples so far stay readable."
+                )
+            out[name] = np.zeros((room, table.shape[1]))
+            out[name][: len(table)] = table
+        if self._work.size:
+            out[WORK] = self._work.copy()
+        return out
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
+        """Restore a checkpoint of a march of the same run. Raises InputError or ArchiveError if it is not one."""
+        rows, found, within, steps = (int(x) for x in checkpoint[COUNTS])
+        if not (0 <= rows <= self._room() and 0 <= found <= self._room() and within in (0, 1) and steps >= 0):
+            raise ArchiveError(f"the changes in its checkpoint are counted as {checkpoint[COUNTS].tolist()}.")
+        self.rows, self.found = checked_rows(checkpoint, self.system), checkpoint[COLLISIONS][:found].copy()
+        self.changed = False
+        self.bodies = self.changes().bodies_after(rows)
+        self._work = checkpoint[WORK].copy() if self._work.size else self._work
+        self._there = self.bodies.present | ~self._massive
+        self.changed = bool(rows and self._massive[self.rows[:, changes.BODY].astype(int)].any())
+        self._steps, self._grid = steps, int(checkpoint["counts"][0]) if within else -1
+        values, there, clock, begun = self.system.values, self._there, self.clock, 0.0
+        if within:
+            begun = float(self.rows[-1, changes.TIME])
+            clock = ConstantSteps(float(self.clock.time(self._grid + 1)) - begun)
+        self._marcher.close()
+        self._marcher = self._made(values.q[there], values.v[there], clock, begun)
+        known: dict[str, NDArray[Any]] = {}
+        for name, array in self._marcher.checkpoint().items():
+            known[name] = checkpoint[name][_corner(array.shape)]
+        if within:
+            known["counts"] = np.concatenate([[0], known["counts"][1:]])
+        self._marcher.restore(known)
+
+    def _room(self) -> int:
+        return 2 * len(self.system) if self._collisions.only_merges else ROOM
+
+
+def checked_rows(checkpoint: Mapping[str, NDArray[Any]], system: System) -> Array:
+    """Return the changes in a checkpoint. Raises ArchiveError for those that no run makes."""
+    count = int(checkpoint[COUNTS][0])
+    rows = np.array(checkpoint[CHANGES][: max(count, 0)], dtype=np.float64)
+    bodies = rows[:, changes.BODY]
+    fits = 0 <= count == len(rows) and bool(((bodies >= 0) & (bodies < len(system)) & (bodies % 1.0 == 0.0)).all())
+    kept = rows[rows[:, changes.GM] != changes.GONE]
+    if not fits or not np.isfinite(rows).all() or (kept[:, [changes.GM, changes.RADIUS]] < 0.0).any():
+        raise ArchiveError("the changes of bodies in its checkpoint are not those of a run.")
+    return rows
+
+
+def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:
+    return tuple(slice(0, length) for length in shape)
+
