@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         ArchiveError,
         ConvergenceError,
         EpochError,
+        EventError,
         InputError,
         IntegrationError,
         Interrupted,
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.propagation import Trajectory, propagate, resume
+    from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
@@ -69,10 +71,12 @@ __all__ = [
     "SOLAR",
     "VPRK",
     "Adaptive",
+    "Apocentre",
     "Archive",
     "ArchiveError",
     "Certificate",
     "Check",
+    "CloseApproach",
     "CloserThan",
     "Composition",
     "ConvergenceError",
@@ -80,6 +84,7 @@ __all__ = [
     "Drag",
     "EnergyErrorAbove",
     "EpochError",
+    "EventError",
     "ExplicitEuler",
     "FartherThan",
     "Flow",
@@ -96,6 +101,7 @@ __all__ = [
     "Motion",
     "OrbitsError",
     "OrbitsWarning",
+    "Pericentre",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -139,6 +145,7 @@ _HOME = {
         "ArchiveError",
         "ConvergenceError",
         "EpochError",
+        "EventError",
         "InputError",
         "IntegrationError",
         "Interrupted",
@@ -169,6 +176,7 @@ _HOME = {
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
+    "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],

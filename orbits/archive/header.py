@@ -41,6 +41,7 @@ class Header:
     grid : the step and the times of the samples, in the system's unit of time
     provenance : versions and processor, as text
     certificate : the certificate of the integrator on this system, measured before the run, as JSON; "" without one
+    events : what was sought in the run, as JSON; "" without events
 
     Raises ArchiveError for values that no run has.
     """
@@ -50,11 +51,14 @@ class Header:
     grid: TimeGrid
     provenance: Mapping[str, str]
     certificate: str = ""
+    events: str = ""
 
     def __post_init__(self) -> None:
         _check_integrator(self.integrator)
         if self.certificate and not isinstance(_from_json(self.certificate, "the certificate"), dict):
             raise ArchiveError(f"the certificate is {shown(self.certificate)}; expected a JSON object.")
+        if self.events and not isinstance(_from_json(self.events, "the description of events"), list):
+            raise ArchiveError(f"the description of events is {shown(self.events)}; expected a JSON array.")
 
 
 def to_items(header: Header) -> dict[str, Item]:
@@ -105,6 +109,8 @@ def to_items(header: Header) -> dict[str, Item]:
         items["system@epoch_jd2"] = float(system.epoch.jd2)
     if header.certificate:
         items["@certificate"] = header.certificate
+    if header.events:
+        items["@events"] = header.events
     for name, text in header.provenance.items():
         items[f"provenance@{name}"] = str(text)
     for name, item in items.items():
@@ -153,6 +159,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
         grid,
         {name.partition("@")[2]: _item(items, name, str) for name in items if name.startswith("provenance@")},
         _item(items, "@certificate", str) if "@certificate" in items else "",
+        _item(items, "@events", str) if "@events" in items else "",
     )
 
 

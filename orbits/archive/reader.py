@@ -178,6 +178,11 @@ class Archive:
         return self._header.certificate
 
     @property
+    def events_text(self) -> str:
+        """What was sought in the run, as JSON; "" without events."""
+        return self._header.events
+
+    @property
     def complete(self) -> bool:
         """Whether all samples of the run are stored."""
         return self.committed == len(self.times)

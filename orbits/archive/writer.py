@@ -58,6 +58,7 @@ class ArchiveWriter:
         checkpoint: Mapping[str, NDArray[Any]],
         provenance: Mapping[str, str],
         certificate: str = "",
+        events: str = "",
         overwrite: bool = False,
     ) -> Self:
         """Create the file, with all of its space reserved and the start of the run committed.
@@ -68,12 +69,13 @@ class ArchiveWriter:
             of the same names, shapes and types
         provenance : versions and processor, as text
         certificate : the certificate measured before the run, as JSON
+        events : what is sought in the run, as JSON
         overwrite : whether a file at `path` may be replaced; it is kept until the new one is complete
 
         Raises ArchiveError for a path that exists, that cannot be written, or that another run is writing;
         StorageError, with the required and the free space, if the device has not enough.
         """
-        header = Header(system, dict(integrator), grid, dict(provenance), certificate)
+        header = Header(system, dict(integrator), grid, dict(provenance), certificate, events)
         place = schema.resolved(path)
         check_target(place, overwrite)
         nothing = np.empty((0, len(system), 3))

@@ -114,7 +114,7 @@ class Marcher:
             self._state["clock"] = self.clock.numbers_for(integrator)
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
-        self._block = 0, 0.0
+        self._block, self._times = (0, 0.0), np.zeros(1)
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -147,17 +147,21 @@ class Marcher:
         """
         self._stopped = self._arrived = False
         while steps > 0 and not (self._stopped or self._arrived):
-            self._back_up()
-            before = self.step
-            try:
-                failure = self._advance_block(min(steps, self.block))
-            except BaseException:  # an interrupt: return to the state after the last complete block
-                self._replay(0)
-                self.step = before
-                raise
-            if failure is not None:
-                raise failure
-            steps -= self.step - before
+            steps -= self._one_block(min(steps, self.block))
+
+    def _one_block(self, most: int) -> int:
+        """March on by a block of at most `most` steps, and return their number. Raises what `advance` raises."""
+        self._back_up()
+        before = self.step
+        try:
+            failure = self._advance_block(most)
+        except BaseException:  # an interrupt: return to the state after the last complete block
+            self._replay(0)
+            self.step = before
+            raise
+        if failure is not None:
+            raise failure
+        return self.step - before
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -237,7 +241,7 @@ class Marcher:
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
-        self._arrived, self._block = False, (0, self.time)
+        self._arrived, self._block, self._times = False, (0, self.time), np.zeros(1)
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -270,7 +274,17 @@ class Marcher:
         """March on by a block of steps, or by those before a place. Raises what `advance` raises."""
         if self.clock.changes:
             self._state["clock"][adaptive.LIMIT] = place.rest
-        self.advance(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+        self._stopped = self._arrived = False
+        self._one_block(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+
+    def go_back(self, steps: int) -> None:
+        """Return to the state after the first `steps` steps of the last block."""
+        count = self._block[0]
+        if steps < count:
+            self.step -= count
+            self._retired.return_to(self.step + steps)
+            self._replay(steps)
+            self.step += steps
 
     def advance_to(self, place: Place) -> None:
         """March on by all whole steps before a place, which must lie ahead. Raises what `advance` raises."""
@@ -302,6 +316,22 @@ class Marcher:
         end._state["clock"][[adaptive.EXACT, adaptive.NEXT]] = 1.0, end.time
         end.advance_to(Place(0, time))
         return end
+
+    def towards(self, time: float) -> tuple[Marcher, Place]:
+        """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense
+        output, and the place of that time in it.
+        """
+        n, states = self._bodies, [self._state[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv"]
+        options: dict[str, Any] = {"names": self.names, "forces": self._forces, "start": self.time, "dense": True}
+        clock, place = self.clock, Place(0, time)
+        if not self.clock.changes:
+            clock, place = ConstantSteps(time - self.time), Place(1, 0.0)
+        massive = np.ones(n, dtype=bool)
+        end = Marcher(self.lagrangian, self.integrator, self.model, massive, *states, clock, **options)
+        if self.clock.changes:
+            end.restore(self.checkpoint())
+            end._state["clock"][[adaptive.EXACT, adaptive.NEXT]] = 1.0, end.time
+        return end, place
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -401,11 +431,16 @@ class Marcher:
         """The time at which the march began, since the start of the run."""
         return self._start
 
+    @property
+    def tells_motion(self) -> bool:
+        """Whether the method and the number of bodies allow the motion within steps to be told."""
+        return "dense" in self._form.own_kernels() and self._loops.parallel is None
+
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
         h = self.clock.h
-        times = self._loops.times[: count + 1] if self.clock.changes else h * np.arange(count + 1.0)
+        times = self._times if self.clock.changes else h * np.arange(count + 1.0)
         return Motion(self._form, self._bodies, begun + times, self._watcher.recorded(count), self._loops.kicks[:count])
 
     def accounts(self) -> Array:
@@ -469,6 +504,8 @@ class Marcher:
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
             self._block = count, float(now[adaptive.ORIGIN]) if self.clock.changes else self._time_of(self.step)
+            if self._loops.kicks.size and self.clock.changes:  # copies of the state use the same room
+                self._times = self._loops.times[: count + 1].copy()
         if record is not None and count:
             self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)

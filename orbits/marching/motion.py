@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,14 @@ class Motion:
     def __len__(self) -> int:
         """Return the number of steps."""
         return len(self.times) - 1
+
+    @classmethod
+    def joined(cls, parts: Sequence[Motion]) -> Motion:
+        """Return the motion within all steps of consecutive parts of a march, as copies."""
+        one, last = parts[0], parts[-1]
+        times = np.concatenate([*(part.times[:-1] for part in parts), last.times[-1:]])
+        path = np.concatenate([*(part.path[:-1] for part in parts), last.path[-1:]])
+        return cls(one._form, one._n, times, path, np.concatenate([part.kicks for part in parts]))
 
     def at(self, steps: ArrayLike, fractions: ArrayLike) -> tuple[Array, Array]:
         """Return q and v, (m, n, 3), at fractions of steps, both (m,)."""

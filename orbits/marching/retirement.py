@@ -86,6 +86,11 @@ class Retired:
         self._known[lost.particles, 0], self._known[lost.particles, 1] = lost.status, step
         self.begin()
 
+    def return_to(self, step: int) -> None:
+        """Take back the retirement of particles after more than `step` steps of the march."""
+        self._known[self._known[:, 1] > step] = 0
+        self.begin()
+
     def take(self, other: Retired) -> None:
         """Retire, before the first step of this march, the particles retired in another march of as many particles."""
         self._known[:, 0] = other._known[:, 0]

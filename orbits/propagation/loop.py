@@ -12,9 +12,11 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWarning, StepWarning, StorageError
+from orbits.errors import EventError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StepWarning, StorageError
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement
+from orbits.propagation.events.base import Sought
+from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.progress import Progress
 from orbits.propagation.replay import REPLAY, seen_by
@@ -41,6 +43,7 @@ class RunEnds:
     conditions: Conditions
     callback: Callback | None
     check_step: bool
+    events: Seeking
     stopped: Stop | None = None
     begun: float = 0.0
 
@@ -52,8 +55,24 @@ class RunEnds:
             self.note(system, marcher.time, marcher.state(), *found)
         return found is not None
 
+    def interrupted(self, system: System, marcher: Marcher, found: Found | None) -> bool:
+        """Return whether an event ends the run, and note it; others that interrupt it act."""
+        if found is None:
+            return False
+        state = marcher.state_after(found.time - marcher.time)
+        happening = self.events.happening(found, state)
+        then = happening.event.then
+        if not isinstance(then, str):
+            changed = then.act(happening)
+            if changed is not None:
+                raise EventError(f"{happening.kind}: the bodies cannot be changed in a run yet.")
+            return False
+        names = [name for name in (happening.body, happening.other) if name is not None]
+        self.note(system, found.time, state, " and ".join(names) + ": " * bool(names) + happening.kind, happening.event)
+        return True
+
     def note(
-        self, system: System, now: float, state: tuple[Array, Array], reason: str, condition: Condition | None
+        self, system: System, now: float, state: tuple[Array, Array], reason: str, condition: Condition | Sought | None
     ) -> None:
         """Record the reason, the time and the state: q and v, (bodies, 3)."""
         at = _moved(system, now, *state)
@@ -86,14 +105,17 @@ def march(
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
-            store = SampleStore(len(system.names), len(grid) - first, writer, accounts)
+            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, watch.events)
             unit, steps = system.units.time, grid.whole_steps
             bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
             try:
                 try:
                     _sample(system, marcher, grid, first, store, bar, stop, watch)
+                    watch.events.flush()
                 except IntegrationError as error:
                     failure = error
+                    with suppress(EventError):
+                        watch.events.flush()
                 finally:
                     bar.close()
                 store.commit(marcher)
@@ -118,6 +140,7 @@ def march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
+    trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
     trajectory.record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
     try:
@@ -198,12 +221,21 @@ def _sample(
             return
         place = grid.place(index)
         while marcher.is_before(place):
-            marcher.approach(place)
+            try:
+                marcher.approach(place)
+            except IntegrationError:
+                watch.events.after(marcher)  # the steps before the one that failed
+                raise
+            found = watch.events.after(marcher)
             bar.update(marcher.time)
-            if stop.name or watch.ended(system, marcher):
+            if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
                 return
             if store.overdue:
                 store.commit(marcher)
+        if watch.events.interrupts:
+            found = watch.events.before(marcher, float(grid.times[index]), record=False)
+            if watch.interrupted(system, marcher, found):
+                return
         state = marcher.state_at(place)
         store.note(marcher.accounts())
         store.add(*state)
@@ -214,6 +246,8 @@ def _sample(
                 return
         if store.full:
             store.commit(marcher)
+    if watch.interrupted(system, marcher, watch.events.before(marcher, grid.end, record=True)):
+        return
     if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
         with suppress(IntegrationError):
             end = marcher.ended_at(grid.end)  # the last step of the march leads beyond the run

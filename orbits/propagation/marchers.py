@@ -33,6 +33,9 @@ PASSAGES = frozenset({"passages", "passage_counts"})
 """Arrays of a checkpoint that list the passages of a march."""
 
 
+EVENTS = frozenset({"events", "event_counts"})
+"""Arrays of a checkpoint that list the events of a run."""
+
 RETIRED = frozenset({"retired"})
 """The array of a checkpoint that lists the retired particles."""
 
@@ -46,12 +49,14 @@ def bound(
     state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     start: float = 0.0,
     radii: NDArray[np.float64] | None = None,
+    dense: bool = False,
 ) -> Marcher:
     """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
     state : q and v, (n, 3) floats, if the march begins in another state than that of the system
     start : the time since the epoch at which it begins
     radii : (n,), if it ends where two bodies may come closer than the sum of theirs
+    dense : whether the motion within its steps is recorded, block by block
 
     Raises InputError if the integrator does not support the terms and forces of the system.
     """
@@ -66,6 +71,7 @@ def bound(
         clock,
         model(system),
         start=start,
+        dense=dense,
         names=system.names,
         threads=threads,
         stops=None if conditions is None else conditions.stops,
@@ -98,7 +104,8 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
     Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name != ACCOUNTS}
+    beside = {ACCOUNTS, *EVENTS}
+    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name not in beside}
     for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:
             expected = {name: kind for name, kind in expected.items() if name not in later}

@@ -12,6 +12,9 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.propagation import step_check
+from orbits.propagation.events.base import Sought
+from orbits.propagation.events.kinds import sought_again
+from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import bound, differences, provenance, restore
 from orbits.propagation.replay import REPLAY
@@ -41,6 +44,7 @@ def propagate(
     overwrite: bool = False,
     certificate: bool | Certificate = False,
     stop: Condition | Sequence[Condition] = (),
+    events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
     check_step: bool = True,
     progress: bool | None = None,
@@ -70,6 +74,8 @@ def propagate(
         does, and stores the certificate in the archive; or an existing certificate
     stop : a condition that ends the run early, such as `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, or a list
         of them; `run.stopped` then has the condition and the state. An archive can be resumed past it.
+    events : what is sought on the motion within steps, such as `orbits.CloseApproach("Apophis", "Earth")`, one event or
+        a list of them: `run.events` is their table. They change the run only if they stop it, or act
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
@@ -97,6 +103,7 @@ def propagate(
         overwrite=overwrite,
         certificate=certificate,
         stop=stop,
+        events=events,
         callback=callback,
         check_step=check_step,
         progress=progress,
@@ -113,6 +120,7 @@ def propagated(
     overwrite: bool = False,
     certificate: bool | Certificate = False,
     stop: Condition | Sequence[Condition] = (),
+    events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
     check_step: bool = True,
     progress: bool | None = None,
@@ -122,12 +130,14 @@ def propagated(
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_choice(progress, "progress")
-    marcher = bound(system, integrator, grid.clock, threads, conditions)
+    seeking = Seeking(system, events, grid.clock.direction)
+    marcher = bound(system, integrator, grid.clock, threads, conditions, dense=bool(seeking))
+    seeking.check(marcher)
     if grid.clock.changes:
         _refuse_endless(system, grid)
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
         step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
-    watch = RunEnds(conditions, callback, check_step)
+    watch = RunEnds(conditions, callback, check_step, seeking)
     accounts = no_accounts(len(grid), len(system.forces))
     if archive is None:
         if certificate is not None and certificate is not False:
@@ -150,9 +160,10 @@ def propagated(
             system=system,
             integrator=integrators.describe(integrator),
             grid=grid,
-            checkpoint=checkpoint_of(marcher, accounts),
+            checkpoint=checkpoint_of(marcher, accounts, seeking),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
+            events=seeking.described(),
             overwrite=replace,
         )
 
@@ -173,6 +184,7 @@ def resume(
     path: Path,
     *,
     until: Any = None,
+    events: Sought | Sequence[Sought] = (),
     progress: bool | None = None,
     threads: int | None = None,
     same_bits: bool = True,
@@ -182,6 +194,7 @@ def resume(
     path : an archive written by `propagate`
     until : for a finished run, the date or the time since the epoch to which it is extended, as in `propagate`, with
         samples as dense as before; None completes an interrupted run
+    events : those of the run, if an archive cannot hold them: functions of your own, and what acts. Others are known
     same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change;
         False resumes anyway
 
@@ -208,8 +221,10 @@ def resume(
         if old.committed == len(grid):
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
-        marcher = bound(system, integrator, grid.clock, threads)
+        seeking = sought_again(old, events, path)
+        marcher = bound(system, integrator, grid.clock, threads, dense=bool(seeking))
         restore(marcher, old.checkpoint(), path)
+        seeking.restore(old.checkpoint(), marcher.reading != 0, path)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
     except BaseException:
@@ -217,13 +232,13 @@ def resume(
         raise
 
     def begin() -> ArchiveWriter:
-        now, before = checkpoint_of(marcher, accounts), old.checkpoint()
+        now, before = checkpoint_of(marcher, accounts, seeking), old.checkpoint()
         if until is None and now.keys() == before.keys():
             return ArchiveWriter.going_on(old)
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(system, ()), None, True)
+    watch = RunEnds(Conditions(system, ()), None, True, seeking)
     return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts)
 
 

@@ -15,6 +15,7 @@ from orbits.propagation.available_memory import MEMORY_SHARE, memory
 if TYPE_CHECKING:
     from orbits.archive import Archive, ArchiveWriter
     from orbits.marching.marcher import Marcher
+    from orbits.propagation.events.seeking import Seeking
 
 Array = NDArray[np.float64]
 
@@ -40,9 +41,18 @@ class SampleStore:
     bodies : number of bodies in each sample; room : number of samples to expect
     accounts : (samples, forces, 7), work, torque and impulse of forces up to each sample of the run, known up to the
         next sample; by default there are no forces
+    events : those that are sought, if any
     """
 
-    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array | None = None) -> None:
+    def __init__(
+        self,
+        bodies: int,
+        room: int,
+        writer: ArchiveWriter | None,
+        accounts: Array | None = None,
+        events: Seeking | None = None,
+    ) -> None:
+        self._events = events
         self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
         self._next = len(self._accounts) - room
         if writer is not None:
@@ -85,7 +95,10 @@ class SampleStore:
     def commit(self, marcher: Marcher) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
-            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint_of(marcher, self._accounts))
+            if self._events is not None:
+                self._events.flush()
+            checkpoint = checkpoint_of(marcher, self._accounts, self._events)
+            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint)
             self._count = 0
             self._committed_at = time.perf_counter()
 
@@ -94,9 +107,14 @@ class SampleStore:
         return self._q[: self._count], self._v[: self._count], self._accounts[: self._next]
 
 
-def checkpoint_of(marcher: Marcher, accounts: Array) -> dict[str, NDArray[np.generic]]:
-    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample."""
-    return {**marcher.checkpoint(), **({ACCOUNTS: accounts.copy()} if accounts.size else {})}
+def checkpoint_of(
+    marcher: Marcher, accounts: Array, events: Seeking | None = None
+) -> dict[str, NDArray[np.generic]]:
+    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, and with the
+    events found so far.
+    """
+    known = {ACCOUNTS: accounts.copy()} if accounts.size else {}
+    return {**marcher.checkpoint(), **known, **({} if events is None else events.checkpoint())}
 
 
 def no_accounts(samples: int, forces: int) -> Array:

@@ -24,6 +24,7 @@ from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of, made_by
 from orbits.trajectory.conservation import Conservation
+from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 from orbits.trajectory.retired import RetiredParticles, absent, moved
 from orbits.trajectory.work import accounts_of
@@ -113,6 +114,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.passages: Any = None
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
+        self._events: Events | None = None
         self.accounts = accounts
         self._q, self._v, self._close = q, v, close
 
@@ -225,6 +227,13 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             known = self.archive is not None and self._again is not None
             self._retired = self._again.retired(self) if known and self._again is not None else RetiredParticles()
         return self._retired
+
+    @property
+    def events(self) -> Events:
+        """The events that were sought in the run and found, in its order; empty if none were sought."""
+        if self._events is None:
+            self._events = Events() if self.archive is None else events_of(self.archive)
+        return self._events
 
     @property
     def made_by(self) -> str:
@@ -355,11 +364,12 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         if self._place is None:
             return super().__reduce__()
         known = {"stopped": self.stopped, "record": self.record, "_again": self._again, "_retired": self.retired}
+        known["_events"] = self.events
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
-        known = {"_retired": self.retired, "accounts": self._own_accounts()}
+        known = {"_retired": self.retired, "_events": self.events, "accounts": self._own_accounts()}
         return {**vars(self), **known, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
