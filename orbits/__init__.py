@@ -59,6 +59,8 @@ if TYPE_CHECKING:
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.propagation import Trajectory, propagate, resume
+    from orbits.propagation.acting import Bounce, Merge
+    from orbits.propagation.events.collision import Collision
     from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
@@ -74,10 +76,12 @@ __all__ = [
     "Apocentre",
     "Archive",
     "ArchiveError",
+    "Bounce",
     "Certificate",
     "Check",
     "CloseApproach",
     "CloserThan",
+    "Collision",
     "Composition",
     "ConvergenceError",
     "DiscretePath",
@@ -97,6 +101,7 @@ __all__ = [
     "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
+    "Merge",
     "MissingPackageError",
     "Motion",
     "OrbitsError",
@@ -176,6 +181,8 @@ _HOME = {
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
+    "propagation.acting": ["Bounce", "Merge"],
+    "propagation.events.collision": ["Collision"],
     "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],

@@ -3,20 +3,43 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.checks import finite_number
 from orbits.errors import InputError
+from orbits.propagation.events.base import RECORD, STOP, Action, Happening, Sought
+
+if TYPE_CHECKING:
+    from orbits.system import System
 
 Array = NDArray[np.float64]
 
 
+class OfTwo(Action):
+    """An action on two bodies that collide, by the march itself."""
+
+    def check(self, event: Sought, system: System) -> None:
+        """Raise InputError for any event but a collision."""
+        from orbits.propagation.events.collision import Collision
+
+        if not isinstance(event, Collision):
+            raise InputError(
+                f"{type(event).__name__}(then={self!r}): only bodies that collide can do that; expected "
+                f"orbits.Collision(then={self!r})."
+            )
+
+    def act(self, happening: Happening) -> System | None:
+        """Raise NotImplementedError: the march of a run lets bodies collide."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Merge:
+class Merge(OfTwo):
     """Two bodies that collide become one: the heavier one stays, with its name, and the other is gone.
 
     GM and volumes add up; mass, momentum and centre of mass are kept to round-off. The energy that is lost, and the
@@ -27,7 +50,7 @@ class Merge:
 
 
 @dataclass(frozen=True)
-class Bounce:
+class Bounce(OfTwo):
     """Two bodies that collide bounce off one another, without friction.
 
     restitution : the speed at which they part as a fraction of that at which they met, along the line of their centres;
@@ -54,6 +77,27 @@ class State(NamedTuple):
     radii: Array
     q: Array
     v: Array
+
+
+def again(text: str) -> str | OfTwo:
+    """Return what an archive holds of `then`. Raises InputError for what it cannot hold."""
+    bounce = re.fullmatch(r"Bounce\(restitution=([0-9.e+-]+)\)", text)
+    if bounce:
+        return Bounce(float(bounce[1]))
+    if text == repr(Merge()):
+        return Merge()
+    if text in (RECORD, STOP):
+        return text
+    raise InputError(f"an archive cannot hold what is done then: {text}")
+
+
+def is_held(text: str) -> bool:
+    """Return whether an archive holds all of `then`."""
+    try:
+        again(text)
+    except InputError:
+        return False
+    return True
 
 
 def heavier_first(gm: Array, i: int, j: int) -> tuple[int, int]:

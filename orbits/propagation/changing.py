@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ArchiveError, StorageError
+from orbits.errors import ArchiveError, InputError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
 from orbits.marching import adaptive
@@ -22,43 +22,46 @@ from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
 from orbits.marching.retirement import Retirement
 from orbits.propagation.acting import State
-from orbits.propagation.collisions import COLUMNS, FIRST, SECOND, TIME, Collisions, Found
+from orbits.propagation.collisions import Collisions
+from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.impact import Impact, Step, impacts
 from orbits.propagation.marchers import bound
+from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.trajectory import changes
-from orbits.trajectory.changes import Changes, of_bodies
+from orbits.trajectory.changes import CHANGES, COUNTS, Changes, checked_rows, no_changes, of_bodies
+from orbits.trajectory.events import BODY, OTHER, TIME
 
 Array = NDArray[np.float64]
 
 FIRST_BLOCK = 8
 """The steps of the first block after a change; each block without an impact is followed by one twice as long."""
 
-CHANGES, COLLISIONS, COUNTS, WORK = "changes", "collisions", "change_counts", "change_work"
-"""The arrays of a checkpoint for the changes and collisions so far."""
+WORK = "change_work"
+"""The array of a checkpoint for what forces did in earlier legs."""
 
 ROOM = 8192
-"""The most changes and collisions that an archive holds, if they are not mergers, of which there are fewer than bodies."""
+"""The most changes that an archive holds, if they are not mergers, of which there are fewer than bodies."""
 
 
 class ChangingMarch:
     """A march of a system whose bodies collide, with the interface of `Marcher` that runs need.
 
-    system : at the start, with radii; collisions : what is sought and done
+    system : at the start, with radii; events : of the run, where collisions are listed
 
-    rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`); found : (k, columns), the collisions so
-        far (see `orbits.propagation.collisions`)
-    ended : the collision that ended the march, or None
+    rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
+    ended : the row of the collision that ended the march, and the bodies there, or None
+    changed : whether a leg of other masses or velocities has begun
     """
 
     def __init__(
-        self, system: System, integrator: Integrator, clock: Clock, threads: int | None, collisions: Collisions
+        self, system: System, integrator: Integrator, clock: Clock, threads: int | None, events: Seeking
     ) -> None:
         self.system, self.integrator, self.clock = system, integrator, clock
-        self._collisions, self._threads = collisions, threads
+        self._collisions, self._events, self._threads = Collisions(system, events.touching), events, threads
         self._massive = system.massive
-        self.rows, self.found = np.empty((0, changes.COLUMNS)), np.empty((0, COLUMNS))
-        self.ended: tuple[Found, State] | None = None
+        self.rows: Array = no_changes()
+        self.ended: tuple[Array, State] | None = None
         self.changed = False
         self._work = np.zeros((len(system.forces), 7))
         self._steps = 0  # of earlier legs, for steps without a grid
@@ -88,6 +91,11 @@ class ChangingMarch:
         return self._marcher.time
 
     @property
+    def reading(self) -> float:
+        """The reading of the clock: whole steps, or the time."""
+        return self.time if self.clock.changes else self.step
+
+    @property
     def evaluations(self) -> int:
         """Evaluations of the forces among the massive bodies."""
         return self._marcher.evaluations
@@ -104,10 +112,6 @@ class ChangingMarch:
     def changes(self) -> Changes:
         """Return the changes so far."""
         return Changes(self.system, self.rows, self.clock.direction)
-
-    def collisions(self) -> tuple[Found, ...]:
-        """Return the collisions so far."""
-        return tuple(Found.of(row) for row in self.found)
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, numbered as in the system at the start."""
@@ -216,8 +220,8 @@ class ChangingMarch:
         """Return whether a collision is listed already, or a body of it is gone."""
         if not (self.bodies.present[impact.first] and self.bodies.present[impact.second]):
             return True
-        listed = self.found[self.found[:, TIME] == impact.time]
-        pairs = np.sort(listed[:, [FIRST, SECOND]], axis=1)
+        listed = self._events.log.rows
+        pairs = np.sort(listed[listed[:, TIME] == impact.time][:, [BODY, OTHER]], axis=1)
         return bool((pairs == [impact.first, impact.second]).all(axis=1).any())
 
     def _take(self, until: float | None) -> None:
@@ -236,10 +240,12 @@ class ChangingMarch:
         """Let two bodies collide in the step that begins where the march `start` is."""
         q, v = self._whole(self._partial(start, impact.time), start.time)
         before = State(self.bodies.gm, self.bodies.radii, q, v)
-        done = self._collisions.act(self.system, self.bodies, before, impact, self.found, self.clock.direction)
-        self.found = np.concatenate([self.found, done.found])
+        known = self._collisions.events(self._events.log.rows)
+        done = self._collisions.act(self.system, self.bodies, before, impact, known, self.clock.direction)
+        for row in done.found:
+            self._events.note(row)
         if done.ends:
-            self.ended = done.last, before
+            self.ended = done.found[-1], before
         if not len(done.rows):
             return
         self.rows = np.concatenate([self.rows, done.rows])
@@ -339,28 +345,24 @@ class ChangingMarch:
         for name, (shape, dtype) in self._shapes.items():
             out[name] = np.zeros(shape, dtype=dtype)
             out[name][_corner(known[name].shape)] = known[name]
-        counts = [len(self.rows), len(self.found), int(self._grid >= 0), self._steps]
-        out[COUNTS] = np.array(counts, dtype=np.int64)
-        room = self._room()
-        for name, table in ((CHANGES, self.rows), (COLLISIONS, self.found)):
-            if len(table) > room:
-                raise StorageError(
-                    f"there are more than {room:,} collisions, for which an archive has room. End the run before, or "
-                    "omit archive=...; the samples so far stay readable."
-                )
-            out[name] = np.zeros((room, table.shape[1]))
-            out[name][: len(table)] = table
+        out[COUNTS] = np.array([len(self.rows), int(self._grid >= 0), self._steps], dtype=np.int64)
+        out[CHANGES] = np.zeros((self._room(), changes.COLUMNS))
+        if len(self.rows) > len(out[CHANGES]):
+            raise StorageError(
+                f"bodies have changed more than {len(out[CHANGES]):,} times, for which an archive has room. End the run "
+                "before, or omit archive=...; the samples so far stay readable."
+            )
+        out[CHANGES][: len(self.rows)] = self.rows
         if self._work.size:
             out[WORK] = self._work.copy()
         return out
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
         """Restore a checkpoint of a march of the same run. Raises InputError or ArchiveError if it is not one."""
-        rows, found, within, steps = (int(x) for x in checkpoint[COUNTS])
-        if not (0 <= rows <= self._room() and 0 <= found <= self._room() and within in (0, 1) and steps >= 0):
+        rows, within, steps = (int(x) for x in checkpoint[COUNTS])
+        if not (0 <= rows <= self._room() and within in (0, 1) and steps >= 0 and (rows or not within)):
             raise ArchiveError(f"the changes in its checkpoint are counted as {checkpoint[COUNTS].tolist()}.")
-        self.rows, self.found = checked_rows(checkpoint, self.system), checkpoint[COLLISIONS][:found].copy()
-        self.changed = False
+        self.rows = checked_rows(checkpoint, self.system)
         self.bodies = self.changes().bodies_after(rows)
         self._work = checkpoint[WORK].copy() if self._work.size else self._work
         self._there = self.bodies.present | ~self._massive
@@ -383,16 +385,29 @@ class ChangingMarch:
         return 2 * len(self.system) if self._collisions.only_merges else ROOM
 
 
-def checked_rows(checkpoint: Mapping[str, NDArray[Any]], system: System) -> Array:
-    """Return the changes in a checkpoint. Raises ArchiveError for those that no run makes."""
-    count = int(checkpoint[COUNTS][0])
-    rows = np.array(checkpoint[CHANGES][: max(count, 0)], dtype=np.float64)
-    bodies = rows[:, changes.BODY]
-    fits = 0 <= count == len(rows) and bool(((bodies >= 0) & (bodies < len(system)) & (bodies % 1.0 == 0.0)).all())
-    kept = rows[rows[:, changes.GM] != changes.GONE]
-    if not fits or not np.isfinite(rows).all() or (kept[:, [changes.GM, changes.RADIUS]] < 0.0).any():
-        raise ArchiveError("the changes of bodies in its checkpoint are not those of a run.")
-    return rows
+March = Marcher | ChangingMarch
+"""What marches a run."""
+
+
+def march_of_run(
+    system: System,
+    integrator: Integrator,
+    clock: Clock,
+    threads: int | None,
+    events: Seeking,
+    conditions: Conditions | None = None,
+) -> March:
+    """Return the march of a run of a system. Raises InputError for what cannot be sought together."""
+    if not events.touching:
+        march = bound(system, integrator, clock, threads, conditions, dense=bool(events))
+        events.check(march)
+        return march
+    if conditions is not None and (len(conditions.stops) or conditions.energy < np.inf):
+        raise InputError(
+            "stop=... with a distance or an energy is not tested while bodies may collide; seek the collision with "
+            "then='stop', or leave one of the two out."
+        )
+    return ChangingMarch(system, integrator, clock, threads, events)
 
 
 def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:

@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits import diagnostics
-from orbits.body_names import index_of
 from orbits.errors import InputError, SingularityError
 from orbits.propagation.acting import Bounce, Merge, State, approaching, bounced, heavier_first, merged
+from orbits.propagation.events.base import STOP, Touching
 from orbits.propagation.impact import Impact, overlapping
 from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, depends_on_time, whole
 from orbits.trajectory import changes
 from orbits.trajectory.changes import Bodies, of_bodies
+from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 
 if TYPE_CHECKING:
     from orbits.system import System
 
 Array = NDArray[np.float64]
-
-NOTED, MERGED, BOUNCED, ENDED = 0, 1, 2, 3
-"""What became of a collision: it was recorded, the bodies merged or bounced, or the run ended."""
-
-TIME, KIND, FIRST, SECOND, DISTANCE, SPEED, LOST = range(7)
-COLUMNS = 7
-"""Columns of the collisions of a run: time since the epoch, what became of it, the two bodies, the heavier one first,
-their distance and relative speed before it, and the energy that was lost (times G)."""
 
 CONTACT = 1.0 + 1e-12
 """Bodies closer than this, as a fraction of the sum of their radii, are in contact at the instant of a bounce."""
@@ -40,40 +32,8 @@ AT_REST = 1e-6
 on one another: each further bounce comes sooner, and there is no last one."""
 
 
-@dataclass(frozen=True)
-class Rule:
-    """What happens when two bodies collide: numbers of bodies, or None for any; the action, "record" or "stop"."""
-
-    first: int | None
-    second: int | None
-    then: Merge | Bounce | str
-
-    def concerns(self, i: int, j: int) -> bool:
-        """Return whether it applies to two bodies."""
-        one, other = self.first, self.second
-        return (one in (None, i) and other in (None, j)) or (one in (None, j) and other in (None, i))
-
-
-class Found(NamedTuple):
-    """A collision of a run; see the columns above."""
-
-    time: float
-    kind: int
-    first: int
-    second: int
-    distance: float
-    speed: float
-    lost: float
-
-    @classmethod
-    def of(cls, row: Array) -> Found:
-        """Return the collision of a row."""
-        time, kind, first, second, *figures = row.tolist()
-        return cls(time, int(kind), int(first), int(second), *figures)
-
-
 class Done(NamedTuple):
-    """What became of a collision: rows for the list of collisions, and for the changes of bodies; the bodies afterwards;
+    """What became of a collision: rows for the list of events, and for the changes of bodies; the bodies afterwards;
     the massless ones that vanished while nothing else changed, or None; whether the run ends.
     """
 
@@ -83,25 +43,22 @@ class Done(NamedTuple):
     vanished: list[int] | None = None
     ends: bool = False
 
-    @property
-    def last(self) -> Found:
-        """The last of the collisions."""
-        return Found.of(self.found[-1])
-
 
 class Collisions:
     """The collisions sought in a run of a system, by rules of which the first that applies counts.
 
+    rules : those of each pair, by the numbers under which events are listed
+
     Raises InputError for a system without radii, and for bodies that overlap at the start.
     """
 
-    def __init__(self, system: System, rules: Sequence[Rule]) -> None:
-        self._rules = tuple(rules)
+    def __init__(self, system: System, rules: Mapping[int, Touching]) -> None:
+        self._rules = dict(rules)
         self._names, self._unit, self._massive = system.names, system.units.length, system.massive
-        named = [rule for rule in rules if rule.first is not None and rule.second is not None]
-        concerned = np.full(len(system), len(named) < len(rules))
-        for rule in named:
-            concerned[[rule.first, rule.second]] = True
+        concerned = np.zeros(len(system), dtype=bool)
+        for rule in rules.values():
+            named = [body for body in (rule.first, rule.second) if body is not None]
+            concerned[named if len(named) == 2 else slice(None)] = True
         if system.radii is None or not system.radii.value[concerned].any():
             raise InputError(
                 "collisions need radii, and the bodies have none. Give them: system.add(..., radius=...), "
@@ -120,17 +77,25 @@ class Collisions:
     @property
     def only_merges(self) -> bool:
         """Whether all collisions merge bodies, so that there are fewer of them than bodies."""
-        return all(isinstance(rule.then, Merge) for rule in self._rules)
+        return all(isinstance(rule.then, Merge) for rule in self._rules.values())
 
     def sought(self, radii: Array) -> Array:
         """Return the radii of the bodies that collisions are sought of, (n,); -inf for the others."""
         return np.asarray(radii + self._none)
 
-    def rule(self, i: int, j: int) -> Rule | None:
-        """Return the rule for two bodies, or None if their collision is not sought."""
+    def number(self, i: int, j: int) -> int:
+        """Return the number of the rule for two bodies, or -1 if their collision is not sought."""
         if not (self._massive[i] or self._massive[j]):
-            return None
-        return next((rule for rule in self._rules if rule.concerns(i, j)), None)
+            return -1
+        return next((number for number, rule in self._rules.items() if rule.concerns(i, j)), -1)
+
+    def rule(self, i: int, j: int) -> Touching | None:
+        """Return the rule for two bodies, or None if their collision is not sought."""
+        return self._rules.get(self.number(i, j))
+
+    def events(self, rows: Array) -> Array:
+        """Return the collisions among the rows of all events."""
+        return rows[np.isin(rows[:, NUMBER], list(self._rules))]
 
     def seeks(self, i: int, j: int) -> bool:
         """Return whether the collision of two bodies is sought."""
@@ -142,27 +107,25 @@ class Collisions:
         """Return what becomes of a collision.
 
         system : at the start of the run; bodies : that are there; before : their state, NaN for those that are gone
-        known : the rows of earlier collisions; direction : 1 forwards in time, -1 backwards
+        known : the rows of earlier collisions among the events; direction : 1 forwards in time, -1 backwards
         Raises SingularityError for two bodies that come to rest on one another.
         """
         rule = self.rule(impact.first, impact.second)
         assert rule is not None
         if isinstance(rule.then, Merge):
-            return self._merge(system, bodies, before, impact, direction)
+            return self._merge(system, bodies, before, impact)
         if isinstance(rule.then, Bounce):
             return self._bounce(system, bodies, before, impact, known, direction)
-        kind = ENDED if rule.then == "stop" else NOTED
-        found = _found(impact.time, kind, before, impact.first, impact.second, 0.0)
-        return Done(found[None], np.empty((0, changes.COLUMNS)), before, ends=kind == ENDED)
+        found = self._found(impact.time, before, impact.first, impact.second)
+        return Done(found[None], np.empty((0, changes.COLUMNS)), before, ends=rule.then == STOP)
 
-    def _merge(self, system: System, bodies: Bodies, before: State, impact: Impact, direction: float) -> Done:
+    def _merge(self, system: System, bodies: Bodies, before: State, impact: Impact) -> Done:
         pair: tuple[int, int] | None = (impact.first, impact.second)
         state, found, changed, vanished, heavy = before, [], set(), [], False
         while pair is not None:
             first, second = heavier_first(state.gm, *pair)
             following = merged(state, first, second)
-            lost = _lost(system, bodies, impact.time, state, following)
-            found.append(_found(impact.time, MERGED, state, first, second, lost[0]))
+            found.append(self._found(impact.time, state, first, second))
             heavy = heavy or state.gm[second] > 0.0
             vanished.append(second)
             changed |= {first, second}
@@ -174,6 +137,13 @@ class Collisions:
         if heavy:
             rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, impact.time, before, state)
         return Done(np.array(found), rows, state, None if heavy else vanished)
+
+    def _found(self, time: float, state: State, i: int, j: int) -> Array:
+        """Return the row of a collision for the list of events."""
+        first, second = heavier_first(state.gm, i, j)
+        distance = float(np.linalg.norm(state.q[second] - state.q[first]))
+        speed = float(np.linalg.norm(state.v[second] - state.v[first]))
+        return np.array([time, self.number(i, j), 0.0, first, second, distance, speed, np.nan])
 
     def _merges(self, i: int, j: int) -> bool:
         rule = self.rule(i, j)
@@ -191,8 +161,7 @@ class Collisions:
                 first, second = heavier_first(state.gm, i, j)
                 self._check_at_rest(known, impact.time, first, second, state)
                 following = bounced(state, first, second, rule.then.restitution)
-                lost = _lost(system, bodies, impact.time, state, following)
-                found.append(_found(impact.time, BOUNCED, state, first, second, lost[0]))
+                found.append(self._found(impact.time, state, first, second))
                 changed |= {first, second}
                 state = following
             touching = sorted(overlapping(state.q, state.radii, state.gm > 0.0, CONTACT))
@@ -212,7 +181,7 @@ class Collisions:
         return rule is not None and isinstance(rule.then, Bounce)
 
     def _check_at_rest(self, known: Array, time: float, first: int, second: int, state: State) -> None:
-        pair = (known[:, FIRST] == first) & (known[:, SECOND] == second) & (known[:, KIND] == BOUNCED)
+        pair = (known[:, BODY] == first) & (known[:, OTHER] == second)
         if not pair.any():
             return
         reach, gm = state.radii[first] + state.radii[second], state.gm[first] + state.gm[second]
@@ -230,13 +199,6 @@ def _without(present: NDArray[np.bool_], body: int) -> NDArray[np.bool_]:
     present = present.copy()
     present[body] = False
     return present
-
-
-def _found(time: float, kind: int, state: State, i: int, j: int, lost: float) -> Array:
-    first, second = heavier_first(state.gm, i, j)
-    distance = float(np.linalg.norm(state.q[second] - state.q[first]))
-    speed = float(np.linalg.norm(state.v[second] - state.v[first]))
-    return np.array([time, kind, first, second, distance, speed, lost])
 
 
 def _rows(time: float, before: State, after: State, changed: set[int], present: NDArray[np.bool_]) -> Array:

@@ -25,12 +25,11 @@ ITERATIONS = 80
 
 
 class Impact(NamedTuple):
-    """A collision: its time, the two bodies, and q and v of all bodies, (n, 3), at that time."""
+    """A collision: its time, and the two bodies, the lower number first."""
 
     time: float
     first: int
     second: int
-    state: State
 
 
 class Step(NamedTuple):
@@ -43,10 +42,12 @@ class Step(NamedTuple):
     at: Callable[[float], State]
 
 
-def first_impact(step: Step, radii: Array, massive: NDArray[np.bool_], pairs: Callable[[int, int], bool]) -> Impact | None:
-    """Return the first collision in a step, or None; of several at the same time that of the first bodies.
+def impacts(
+    step: Step, radii: Array, massive: NDArray[np.bool_], seeks: Callable[[int, int], bool]
+) -> list[Impact]:
+    """Return the collisions in a step, in the order of time; of those at the same time that of the first bodies first.
 
-    radii : (n,), of all bodies; pairs : whether the collision of two bodies is looked for
+    radii : (n,), of all bodies; seeks : whether the collision of two bodies is looked for
     A pair that overlaps at the beginning of the step does not collide in it.
     """
     known: dict[float, State] = {}
@@ -56,15 +57,13 @@ def first_impact(step: Step, radii: Array, massive: NDArray[np.bool_], pairs: Ca
             known[time] = step.at(time)
         return known[time]
 
-    first: Impact | None = None
-    direction = math.copysign(1.0, step.end - step.begin)
+    found = []
     for i, j in candidates(step, radii, massive):
-        if not pairs(i, j):
-            continue
-        time = _time_of(step._replace(at=at), i, j, float(radii[i] + radii[j]))
-        if time is not None and (first is None or (time - first.time) * direction < 0.0):
-            first = Impact(time, i, j, at(time))
-    return first
+        time = _time_of(step._replace(at=at), i, j, float(radii[i] + radii[j])) if seeks(i, j) else None
+        if time is not None:
+            found.append(Impact(time, i, j))
+    direction = math.copysign(1.0, step.end - step.begin)
+    return sorted(found, key=lambda impact: (impact.time * direction, impact.first, impact.second))
 
 
 def candidates(step: Step, radii: Array, massive: NDArray[np.bool_]) -> Iterable[tuple[int, int]]:

@@ -12,9 +12,18 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import EventError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StepWarning, StorageError
+from orbits.errors import (
+    EventError,
+    IntegrationError,
+    Interrupted,
+    OrbitsError,
+    RetiredWarning,
+    StepWarning,
+    StorageError,
+)
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement
+from orbits.propagation.changing import ChangingMarch, March
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
@@ -26,11 +35,12 @@ from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import RetiredParticles, Statistics, Trajectory
+from orbits.trajectory.changes import at_time
+from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
-    from orbits.marching.marcher import Marcher
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
@@ -47,15 +57,21 @@ class RunEnds:
     stopped: Stop | None = None
     begun: float = 0.0
 
-    def ended(self, system: System, marcher: Marcher) -> bool:
+    def ended(self, system: System, marcher: March) -> bool:
         """Return whether a condition that ends the run holds, and note it."""
+        if isinstance(marcher, ChangingMarch) and marcher.ended is not None:
+            row, bodies = marcher.ended
+            names = " and ".join(system.names[int(k)] for k in row[[BODY, OTHER]])
+            event = self.events.event_of(int(row[NUMBER]))
+            self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
+            return True
         found = None if marcher.met is None else self.conditions.met(*marcher.met)
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is not None:
-            self.note(system, marcher.time, marcher.state(), *found)
+            self.note(system, marcher, marcher.time, marcher.state(), *found)
         return found is not None
 
-    def interrupted(self, system: System, marcher: Marcher, found: Found | None) -> bool:
+    def interrupted(self, system: System, marcher: March, found: Found | None) -> bool:
         """Return whether an event ends the run, and note it; others that interrupt it act."""
         if found is None:
             return False
@@ -68,14 +84,20 @@ class RunEnds:
                 raise EventError(f"{happening.kind}: the bodies cannot be changed in a run yet.")
             return False
         names = [name for name in (happening.body, happening.other) if name is not None]
-        self.note(system, found.time, state, " and ".join(names) + ": " * bool(names) + happening.kind, happening.event)
+        self.note(system, marcher, found.time, state, " and ".join(names) + ": " * bool(names) + happening.kind, happening.event)
         return True
 
     def note(
-        self, system: System, now: float, state: tuple[Array, Array], reason: str, condition: Condition | Sought | None
+        self,
+        system: System,
+        marcher: March,
+        now: float,
+        state: tuple[Array, Array],
+        reason: str,
+        condition: Condition | Sought | None,
     ) -> None:
         """Record the reason, the time and the state: q and v, (bodies, 3)."""
-        at = _moved(system, now, *state)
+        at = _moved(system, marcher, now, *state)
         t = u.Quantity(now, system.units.time)
         self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
 
@@ -83,7 +105,7 @@ class RunEnds:
 def march(
     system: System,
     integrator: Integrator,
-    marcher: Marcher,
+    marcher: March,
     grid: TimeGrid,
     first: int,
     begin: Callable[[], ArchiveWriter | None],
@@ -142,11 +164,15 @@ def march(
     trajectory.stopped = watch.stopped
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
-    trajectory.record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+    current = marcher
+    if isinstance(marcher, ChangingMarch):
+        trajectory.changes, current = marcher.changes(), marcher.current
+    if trajectory.changes is None or not marcher.changed:
+        trajectory.record = Record.of(current, float(trajectory.times[-1]) if len(trajectory) else 0.0)
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
-        if watch.check_step and len(trajectory.record.listed):
+        if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
                 judgement.warn_of(trajectory, seen_by(trajectory))
             if late.name:
@@ -206,7 +232,7 @@ def _result(
 
 def _sample(
     system: System,
-    marcher: Marcher,
+    marcher: March,
     grid: TimeGrid,
     first: int,
     store: SampleStore,
@@ -241,8 +267,8 @@ def _sample(
         store.add(*state)
         if watch.callback is not None:
             t = float(grid.times[index])
-            if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, t, *state)):
-                watch.note(system, t, state, "the callback ended the run", None)
+            if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, marcher, t, *state)):
+                watch.note(system, marcher, t, state, "the callback ended the run", None)
                 return
         if store.full:
             store.commit(marcher)
@@ -252,8 +278,10 @@ def _sample(
         with suppress(IntegrationError):
             end = marcher.ended_at(grid.end)  # the last step of the march leads beyond the run
             if end.met is not None:
-                watch.note(system, end.time, end.state(), *watch.conditions.met(*end.met))
+                watch.note(system, marcher, end.time, end.state(), *watch.conditions.met(*end.met))
 
 
-def _moved(system: System, t: float, q: Array, v: Array) -> System:
+def _moved(system: System, marcher: March, t: float, q: Array, v: Array) -> System:
+    if isinstance(marcher, ChangingMarch):
+        return at_time(system, marcher.changes(), q, v, t)
     return moved(system, q, v, t, absent(q, v, system.massive))

@@ -16,7 +16,8 @@ from orbits.propagation.events.base import Sought
 from orbits.propagation.events.kinds import sought_again
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
-from orbits.propagation.marchers import bound, differences, provenance, restore
+from orbits.propagation.changing import March, march_of_run
+from orbits.propagation.marchers import differences, provenance, restore
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
@@ -27,7 +28,6 @@ from orbits.trajectory import Trajectory
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate
-    from orbits.marching.marcher import Marcher
 
 Path = str | PathLike[str]
 
@@ -131,8 +131,7 @@ def propagated(
     check_callback(callback)
     progress = checked_choice(progress, "progress")
     seeking = Seeking(system, events, grid.clock.direction)
-    marcher = bound(system, integrator, grid.clock, threads, conditions, dense=bool(seeking))
-    seeking.check(marcher)
+    marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
         _refuse_endless(system, grid)
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
@@ -222,7 +221,7 @@ def resume(
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
         seeking = sought_again(old, events, path)
-        marcher = bound(system, integrator, grid.clock, threads, dense=bool(seeking))
+        marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)
         accounts = accounts_in(old, len(grid), len(system.forces))
@@ -242,7 +241,7 @@ def resume(
     return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts)
 
 
-def _check_place(marcher: Marcher, grid: TimeGrid, committed: int, path: Path) -> None:
+def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> None:
     """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
     if grid.clock.changes:
         following = float(grid.times[committed])

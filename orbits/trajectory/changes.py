@@ -5,13 +5,16 @@ A *leg* is a part of a run in which bodies and masses stay the same.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
+
+from orbits.errors import ArchiveError
+from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -25,6 +28,15 @@ for a body that is gone. Then what all massive bodies lost at this instant: ener
 G, in the first row of the instant."""
 
 GONE = -1.0
+
+CHANGES, COUNTS = "changes", "change_counts"
+"""The arrays of a checkpoint: rows with room for more; their number, whether the march is in a part of a step, and the
+steps of earlier legs."""
+
+
+def no_changes() -> Array:
+    """Return no rows, (0, COLUMNS)."""
+    return np.empty((0, COLUMNS))
 
 
 class Bodies(NamedTuple):
@@ -125,9 +137,29 @@ class Changes:
         return tuple(legs)
 
 
+def at_time(system: System, changes: Changes, q: Array, v: Array, time: float) -> System:
+    """Return the bodies of a run at a time, from q and v of all bodies (n, 3): without those that are gone by then."""
+    bodies = changes.bodies_at(time)
+    gone = ~bodies.present | absent(q, v, system.massive)
+    radii = None if system.radii is None else bodies.radii
+    return moved(system.replaced(gm=bodies.gm, radii=radii), q, v, time, gone)
+
+
 def of_bodies(system: System, bodies: Bodies) -> System:
     """Return a system of the bodies that are there, with their masses and radii, and the state of the start."""
     gone = [name for name, there in zip(system.names, bodies.present, strict=True) if not there]
     left = system.remove(*gone) if gone else system
     radii = None if system.radii is None else bodies.radii[bodies.present]
     return left.replaced(gm=bodies.gm[bodies.present], radii=radii)
+
+
+def checked_rows(checkpoint: Mapping[str, NDArray[Any]], system: System) -> Array:
+    """Return the changes in a checkpoint. Raises ArchiveError for those that no run makes."""
+    count = int(checkpoint[COUNTS][0])
+    rows = np.array(checkpoint[CHANGES][: max(count, 0)], dtype=np.float64)
+    bodies = rows[:, BODY]
+    fits = 0 <= count == len(rows) and bool(((bodies >= 0) & (bodies < len(system)) & (bodies % 1.0 == 0.0)).all())
+    kept = rows[rows[:, GM] != GONE]
+    if not fits or not np.isfinite(rows).all() or (kept[:, [GM, RADIUS]] < 0.0).any():
+        raise ArchiveError("the changes of bodies in its checkpoint are not those of a run.")
+    return rows

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few, index_of
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown
+from orbits.propagation.acting import again, is_held
 from orbits.propagation.events.base import Array, PairBound, Sought, Whole, dot
 from orbits.propagation.events.seeking import Seeking
 from orbits.units import quantity_from_text
@@ -172,18 +173,20 @@ def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str 
         if json.loads(seeking.described()) != known:
             raise InputError(f"events are not those of the run in {path}: {', '.join(e['kind'] for e in known)}.")
         return seeking
-    missing = [event["kind"] for event in known if event["given"] is None or event["then"] not in ("record", "stop")]
+    missing = [event["kind"] for event in known if event["given"] is None or not is_held(event["then"])]
     if missing:
         raise InputError(
             f"the run in {path} sought {', '.join(missing)}, with a function or an action that a file cannot hold; give "
             "the same events again: orbits.resume(path, events=[...])."
         )
     kinds = kinds_by_name()
-    return Seeking(archive.system, [kinds[e["kind"]](**e["given"], then=e["then"]) for e in known], direction)
+    return Seeking(archive.system, [kinds[e["kind"]](**e["given"], then=again(e["then"])) for e in known], direction)
 
 
 def kinds_by_name() -> dict[str, type[Sought]]:
     """Return all kinds of events by the names of their classes."""
+    from orbits.propagation.events import collision  # noqa: F401 - a kind of event
+
     found, left = {}, [Sought]
     while left:
         one = left.pop()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, InputError, shown
 from orbits.marching.motion import Motion
-from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought
+from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
 from orbits.propagation.events.log import Log
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described
@@ -67,17 +67,24 @@ class Seeking:
             _check_massive(event, bounds, system)
             self._bounds += bounds
             self._of += [event] * len(bounds)
-        self.interrupts = any(event.interrupts for event in self.events)
+        self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
+        if self.touching and len(self.touching) < len(self._bounds):
+            raise InputError(
+                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave out "
+                "the other events, or seek them in a run without collisions."
+            )
+        self.interrupts = not self.touching and any(event.interrupts for event in self.events)
         self._parts: list[Motion] = []
         self._first = True
         self.log = Log(direction)
 
     def __bool__(self) -> bool:
-        return bool(self.events)
+        """Whether there are functions whose zeros are sought."""
+        return len(self._bounds) > len(self.touching)
 
     def check(self, marcher: Marcher) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
-        if self.events and not marcher.tells_motion:
+        if self and not marcher.tells_motion:
             raise InputError(
                 f"events are sought on the motion within steps, which {marcher.integrator.label} does not tell here; "
                 "use Gauss(stages=8), or leave out events=..."
@@ -121,7 +128,7 @@ class Seeking:
 
         The events before it are then recorded, and it is as well; the march is at the begin of its step.
         """
-        if not self.events:
+        if not self:
             return None
         motion = marcher.motion()
         if self.interrupts:
@@ -146,13 +153,17 @@ class Seeking:
         record : whether to record them; otherwise only those up to one that interrupts the run are recorded, if any
         """
         self.flush()
-        if not self.events or (time - marcher.time) * self._direction <= 0.0:
+        if not self or (time - marcher.time) * self._direction <= 0.0:
             return None
         (rest, goal), found = marcher.towards(time), None
         while found is None and rest.is_before(goal):
             rest.approach(goal)
             found = self._seek(rest.motion(), False, record)
         return found
+
+    def event_of(self, number: int) -> Sought:
+        """Return the event, as it was given, to which a function belongs."""
+        return self._of[number]
 
     def happening(self, found: Found, state: tuple[Array, Array]) -> Happening:
         """Return an event that interrupts a run, with the bodies at its time; state : q and v of all, (n, 3)."""
@@ -210,6 +221,10 @@ class Seeking:
             before = (every[:, TIME] - failure.time) * self._direction < 0.0
             every, where = every[before], where[before]
         return every, where, failure
+
+    def note(self, row: Array) -> None:
+        """List an event that the march found. Raises EventError if there are too many."""
+        self._add(row, True)
 
     def _add(self, row: Array, firm: bool) -> None:
         if self.log.full:
