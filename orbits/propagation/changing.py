@@ -8,7 +8,7 @@ What is found depends on the whole steps alone: samples change nothing.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,14 @@ ROOM = 8192
 """The most changes that an archive holds, if they are not mergers, of which there are fewer than bodies."""
 
 
+class Ahead(NamedTuple):
+    """A step: the march where it begins, the time at which it ends, and the collisions in it, in the order of time."""
+
+    start: Marcher
+    end: float
+    impacts: list[Impact]
+
+
 class ChangingMarch:
     """A march of a system whose bodies collide, with the interface of `Marcher` that runs need.
 
@@ -66,7 +74,7 @@ class ChangingMarch:
         self._work = np.zeros((len(system.forces), 7))
         self._steps = 0  # of earlier legs, for steps without a grid
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
-        self._ahead: tuple[Marcher, list[Impact]] | None = None
+        self._ahead: Ahead | None = None
         self.bodies = Changes(system, self.rows, clock.direction).bodies_after(0)
         self._there = np.ones(len(system), dtype=bool)
         self._marcher = self._made(system.values.q, system.values.v, clock)
@@ -152,31 +160,39 @@ class ChangingMarch:
         time, direction = self._time_of(place), self.clock.direction
         if not (time - self._marcher.time) * direction > 0.0:
             return False
-        return self._ahead is None or self._pending(time)
+        if self._ahead is None or (self._ahead.end - time) * direction <= 0.0:
+            return True
+        return any((x.time - time) * direction <= 0.0 and not self._is_known(x) for x in self._ahead.impacts)
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place or a collision. Raises what `advance` raises."""
-        if not self._steps_before(place):
-            self._look_ahead()
-            self._take(self._time_of(place))
+        if self._steps_before(place):
+            self._march(place, self._largest)
             return
+        time, ahead = self._time_of(place), self._look_ahead()
+        if (ahead.end - time) * self.clock.direction <= 0.0:  # shorter than the step that the clock tried first
+            self._march(Place(0, np.copysign(adaptive.FARTHEST, self.clock.direction)), 1)
+        else:
+            self._take(ahead, time)
+
+    def _march(self, place: Place, most: int) -> None:
+        """March on by at most a block of `most` steps before a place, or to a collision."""
         before, begun = self._marcher.checkpoint(), self._marcher.step
         self._ahead = None
+        marcher, block = self._marcher, self._marcher.block
+        marcher.block = min(block, most)
         if self._grid >= 0:
-            self._marcher.advance(1)
+            marcher.advance(1)
         else:
-            self._marcher.approach(place)
-        if self._marcher.met is not None:
-            self._marcher.met = None
+            marcher.approach(place)
+        marcher.block = min(2 * block, self._largest)
+        if marcher.met is not None:
+            marcher.met = None
             start = self._again(before)
-            start.advance(self._marcher.step - begun - 1)
-            self._ahead = start, self._impacts(start, self._marcher)
-            marcher = self._marcher
-            self._take(None)
-            self._ahead = None
+            start.advance(marcher.step - begun - 1)
+            self._take(Ahead(start, marcher.time, self._impacts(start, marcher)), marcher.time)
             if marcher is not self._marcher or self.ended is not None:
                 return
-        self._marcher.block = min(2 * self._marcher.block, self._largest)
         if self._grid >= 0:
             self._reach_grid()
 
@@ -191,14 +207,14 @@ class ChangingMarch:
     def _time_of(self, place: Place) -> float:
         return place.rest if self.clock.changes else float(self.clock.time(place.steps)) + place.rest
 
-    def _look_ahead(self) -> None:
-        """Search the step in which a place lies, on a copy of the march."""
-        if self._ahead is not None:
-            return
-        now = self._marcher.checkpoint()
-        start, after = self._again(now), self._again(now, seek=True)
-        after.advance(1)
-        self._ahead = start, self._impacts(start, after) if after.met is not None else []
+    def _look_ahead(self) -> Ahead:
+        """Search the next step, on a copy of the march."""
+        if self._ahead is None:
+            now = self._marcher.checkpoint()
+            start, after = self._again(now), self._again(now, seek=True)
+            after.advance(1)
+            self._ahead = Ahead(start, after.time, self._impacts(start, after) if after.met is not None else [])
+        return self._ahead
 
     def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:
         """Return the collisions in the step between two states of a march, in the order of time."""
@@ -210,12 +226,6 @@ class ChangingMarch:
         step = Step(start.time, after.time, q, v, at)
         return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks)
 
-    def _pending(self, time: float) -> bool:
-        """Return whether a collision of the step ahead, up to a time, has not been dealt with."""
-        assert self._ahead is not None
-        direction = self.clock.direction
-        return any((x.time - time) * direction <= 0.0 and not self._is_known(x) for x in self._ahead[1])
-
     def _is_known(self, impact: Impact) -> bool:
         """Return whether a collision is listed already, or a body of it is gone."""
         if not (self.bodies.present[impact.first] and self.bodies.present[impact.second]):
@@ -224,16 +234,15 @@ class ChangingMarch:
         pairs = np.sort(listed[listed[:, TIME] == impact.time][:, [BODY, OTHER]], axis=1)
         return bool((pairs == [impact.first, impact.second]).all(axis=1).any())
 
-    def _take(self, until: float | None) -> None:
-        """Deal with the collisions of the step ahead, up to a time, until one of them begins a new leg or ends the run."""
-        assert self._ahead is not None
-        start, listed = self._ahead
-        for impact in listed:
-            if until is not None and (impact.time - until) * self.clock.direction > 0.0:
+    def _take(self, ahead: Ahead, until: float) -> None:
+        """Deal with the collisions of a step, up to a time, until one of them begins a new leg or ends the run."""
+        marcher = self._marcher
+        for impact in ahead.impacts:
+            if (impact.time - until) * self.clock.direction > 0.0:
                 return
             if not self._is_known(impact):
-                self._collide(start, impact)
-                if self._ahead is None or self.ended is not None:
+                self._collide(ahead.start, impact)
+                if marcher is not self._marcher or self.ended is not None:
                     return
 
     def _collide(self, start: Marcher, impact: Impact) -> None:
