@@ -25,7 +25,7 @@ from orbits.propagation.acting import State
 from orbits.propagation.collisions import Collisions
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.impact import Impact, Step, impacts
-from orbits.propagation.marchers import bound
+from orbits.propagation.marchers import WORK, bound
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.trajectory import changes
@@ -36,9 +36,6 @@ Array = NDArray[np.float64]
 
 FIRST_BLOCK = 8
 """The steps of the first block after a change; each block without an impact is followed by one twice as long."""
-
-WORK = "change_work"
-"""The array of a checkpoint for what forces did in earlier legs."""
 
 ROOM = 8192
 """The most changes that an archive holds, if they are not mergers, of which there are fewer than bodies."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
+from orbits.propagation.legs import LegsAgain
 from orbits.propagation.marchers import bound
 from orbits.time_grid import snapped, times_since
 
@@ -64,6 +65,14 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         )
     before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
+    if trajectory.changes is not None and len(trajectory.changes):
+        again, begun = None, -1
+        for k in np.argsort(times * direction, kind="stable").tolist():
+            if again is None or before[k] != begun:
+                begun = int(before[k])
+                again = LegsAgain(trajectory, begun)
+            q[k], v[k] = again.at(float(times[k]))
+        return q, v, times
     marcher, begun = None, -1
     for k in np.argsort(times * direction, kind="stable").tolist():
         if marcher is None or before[k] != begun:

@@ -25,9 +25,13 @@ from orbits.propagation.sample_store import ACCOUNTS
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.system.model import Model, model, require_newtonian
+from orbits.trajectory.changes import CHANGES, COUNTS
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
 """Entries of the provenance that must agree for a resumed run to give the same bits."""
+
+WORK = "change_work"
+"""The array of a checkpoint for what forces did in earlier legs of a run whose bodies change."""
 
 PASSAGES = frozenset({"passages", "passage_counts"})
 """Arrays of a checkpoint that list the passages of a march."""
@@ -121,6 +125,11 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
         marcher.restore(checkpoint)
     except InputError as error:
         raise ArchiveError(f"{path} is damaged: {error}") from error
+
+
+def unchanged(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the checkpoint of a run whose massive bodies could have changed, but did not, as that of a plain march."""
+    return {name: array for name, array in checkpoint.items() if name not in (CHANGES, COUNTS, WORK)}
 
 
 def provenance() -> dict[str, str]:

@@ -78,6 +78,11 @@ class Changes:
         return len(self.rows)
 
     @property
+    def acted_on_massive(self) -> bool:
+        """Whether massive bodies changed."""
+        return bool(self._system.massive[self.rows[:, BODY].astype(int)].any())
+
+    @property
     def kicks(self) -> bool:
         """Whether the momentum of all bodies was changed, beyond round-off."""
         return bool(np.any(self.rows[:, IMPULSE:]))
