@@ -7,6 +7,7 @@ What is found depends on the whole steps alone: samples change nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -210,7 +211,8 @@ class ChangingMarch:
             now = self._marcher.checkpoint()
             start, after = self._again(now), self._again(now, seek=True)
             after.advance(1)
-            self._ahead = Ahead(start, after.time, self._impacts(start, after) if after.met is not None else [])
+            end = after.time if after.step > start.step else self.clock.direction * math.inf  # nothing attracts
+            self._ahead = Ahead(start, end, self._impacts(start, after) if after.met is not None else [])
         return self._ahead
 
     def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:

@@ -121,10 +121,13 @@ def _time_of(step: Step, i: int, j: int, reach: float) -> float | None:
             return None
         inside = nearest
     if at_begin[1] > 0.0:  # it leaves first, as after a bounce, and comes back
-        apart = [s for s in GRID[:-1].tolist() if s < inside and gap(s)[0] > rounding]
-        if not apart:
-            return None
-        outside = apart[-1]
+        while outside == 0.0:
+            if inside <= resolution:
+                return begin
+            if gap(0.5 * inside)[0] > 0.0:
+                outside = 0.5 * inside
+            else:
+                inside *= 0.5
     crossing = np.flatnonzero((shape[:-1] >= 0.0) & (shape[1:] < 0.0) & (GRID[:-1] >= outside))
     guess = float(GRID[crossing[0]]) if crossing.size else 0.5 * (outside + inside)
     return begin + _root(gap, outside, inside, guess, resolution, rounding) * h
