@@ -43,9 +43,12 @@ ROOM = 8192
 
 
 class Ahead(NamedTuple):
-    """A step: the march where it begins, the time at which it ends, and the collisions in it, in the order of time."""
+    """A step: the marches where it begins and ends, the time at which it ends, and the collisions in it, in the order
+    of time.
+    """
 
     start: Marcher
+    after: Marcher
     end: float
     impacts: list[Impact]
 
@@ -165,30 +168,29 @@ class ChangingMarch:
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place or a collision. Raises what `advance` raises."""
         if self._steps_before(place):
-            self._march(place, self._largest)
+            self._march(place)
             return
-        time, ahead = self._time_of(place), self._look_ahead()
-        if (ahead.end - time) * self.clock.direction <= 0.0:  # shorter than the step that the clock tried first
-            self._march(Place(0, np.copysign(adaptive.FARTHEST, self.clock.direction)), 1)
-        else:
-            self._take(ahead, time)
+        time, direction = self._time_of(place), self.clock.direction
+        if self._ahead is None or (self._ahead.end - time) * direction <= 0.0:
+            # Several steps, if they become shorter than the one that the clock tried and did not take.
+            self._ahead = self._next_step(self._marcher if self._ahead is None else self._ahead.after)
+        self._take(self._ahead, time)
 
-    def _march(self, place: Place, most: int) -> None:
-        """March on by at most a block of `most` steps before a place, or to a collision."""
+    def _march(self, place: Place) -> None:
+        """March on by a block of steps, or by those before a place or a collision."""
         before, begun = self._marcher.checkpoint(), self._marcher.step
         self._ahead = None
-        marcher, block = self._marcher, self._marcher.block
-        marcher.block = min(block, most)
+        marcher = self._marcher
         if self._grid >= 0:
             marcher.advance(1)
         else:
             marcher.approach(place)
-        marcher.block = min(2 * block, self._largest)
+        marcher.block = min(2 * marcher.block, self._largest)
         if marcher.met is not None:
             marcher.met = None
             start = self._again(before)
             start.advance(marcher.step - begun - 1)
-            self._take(Ahead(start, marcher.time, self._impacts(start, marcher)), marcher.time)
+            self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher)), marcher.time)
             if marcher is not self._marcher or self.ended is not None:
                 return
         if self._grid >= 0:
@@ -205,15 +207,13 @@ class ChangingMarch:
     def _time_of(self, place: Place) -> float:
         return place.rest if self.clock.changes else float(self.clock.time(place.steps)) + place.rest
 
-    def _look_ahead(self) -> Ahead:
-        """Search the next step, on a copy of the march."""
-        if self._ahead is None:
-            now = self._marcher.checkpoint()
-            start, after = self._again(now), self._again(now, seek=True)
-            after.advance(1)
-            end = after.time if after.step > start.step else self.clock.direction * math.inf  # nothing attracts
-            self._ahead = Ahead(start, end, self._impacts(start, after) if after.met is not None else [])
-        return self._ahead
+    def _next_step(self, marcher: Marcher) -> Ahead:
+        """Search the next step of a march, on copies."""
+        now = marcher.checkpoint()
+        start, after = self._again(now), self._again(now, seek=True)
+        after.advance(1)
+        end = after.time if after.step > start.step else self.clock.direction * math.inf  # nothing attracts
+        return Ahead(start, after, end, self._impacts(start, after) if after.met is not None else [])
 
     def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:
         """Return the collisions in the step between two states of a march, in the order of time."""

@@ -305,15 +305,15 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `System.add`
         Raises as `System.elements` does.
         """
+        if self.changes is not None and self.changes.acted_on_massive:
+            raise InputError(
+                "bodies merge or bounce in this run, so that its elements have no common masses; take them sample by "
+                "sample: run[k].elements()."
+            )
         values = self.system.values
         primary = primary_name(self.names, values.gm, primary)
         q, v = _as_array(self._q), _as_array(self._v)
         gone = None
-        if self.changes is not None and len(self.changes):
-            raise InputError(
-                "bodies merge or bounce in this run, so that its osculating elements have no common masses; take them "
-                "sample by sample: run[k].elements()."
-            )
         if len(self.retired):
             gone = absent(q, v, self.system.massive)
             q, v = (np.where(gone[..., None], x, y) for x, y in ((values.q, q), (values.v, v)))
