@@ -25,9 +25,7 @@ class OfTwo(Action):
 
     def check(self, event: Sought, system: System) -> None:
         """Raise InputError for any event but a collision."""
-        from orbits.propagation.events.collision import Collision
-
-        if not isinstance(event, Collision):
+        if not event.collides:
             raise InputError(
                 f"{type(event).__name__}(then={self!r}): only bodies that collide can do that; expected "
                 f"orbits.Collision(then={self!r})."

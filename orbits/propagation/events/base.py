@@ -86,6 +86,9 @@ class Sought:
     stored: ClassVar[bool] = True
     """Whether an archive can hold it, with all that is needed to seek it again when the run is resumed."""
 
+    collides: ClassVar[bool] = False
+    """Whether it is a collision, which the march itself seeks."""
+
     def __post_init__(self) -> None:
         if isinstance(self.then, Action) or (isinstance(self.then, str) and self.then in (RECORD, STOP)):
             return

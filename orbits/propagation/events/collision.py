@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from orbits.body_names import index_of
 from orbits.errors import InputError
@@ -31,6 +31,8 @@ class Collision(Sought):
 
     body: str | None = None
     other: str | None = None
+
+    collides: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
