@@ -60,8 +60,13 @@ if TYPE_CHECKING:
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.acting import Bounce, Merge
+    from orbits.propagation.events.base import Action, Happening
     from orbits.propagation.events.collision import Collision
     from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
+    from orbits.propagation.events.orbital import Ejection, ElementCrossing
+    from orbits.propagation.events.own import Event
+    from orbits.propagation.events.planes import NodeCrossing, PlaneCrossing
+    from orbits.propagation.events.seen import Conjunction, Occultation, Opposition, Transit
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
@@ -72,6 +77,7 @@ __all__ = [
     "DIMENSIONLESS",
     "SOLAR",
     "VPRK",
+    "Action",
     "Adaptive",
     "Apocentre",
     "Archive",
@@ -83,16 +89,21 @@ __all__ = [
     "CloserThan",
     "Collision",
     "Composition",
+    "Conjunction",
     "ConvergenceError",
     "DiscretePath",
     "Drag",
+    "Ejection",
+    "ElementCrossing",
     "EnergyErrorAbove",
     "EpochError",
+    "Event",
     "EventError",
     "ExplicitEuler",
     "FartherThan",
     "Flow",
     "Gauss",
+    "Happening",
     "ImplicitMidpoint",
     "InputError",
     "IntegrationError",
@@ -104,9 +115,13 @@ __all__ = [
     "Merge",
     "MissingPackageError",
     "Motion",
+    "NodeCrossing",
+    "Occultation",
+    "Opposition",
     "OrbitsError",
     "OrbitsWarning",
     "Pericentre",
+    "PlaneCrossing",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -121,6 +136,7 @@ __all__ = [
     "System",
     "Table",
     "Trajectory",
+    "Transit",
     "UnitSystem",
     "UnknownNameError",
     "WallTimeOver",
@@ -183,7 +199,12 @@ _HOME = {
     "propagation": ["Trajectory", "propagate", "resume"],
     "propagation.acting": ["Bounce", "Merge"],
     "propagation.events.collision": ["Collision"],
+    "propagation.events.base": ["Action", "Happening"],
     "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
+    "propagation.events.orbital": ["Ejection", "ElementCrossing"],
+    "propagation.events.own": ["Event"],
+    "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
+    "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],

@@ -102,8 +102,8 @@ class SingularityError(IntegrationError):
 
 
 class EventError(IntegrationError):
-    """An event cannot be sought any further: its function is not finite, it happens too often, or what it does cannot be
-    done. Everything computed before it remains valid.
+    """An event cannot be sought any further: its function is not finite, it happens too often, or what it does cannot
+    be done. Everything computed before it remains valid.
     """
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -74,6 +75,13 @@ from orbits.tableaux.symplectic import FAR
 # polynomial through the stages, LAST those of its last Legendre coefficient.
 HC, HC_LO, HB, REST, NODES, WEIGHTS, BARYCENTRIC, LAST, ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
+
+RESOLVED = 3e-10
+"""The last Legendre coefficient of the forces, times h, as a fraction of the position of a body, up to which their
+polynomial serves for dense output; it leaves errors of 2e-14 of the position."""
+
+ROUNDED = 1e-12
+"""The rounding errors of integrals of up to 32 Lagrange polynomials, which are below 1."""
 
 CANCELLED = 1e-6
 """The share of the attractions on a body below which their sum does not count as its force."""
@@ -446,6 +454,36 @@ def dense(method, h, q, v, kicks, theta, out_q, out_v):
         out_v[k] += v[k]
 
 
+@kernel(inline=True)
+def resolves(method, h, q, kicks, bodies):
+    """Return whether the polynomial through the forces leaves hardly more than round-off in the position of each body:
+    about 1e-4 of h times their last Legendre coefficient.
+    """
+    R, coefficients = registers(method), method.coefficients
+    block = kicks.shape[0] // R
+    for i in range(bodies):
+        off = size = 0.0
+        for k in range(i, 3 * bodies, bodies):
+            last = 0.0
+            for r in range(R):
+                last += total(load(coefficients[r], LAST) * load(kicks, r * block + k))
+            off, size = max(off, abs(last)), max(size, abs(q[k]))
+        if not abs(h) * off <= RESOLVED * size:
+            return False
+    return True
+
+
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """Write the coefficients of steps `factor` times as long, for a cold start."""
+    for r in range(registers(method)):
+        table, base = method.coefficients[r], unit.coefficients[r]
+        c, hc = load(base, HC), factor * load(base, HC)
+        store(table, HC, hc)
+        store(table, HC_LO, fma(c, full(factor), -hc) + factor * load(base, HC_LO))
+        store(table, HB, factor * load(base, HB))
+
+
 @dataclass(frozen=True)
 class Collocation(Form):
     """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians.
@@ -462,6 +500,8 @@ class Collocation(Form):
         "prepare": prepare,
         "signal": signal,
         "dense": dense,
+        "resolves": resolves,
+        "stretch": stretch,
         "width": 1,
     }
 
@@ -510,8 +550,10 @@ class Collocation(Form):
 
     @property
     def is_dense(self) -> bool:
-        """Whether there is a polynomial through the stages, as for all methods with distinct nodes."""
-        return len(set(self.tableau.nodes.tolist())) == self.tableau.stages
+        """Whether the stages are those of collocation, as for Gauss: they then lie on the polynomial through their forces,
+        where it resolves them.
+        """
+        return _collocates(self.tableau)
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """One row of eight stages for each coordinate and register, and for its low part."""
@@ -530,3 +572,16 @@ class Collocation(Form):
         """Increments and changes of each coordinate, and its history of three numbers."""
         rows, many = padded(size), self.registers > 1
         return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, 6 * self.registers), WIDTH
+
+
+@lru_cache(maxsize=256)
+def _collocates(tableau: SymplecticTableau) -> bool:
+    """Return whether eta b is the square of the matrix a_ij, the integral up to c_i of the Lagrange polynomial of c_j.
+    """
+    s, x = tableau.stages, 2.0 * tableau.nodes - 1.0
+    if len(set(x.tolist())) < s:
+        return False
+    integrals = np.stack([np.polynomial.legendre.legint(one, lbnd=-1, scl=0.5) for one in np.eye(s)], axis=1)
+    values = np.polynomial.legendre.legvander(x, s - 1)
+    a = np.polynomial.legendre.legval(x, integrals).T @ np.linalg.inv(values)
+    return bool(np.abs(tableau.eta * tableau.b - a @ a).max() < ROUNDED)

@@ -38,7 +38,7 @@ class BoundLoops:
     form : of the method; tag, vectors : of what acts on the bodies, and its parameters
     clock : of the march
     threads : how many threads particles, and thousands of massive bodies, may use
-    dense : whether the kicks of each step are recorded, for dense output
+    dense : whether the kicks of each step are recorded, for the dense output of methods with a polynomial
 
     steps : the most steps of a block; kicks : (steps, rows, 8), those of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
@@ -80,7 +80,8 @@ class BoundLoops:
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
-        self.kicks = np.empty((self.steps if dense else 0, form.carry_rows(3 * n), WIDTH))
+        polynomials = dense and form.is_dense
+        self.kicks = np.empty((self.steps if polynomials else 0, form.carry_rows(3 * n), WIDTH))
         self._march = driver.march if self.parallel is None else self.parallel.march
 
     @property

@@ -31,6 +31,7 @@ from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
 from orbits.marching.motion import Motion
+from orbits.marching.partial_steps import PartialSteps
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
@@ -56,8 +57,8 @@ class Marcher:
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the march begins
-    dense : whether each step is recorded for `motion`; for methods with a polynomial through their stages
     radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
+    dense : whether each step is recorded for `motion`
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
     `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
@@ -115,6 +116,7 @@ class Marcher:
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
         self._block, self._times = (0, 0.0), np.zeros(1)
+        self._partial: PartialSteps | None = None
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -321,13 +323,14 @@ class Marcher:
         """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense
         output, and the place of that time in it.
         """
-        n, states = self._bodies, [self._state[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv"]
+        q, v = (self._state[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
         options: dict[str, Any] = {"names": self.names, "forces": self._forces, "start": self.time, "dense": True}
-        clock, place = self.clock, Place(0, time)
+        clock: Clock = self.clock
+        place = Place(0, time)
         if not self.clock.changes:
             clock, place = ConstantSteps(time - self.time), Place(1, 0.0)
-        massive = np.ones(n, dtype=bool)
-        end = Marcher(self.lagrangian, self.integrator, self.model, massive, *states, clock, **options)
+        massive = np.ones(self._bodies, dtype=bool)
+        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
         if self.clock.changes:
             end.restore(self.checkpoint())
             end._state["clock"][[adaptive.EXACT, adaptive.NEXT]] = 1.0, end.time
@@ -433,15 +436,25 @@ class Marcher:
 
     @property
     def tells_motion(self) -> bool:
-        """Whether the method and the number of bodies allow the motion within steps to be told."""
-        return "dense" in self._form.own_kernels() and self._loops.parallel is None
+        """Whether the motion within steps can be told: of any method, but not of thousands of bodies on threads."""
+        return self._loops.parallel is None
 
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
-        h = self.clock.h
-        times = self._times if self.clock.changes else h * np.arange(count + 1.0)
-        return Motion(self._form, self._bodies, begun + times, self._watcher.recorded(count), self._loops.kicks[:count])
+        after = self._times if self.clock.changes else self.clock.h * np.arange(count + 1.0)
+        path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
+        return Motion(self._form, begun, after, path, kicks, self.partial_steps())
+
+    def partial_steps(self) -> PartialSteps:
+        """Return what takes partial steps of the massive bodies by this method."""
+        if self._partial is None:
+            self._partial = PartialSteps(self._form, self._tag, self._vectors, self._bodies, self._partial_failure)
+        return self._partial
+
+    def _partial_failure(self, status: int, time: float) -> IntegrationError:
+        momenta = SEPARABLE not in self.lagrangian.traits
+        return failure_of_bodies(status, self.step, time, self.clock, self.integrator, [], momenta=momenta)
 
     def accounts(self) -> Array:
         """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):

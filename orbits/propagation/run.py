@@ -13,8 +13,8 @@ from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.propagation import step_check
 from orbits.propagation.changing import March, march_of_run
+from orbits.propagation.events.again import sought_again
 from orbits.propagation.events.base import Sought
-from orbits.propagation.events.kinds import sought_again
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import differences, provenance, restore

@@ -102,13 +102,13 @@ class Events(Sequence[FoundEvent]):
 
     def _one(self, row: Array) -> FoundEvent:
         time = u.Quantity(row[TIME], self._units.time)
-        names = [None if row[k] < 0 else self._names[int(row[k])] for k in (BODY, OTHER)]
-        figures = [
+        body, other = (None if row[k] < 0 else self._names[int(row[k])] for k in (BODY, OTHER))
+        distance, speed, angle = (
             None if np.isnan(row[k]) else u.Quantity(row[k], unit)
             for k, unit in ((DISTANCE, self._units.length), (SPEED, self._units.speed), (ANGLE, u.rad))
-        ]
-        angle = None if figures[2] is None else figures[2].to(u.deg)
-        return FoundEvent(time, self._date(time), self._kind(row), *names, *figures[:2], angle)
+        )
+        angle = None if angle is None else angle.to(u.deg)
+        return FoundEvent(time, self._date(time), self._kind(row), body, other, distance, speed, angle)
 
     def _kind(self, row: Array) -> str:
         return self._words[int(row[NUMBER])][int(row[RISING])] or ""
@@ -153,7 +153,7 @@ class Events(Sequence[FoundEvent]):
 
     @property
     def angle(self) -> u.Quantity:
-        """Angles between the two bodies as seen from a third one, (n,), in degrees; NaN for events that are not seen."""
+        """Angles between the two bodies as seen from a third one, (n,), in degrees; NaN for other events."""
         return u.Quantity(self._rows[:, ANGLE], u.rad).to(u.deg)
 
     def _column(self, column: int, unit: str) -> u.Quantity:
@@ -163,8 +163,8 @@ class Events(Sequence[FoundEvent]):
         return np.array(["" if row < 0 else self._names[int(row)] for row in self._rows[:, column]], dtype=str)
 
     def to_table(self) -> QTable:
-        """Return an astropy QTable with the columns date (TDB, if there is an epoch), time, kind, body, other, distance,
-        speed, and angle if any event is seen from a body. Its meta has the epoch and further information.
+        """Return an astropy QTable with the columns date (TDB, if there is an epoch), time, kind, body, other,
+        distance, speed, and angle if any event is seen from a body. Its meta has the epoch and further information.
         """
         from astropy.table import QTable
 
@@ -177,8 +177,9 @@ class Events(Sequence[FoundEvent]):
         return QTable(columns, meta={} if self._system is None else attributes(self._system))
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return a pandas DataFrame with the columns of `to_table`; dates are datetime64[us] in TDB, and units are strings
-        in `frame.attrs["units"]`. Raises MissingPackageError without pandas.
+        """Return a pandas DataFrame with the columns of `to_table`; dates are datetime64[us] in TDB.
+
+        Units are strings in `frame.attrs["units"]`. Raises MissingPackageError without pandas.
         """
         module, table = imported("pandas", "to_pandas"), self.to_table()
         columns: dict[str, Any] = {}

@@ -384,8 +384,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known = {"stopped": self.stopped, "record": self.record, "_again": self._again, "_retired": self.retired}
-        known["_events"] = self.events
+        known: dict[str, Any] = {"stopped": self.stopped, "record": self.record, "_again": self._again}
+        known |= {"_retired": self.retired, "_events": self.events}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:

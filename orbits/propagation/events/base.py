@@ -145,6 +145,10 @@ class Bound:
             found[rows] = self.values(t[rows], q[rows], v[rows], np.array([column]))[:, 0]
         return found
 
+    def bodies(self) -> Whole | None:
+        """Return the numbers of the bodies on which the function depends, or None for all."""
+        return np.unique(self.pairs[self.pairs != NOBODY])
+
     def near(self, times: Array, q: Array, v: Array) -> Whole:
         """Return the columns that may have zeros in consecutive steps, from the states at their ends: times (m,)."""
         return np.arange(len(self.pairs))
@@ -197,8 +201,10 @@ class PairBound(Bound):
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function of these columns, (m, len(columns))."""
-        a, b = self.pairs[columns].T
-        return self.of(q[:, a] - q[:, b], v[:, a] - v[:, b])
+        found = np.empty((len(columns), len(t)))
+        for row, (a, b) in enumerate(self.pairs[columns]):
+            found[row] = self.of(q[:, a] - q[:, b], v[:, a] - v[:, b])
+        return found.T
 
     def at(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function of one column at each time."""

@@ -1,11 +1,8 @@
-"""Events of two bodies: close approaches, distances, pericentres and apocentres."""
+"""Events of two bodies: close approaches, pericentres and apocentres; and what all events of named bodies share."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +12,10 @@ from numpy.typing import NDArray
 from orbits.body_names import few, index_of
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown
-from orbits.propagation.acting import again, is_held
 from orbits.propagation.events.base import Array, PairBound, Sought, Whole, dot
-from orbits.propagation.events.seeking import Seeking
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
-    from orbits.archive import Archive
     from orbits.propagation.events.base import Bound
     from orbits.system import System
 
@@ -36,7 +30,7 @@ class CloseApproach(Sought):
     body, other : names; None means any body
     within : the largest distance that counts: a quantity, a text such as "0.1 AU", or a number in the system's unit of
         length; None for all
-    then : see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.Event`
 
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
@@ -93,7 +87,7 @@ class Pericentre(Sought):
 
     body : a name; None means every body but the primary
     primary : a name; optional if one body has more than 90 % of the mass
-    then : see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.Event`
     """
 
     body: str | None = None
@@ -153,43 +147,5 @@ def pairs_of(system: System, body: str | None, other: str | None, what: str) -> 
         return [(one, k) for k in (everyone if two is None else [two]) if k != one]
     if two is not None:
         return [(k, two) for k in everyone if k != two]
-    return [(i, j) for i in everyone for j in everyone if i < j]
-
-
-def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str | PathLike[str]) -> Seeking:
-    """Return the events of the run in an archive, to go on with them.
-
-    events : those of the run, if the archive does not hold all that is needed
-    Raises InputError for others, and if they are needed.
-    """
-    direction = archive.grid.clock.direction
-    if not archive.events_text:
-        if isinstance(events, Sought) or events:
-            raise InputError(f"the run in {path} sought no events, and cannot begin to; leave out events=...")
-        return Seeking(archive.system, [], direction)
-    known = json.loads(archive.events_text)
-    if isinstance(events, Sought) or events:
-        seeking = Seeking(archive.system, events, direction)
-        if json.loads(seeking.described()) != known:
-            raise InputError(f"events are not those of the run in {path}: {', '.join(e['kind'] for e in known)}.")
-        return seeking
-    missing = [event["kind"] for event in known if event["given"] is None or not is_held(event["then"])]
-    if missing:
-        raise InputError(
-            f"the run in {path} sought {', '.join(missing)}, with a function or an action that a file cannot hold; give "
-            "the same events again: orbits.resume(path, events=[...])."
-        )
-    kinds = kinds_by_name()
-    return Seeking(archive.system, [kinds[e["kind"]](**e["given"], then=again(e["then"])) for e in known], direction)
-
-
-def kinds_by_name() -> dict[str, type[Sought]]:
-    """Return all kinds of events by the names of their classes."""
-    from orbits.propagation.events import collision  # noqa: F401 - a kind of event
-
-    found, left = {}, [Sought]
-    while left:
-        one = left.pop()
-        left += one.__subclasses__()
-        found[one.__name__] = one
-    return found
+    gm = system.values.gm
+    return [(i, j) if gm[i] <= gm[j] else (j, i) for i in everyone for j in everyone if i < j]

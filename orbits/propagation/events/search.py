@@ -8,7 +8,7 @@ therefore has all its zeros found.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,15 +23,25 @@ APART = 1e-5
 """The distance of two checks that give a slope, as a fraction of a step."""
 
 CLOSE = 1e-15
-"""The width of a bracket at which a zero is found, as a fraction of a step."""
+"""How close a zero is found, as a fraction of a step."""
 
-CLOSE_EXTREMUM = 1e-8
-"""The same for an extremum, of whose square the value is off."""
+ROUGHLY = 1e-9
+"""The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
 
 ROUNDS = 200
 
-POINTS = 2_000_000
-"""The most numbers that the function has at a time."""
+REFINEMENTS, MISSED = 8, 1e-3
+"""The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
+march, from which on there is no zero.
+"""
+
+CHECKS = np.concatenate([[0.0], NODES])
+
+FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
+"""Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
+
+STEPS_AT_ONCE, POINTS = 256, 2_000_000
+"""The most steps that are searched at a time, and the most numbers that a function has in them."""
 
 
 class NotFiniteError(ArithmeticError):
@@ -51,27 +61,42 @@ class Zeros(NamedTuple):
     rising: NDArray[np.bool_]
 
 
-States = Callable[[Whole, Array], tuple[Array, Array, Array]]
-"""Returns t (m,), q and v (m, n, 3) of all bodies at fractions of steps."""
+Along = Callable[[Whole, Array, Whole], Array]
+"""Returns functions at fractions of steps: numbers of the steps, fractions, and columns, (m,) each."""
 
 
 class Stretch:
     """The motion of all bodies in consecutive steps.
 
     motion : of the massive bodies; massive : (n,), which of the bodies these are
+    needed : (n,), those that matter
     """
 
-    def __init__(self, motion: Motion, massive: NDArray[np.bool_]) -> None:
+    def __init__(self, motion: Motion, massive: NDArray[np.bool_], needed: NDArray[np.bool_]) -> None:
         self._motion, self._massive = motion, massive
+        self._rows = np.flatnonzero(needed & massive)
+        self._needed = (np.cumsum(massive) - 1)[self._rows]
         self.times = motion.times
 
     def __len__(self) -> int:
         return len(self._motion)
 
-    def at(self, steps: Whole, fractions: Array) -> tuple[Array, Array, Array]:
-        """Return t (m,), q and v (m, n, 3) at fractions of steps."""
+    def at(self, steps: Whole, fractions: Array, rough: bool = False) -> tuple[Array, Array, Array]:
+        """Return t (m,), q and v (m, n, 3) at fractions of steps; see `Motion.roughly_at`."""
         lengths = self.times[steps + 1] - self.times[steps]
-        return self.times[steps] + fractions * lengths, *self._of_all(*self._motion.at(steps, fractions))
+        states = self._motion.roughly_at(steps, fractions) if rough else self._motion.at(steps, fractions)
+        return self.times[steps] + fractions * lengths, *self._of_all(*states)
+
+    @property
+    def backwards(self) -> bool:
+        """Whether the steps go back in time."""
+        return bool(self.times[-1] < self.times[0])
+
+    def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
+        """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly."""
+        begin, length = self.times[:-1][steps], np.diff(self.times)[steps]
+        t = (begin[:, None] + fractions * length[:, None]).ravel()
+        return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
 
     def ends(self) -> tuple[Array, Array, Array]:
         """Return t (steps + 1,), q and v at the ends of the steps, as they were marched."""
@@ -87,102 +112,168 @@ class Stretch:
         return every[0], every[1]
 
 
-def zeros(bound: Bound, stretch: Stretch, first: bool) -> Zeros:
-    """Return the zeros of a function in a stretch, in the order of steps; each counts once, also one at a check.
+def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zeros | NotFiniteError]:
+    """Return the zeros of each function in a stretch, in the order of steps; each counts once, also one at a check. Or
+    where a function is not finite.
 
     first : whether the stretch is at the start of a run, where a zero does not count
-    Raises NotFiniteError.
     """
-    backwards = bool(stretch.times[-1] < stretch.times[0])
     ends = stretch.ends()
-    columns = bound.near(*ends)
-    steps_at_once = max(1, POINTS // (20 * max(1, len(columns))))
-    found = []
-    for begin in range(0, len(stretch) if len(columns) else 0, steps_at_once):
-        steps = np.arange(begin, min(begin + steps_at_once, len(stretch)))
-        found.append(_in_steps(bound, stretch, ends, steps, columns, backwards, first and begin == 0))
-    if not found:
+    columns = [bound.near(*ends) for bound in bounds]
+    found: list[list[Brackets]] = [[] for _ in bounds]
+    failed: dict[int, NotFiniteError] = {}
+    most = max((len(some) for some in columns), default=0)
+    at_once = max(1, min(STEPS_AT_ONCE, POINTS // (len(FRACTIONS) * max(1, most))))
+    for begin in range(0, len(stretch) if most else 0, at_once):
+        steps = slice(begin, min(begin + at_once, len(stretch)))
+        states = stretch.at_checks(steps, FRACTIONS)
+        t, q, v = (x[steps.stop : steps.stop + 1] for x in ends)
+        for number, bound in enumerate(bounds):
+            if len(columns[number]) and number not in failed:
+                try:
+                    g, g_last = (_finite(bound, some, columns[number]) for some in (states, (t, q, v)))
+                except NotFiniteError as error:
+                    failed[number] = error
+                    continue
+                start = first and begin == 0
+                found[number].append(_brackets(bound.words, g, g_last, columns[number], steps, stretch.backwards, start))
+    answers: list[Zeros | NotFiniteError] = []
+    for number, bound in enumerate(bounds):
+        try:
+            answers.append(_zeros(bound, stretch, found[number]))
+        except NotFiniteError as error:
+            failed.setdefault(number, error)
+            answers.append(error)
+        if number in failed:
+            answers[-1] = failed[number]
+    return answers
+
+
+class Brackets(NamedTuple):
+    """Where zeros, or extrema with two zeros about them, are between two checks: steps and columns, (m,); the fractions
+    of both checks, and the function there; and whether it is an extremum.
+    """
+
+    steps: Whole
+    columns: Whole
+    low: Array
+    high: Array
+    g_low: Array
+    g_high: Array
+    turns: NDArray[np.bool_]
+
+
+def _brackets(
+    words: tuple[str | None, str | None],
+    g: Array,
+    g_last: Array,
+    columns: Whole,
+    steps: slice,
+    backwards: bool,
+    start: bool,
+) -> Brackets:
+    """Return the brackets in consecutive steps.
+
+    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as it was marched
+    """
+    size, count = len(CHECKS), steps.stop - steps.start
+    g = np.ascontiguousarray(g.T).reshape(len(columns), count, -1)
+    before = g[:, :, :size]
+    # The end of a step is the begin of the next one, as it was marched: no zero falls in between, or counts twice.
+    end = np.concatenate([before[:, 1:, 0], g_last.T], axis=1)
+    after = np.concatenate([before[:, :, 1:], end[:, :, None]], axis=2)
+    slope = g[:, :, size : 2 * size] - before
+    slope_after = np.concatenate([slope[:, :, 1:], (g[:, :, -1] - g[:, :, -2])[:, :, None]], axis=2)
+    positive = before >= 0.0
+    if start:
+        at_zero = before[:, 0, 0] == 0.0
+        positive[at_zero, 0, 0] = g[at_zero, 0, size] >= 0.0
+    changes = positive != (after >= 0.0)
+    turns = ~changes & np.where(positive, (slope < 0.0) & (slope_after > 0.0), (slope > 0.0) & (slope_after < 0.0))
+    for word, falling in zip(words, (True, False), strict=True):
+        if word is None:
+            changes &= positive != (falling != backwards)
+    c, k, i = np.nonzero(changes | turns)
+    edges = np.append(CHECKS, 1.0)
+    ends = edges[i], edges[i + 1], before[c, k, i], after[c, k, i]
+    return Brackets(steps.start + k, columns[c], *ends, turns[c, k, i])
+
+
+def _finite(bound: Bound, states: tuple[Array, Array, Array], columns: Whole) -> Array:
+    """Return a function, (m, columns). Raises NotFiniteError."""
+    g = bound.values(*states, columns)
+    _check_finite(g, states[0])
+    return g
+
+
+def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
+    """Return the zeros in brackets. Raises NotFiniteError."""
+    if not sum(len(some.steps) for some in found):
         nothing = np.zeros(0, dtype=np.int64)
         return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool))
-    return Zeros(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-
-
-def _in_steps(
-    bound: Bound,
-    stretch: Stretch,
-    ends: tuple[Array, Array, Array],
-    steps: Whole,
-    columns: Whole,
-    backwards: bool,
-    first: bool,
-) -> Zeros:
-    """Return the zeros of these columns in these steps."""
-    # The checks of each step: its begin and the nodes, the same a little later, and its end.
-    checks = np.concatenate([[0.0], NODES])
-    fractions = np.concatenate([checks, checks + APART, [1.0 - APART, 1.0]])
-    count, each = len(steps), len(fractions)
-    t, q, v = stretch.at(np.repeat(steps, each), np.tile(fractions, count))
-    g = bound.values(t, q, v, columns).reshape(count, each, -1)
-    t_end, q_end, v_end = (x[steps[-1] + 1 :][:1] for x in ends)
-    last = bound.values(t_end, q_end, v_end, columns)
-    _check_finite(bound, np.concatenate([g.reshape(-1, len(columns)), last]), np.concatenate([t, t_end]))
-
-    size = len(checks)
-    before = g[:, :size]
-    # The end of a step is the begin of the next one, as it was marched: no zero falls in between, or counts twice.
-    after = np.concatenate([before[:, 1:], np.concatenate([before[1:, 0], last])[:, None]], axis=1)
-    slope = g[:, size : 2 * size] - before
-    slope_after = np.concatenate([slope[:, 1:], (g[:, -1] - g[:, -2])[:, None]], axis=1)
-    positive, positive_after = before >= 0.0, after >= 0.0
-    if first:
-        start = before[0, 0] == 0.0
-        positive[0, 0, start] = g[0, size, start] >= 0.0
-    falls, rises = positive & ~positive_after, ~positive & positive_after
-    turns = positive & positive_after & (slope < 0.0) & (slope_after > 0.0)
-    turns |= ~positive & ~positive_after & (slope > 0.0) & (slope_after < 0.0)
-    if backwards:
-        falls, rises = rises, falls
-    crossings = (falls if bound.words[0] is not None else False) | (rises if bound.words[1] is not None else False)
-
-    edges = np.append(checks, 1.0)
-
-    def brackets(where: NDArray[np.bool_]) -> tuple[Whole, Whole, Array, Array, Array, Array]:
-        k, i, c = np.nonzero(where)
-        return steps[k], columns[c], edges[i], edges[i + 1], before[k, i, c], after[k, i, c]
-
-    k, c, low, high, g_low, g_high = brackets(crossings)
-    turn_k, turn_c, *limits = brackets(turns)
-    if len(turn_k):
-        middle, g_middle = _extrema(_along(bound, stretch), turn_k, turn_c, *limits)
-        two = (g_middle >= 0.0) != (limits[2] >= 0.0)
-        (low2, high2, g_low2, g_high2), middle, g_middle = (x[two] for x in limits), middle[two], g_middle[two]
-        both = np.concatenate([turn_k[two]] * 2), np.concatenate([turn_c[two]] * 2)
-        k, c = np.concatenate([k, both[0]]), np.concatenate([c, both[1]])
-        low, high = np.concatenate([low, low2, middle]), np.concatenate([high, middle, high2])
-        g_low, g_high = np.concatenate([g_low, g_low2, g_middle]), np.concatenate([g_high, g_middle, g_high2])
-    rising = (g_low < 0.0) != backwards
+    k, c, low, high, g_low, g_high, turns = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    along = _along(bound, stretch)
+    if turns.any():
+        around = k[turns], c[turns], low[turns], high[turns], g_low[turns], g_high[turns]
+        middle, g_middle = _extrema(along, *around)
+        two = (g_middle >= 0.0) != (around[4] >= 0.0)
+        k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
+        middle, g_middle = middle[two], g_middle[two]
+        k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
+        low, high = np.concatenate([low[~turns], low2, middle]), np.concatenate([high[~turns], middle, high2])
+        g_low, g_high = np.concatenate([g_low[~turns], g_low2, g_middle]), np.concatenate([g_high[~turns], g_middle, g_high2])
+    rising = (g_low < 0.0) != stretch.backwards
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
     k, c, rising = k[wanted], c[wanted], rising[wanted]
     low, high, g_low, g_high = low[wanted], high[wanted], g_low[wanted], g_high[wanted]
-    along = _along(bound, stretch)
-    at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high, CLOSE)
+    at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high)
+    at, there = _refined(along, _along(bound, stretch, False), k, c, at)
+    k, c, at, rising = k[there], c[there], at[there], rising[there]
     order = np.lexsort((c, at, k))
     return Zeros(k[order], at[order], c[order], rising[order])
 
 
-def _along(bound: Bound, stretch: Stretch) -> Callable[[Whole, Array, Whole], Array]:
+def _refined(rough: Along, exact: Along, k: Whole, c: Whole, at: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the zeros of functions of the exact motion from those of the rough one, and which there are.
+
+    By Newton's method, and then by secants; the slope of the rough motion is good enough to begin with.
+    """
+    if not len(at):
+        return at, np.ones(0, dtype=bool)
+    ahead = np.where(at < 0.5, APART, -APART)
+    g = exact(k, at, c)
+    with np.errstate(all="ignore"):
+        slope = (rough(k, at + ahead, c) - rough(k, at, c)) / ahead
+        last = np.where(g == 0.0, 0.0, -g / slope)
+    at, going = at.copy(), np.flatnonzero(np.abs(last) > CLOSE)
+    for _ in range(REFINEMENTS):
+        if not len(going):
+            break
+        moved = np.clip(at[going] + last[going], 0.0, 1.0)
+        way, before = moved - at[going], g[going]
+        at[going], g[going] = moved, exact(k[going], moved, c[going])
+        with np.errstate(all="ignore"):
+            change = g[going] - before
+            slope[going] = np.where((change != 0.0) & (way != 0.0), change / way, slope[going])
+            last[going] = np.where(g[going] == 0.0, 0.0, -g[going] / slope[going])
+        going = going[np.abs(last[going]) > CLOSE]
+    # A zero at the end of a step may lie behind it by the difference of the two motions.
+    return at, np.abs(last) < MISSED
+
+
+def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:
     """Return the function of a column at a fraction of a step."""
 
     def along(steps: Whole, fractions: Array, columns: Whole) -> Array:
-        t, q, v = stretch.at(steps, fractions)
+        t, q, v = stretch.at(steps, fractions, rough)
         g = bound.at(t, q, v, columns)
-        _check_finite(bound, g, t)
+        _check_finite(g, t)
         return g
 
     return along
 
 
-def _check_finite(bound: Bound, g: Array, t: Array) -> None:
+def _check_finite(g: Array, t: Array) -> None:
     if not np.isfinite(g).all():
         rows = ~np.isfinite(g.reshape(len(t), -1)).all(axis=1)
         row = int(np.argmax(rows))
@@ -191,7 +282,7 @@ def _check_finite(bound: Bound, g: Array, t: Array) -> None:
 
 
 def _extrema(
-    along: Callable[[Whole, Array, Whole], Array],
+    along: Along,
     steps: Whole,
     columns: Whole,
     low: Array,
@@ -216,14 +307,14 @@ def _extrema(
         found[g[1] < 0.0] = 0.0  # the other sign: an answer
         return np.asarray(found)
 
-    _root(slope, low, high, -np.ones(len(low)), np.ones(len(low)), CLOSE_EXTREMUM)
+    _root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
     return best, sign * g_best
 
 
 def _root(
-    function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array, close: float
+    function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array
 ) -> Array:
-    """Return a zero of each function in its bracket, all at once.
+    """Return a zero of each function in its bracket, roughly, all at once.
 
     function : of places and of the numbers of the functions; f_low, f_high : at the ends, of different signs
     Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
@@ -247,8 +338,7 @@ def _root(
         width = np.abs(b[i] - a[i])
         least = np.where(np.abs(fa[i]) <= np.abs(fb[i]), a[i], b[i])
         found[i] = least
-        tolerance = 2.0 * np.finfo(np.float64).eps * np.abs(least) + close
-        going = i[(fa[i] != 0.0) & (width > tolerance)]
+        going = i[(fa[i] != 0.0) & (width > ROUGHLY)]
         j = going
         with np.errstate(all="ignore"):
             xi, phi = (a[j] - b[j]) / (c[j] - b[j]), (fa[j] - fb[j]) / (fc[j] - fb[j])
@@ -256,6 +346,6 @@ def _root(
             step = fa[j] / (fb[j] - fa[j]) * fc[j] / (fb[j] - fc[j])
             step += alpha * fa[j] / (fc[j] - fa[j]) * fb[j] / (fc[j] - fb[j])
             safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(step)
-            least_step = 0.5 * close / np.abs(b[j] - a[j])
+            least_step = 0.5 * ROUGHLY / np.abs(b[j] - a[j])
         fraction[j] = np.clip(np.where(safe, step, 0.5), least_step, 1.0 - least_step)
     return found

@@ -10,10 +10,10 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import EventError, InputError, shown
-from orbits.marching.motion import Motion
+from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
 from orbits.propagation.events.log import Log
-from orbits.propagation.events.search import NotFiniteError, Stretch, zeros
+from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described
 from orbits.trajectory.retired import absent, moved
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-STEPS, NUMBERS = 256, 1 << 20
-"""The steps, and the numbers that describe their motion, after which events are sought that only record."""
+STEPS, NUMBERS = 4096, 1 << 22
+"""The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
 
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
@@ -49,7 +49,7 @@ class Seeking:
     Raises InputError for events that cannot be sought among these bodies.
     """
 
-    def __init__(self, system: System, events: Sequence[Sought], direction: float) -> None:
+    def __init__(self, system: System, events: Sought | Sequence[Sought], direction: float) -> None:
         given = [events] if isinstance(events, Sought) else events
         if not isinstance(given, list | tuple) or not all(isinstance(event, Sought) for event in given):
             raise InputError(
@@ -74,7 +74,11 @@ class Seeking:
                 "the other events, or seek them in a run without collisions."
             )
         self.interrupts = not self.touching and any(event.interrupts for event in self.events)
-        self._parts: list[Motion] = []
+        self._needed = np.zeros(len(system), dtype=bool)
+        for bound in self._bounds:
+            bodies = bound.bodies()
+            self._needed[slice(None) if bodies is None else bodies] = True
+        self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
         self._first = True
         self.log = Log(direction)
 
@@ -86,8 +90,8 @@ class Seeking:
         """Raise InputError for a march that does not tell the motion within its steps."""
         if self and not marcher.tells_motion:
             raise InputError(
-                f"events are sought on the motion within steps, which {marcher.integrator.label} does not tell here; "
-                "use Gauss(stages=8), or leave out events=..."
+                f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} bodies "
+                "of this run on several threads; use threads=1, or leave out events=..."
             )
 
     @property
@@ -136,16 +140,16 @@ class Seeking:
             if found is not None:
                 marcher.go_back(found.steps)
             return found
-        self._parts.append(Motion.joined([motion]))
-        if sum(map(len, self._parts)) >= STEPS or sum(part.kicks.size for part in self._parts) >= NUMBERS:
+        if not self._collected.takes(motion):
             self.flush()
+            if not self._collected.takes(motion):
+                self._seek(motion, True)
         return None
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
-        if self._parts:
-            motion, self._parts = Motion.joined(self._parts), []
-            self._seek(motion, True)
+        if len(self._collected):
+            self._seek(self._collected.emptied(), True)
 
     def before(self, marcher: Marcher, time: float, record: bool) -> Found | None:
         """Seek events between the state of the march and a time less than a step ahead.
@@ -177,7 +181,7 @@ class Seeking:
         """Find the events in a stretch of the march and record them; those after one that interrupts are left out."""
         if not len(motion):
             return None
-        stretch = Stretch(motion, self._system.massive)
+        stretch = Stretch(motion, self._system.massive, self._needed)
         rows, places, failure = self._found(stretch)
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
         if self.log.known:
@@ -201,12 +205,11 @@ class Seeking:
     def _found(self, stretch: Stretch) -> tuple[Array, NDArray[np.int64], EventError | None]:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
-        for number, bound in enumerate(self._bounds):
-            try:
-                found = zeros(bound, stretch, self._first)
-            except NotFiniteError as error:
-                if failure is None or (error.time - failure.time) * self._direction < 0.0:
-                    failure = self._not_finite(number, error)
+        for number, found in enumerate(zeros_of(self._bounds, stretch, self._first)):
+            bound = self._bounds[number]
+            if isinstance(found, NotFiniteError):
+                if failure is None or (found.time - failure.time) * self._direction < 0.0:
+                    failure = self._not_finite(number, found)
                 continue
             if not len(found.steps):
                 continue
