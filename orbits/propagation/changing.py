@@ -357,8 +357,8 @@ class ChangingMarch:
         out[CHANGES] = np.zeros((self._room(), changes.COLUMNS))
         if len(self.rows) > len(out[CHANGES]):
             raise StorageError(
-                f"bodies have changed more than {len(out[CHANGES]):,} times, for which an archive has room. End the run "
-                "before, or omit archive=...; the samples so far stay readable."
+                f"bodies have changed more than {len(out[CHANGES]):,} times, for which an archive has room. End the "
+                "run before, or omit archive=...; the samples so far stay readable."
             )
         out[CHANGES][: len(self.rows)] = self.rows
         if self._work.size:
@@ -395,6 +395,11 @@ class ChangingMarch:
 
 March = Marcher | ChangingMarch
 """What marches a run."""
+
+
+def of_this_leg(march: March) -> Marcher:
+    """Return the march of the bodies that are there now."""
+    return march.current if isinstance(march, ChangingMarch) else march
 
 
 def march_of_run(

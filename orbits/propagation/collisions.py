@@ -28,8 +28,8 @@ CONTACT = 1.0 + 1e-12
 """Bodies closer than this, as a fraction of the sum of their radii, are in contact at the instant of a bounce."""
 
 AT_REST = 1e-6
-"""The time between two bounces of a pair, as a fraction of sqrt((R1 + R2)^3 / (GM1 + GM2)), below which they are at rest
-on one another: each further bounce comes sooner, and there is no last one."""
+"""The time between two bounces of a pair, as a fraction of sqrt((R1 + R2)^3 / (GM1 + GM2)), below which they are at
+rest on one another: each further bounce comes sooner, and there is no last one."""
 
 
 class Done(NamedTuple):
@@ -157,7 +157,8 @@ class Collisions:
         for _ in range(10 * len(before.q)):
             for i, j in pairs:
                 rule = self.rule(i, j)
-                assert rule is not None and isinstance(rule.then, Bounce)
+                assert rule is not None
+                assert isinstance(rule.then, Bounce)
                 first, second = heavier_first(state.gm, i, j)
                 self._check_at_rest(known, impact.time, first, second, state)
                 following = bounced(state, first, second, rule.then.restitution)

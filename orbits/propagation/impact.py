@@ -190,5 +190,6 @@ def overlapping(q: Array, radii: Array, massive: NDArray[np.bool_], share: float
     for i in np.flatnonzero(massive).tolist():
         distance, reach = np.linalg.norm(q - q[i], axis=1), radii + radii[i]
         others = ((numbers > i) | ~massive) & (distance < share * reach) & (reach > 0.0)
-        found += [(float(distance[j] / reach[j]), min(i, j), max(i, j)) for j in np.flatnonzero(others).tolist() if j != i]
+        near = [j for j in np.flatnonzero(others).tolist() if j != i]
+        found += [(float(distance[j] / reach[j]), min(i, j), max(i, j)) for j in near]
     yield from ((i, j) for _, i, j in sorted(found))

@@ -23,7 +23,7 @@ from orbits.errors import (
 )
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement
-from orbits.propagation.changing import ChangingMarch, March
+from orbits.propagation.changing import ChangingMarch, March, of_this_leg
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
@@ -75,7 +75,7 @@ class RunEnds:
         """Return whether an event ends the run, and note it; others that interrupt it act."""
         if found is None:
             return False
-        state = marcher.state_after(found.time - marcher.time)
+        state = of_this_leg(marcher).state_after(found.time - marcher.time)
         happening = self.events.happening(found, state)
         then = happening.event.then
         if not isinstance(then, str):
@@ -164,11 +164,9 @@ def march(
     trajectory.stopped = watch.stopped
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
-    current = marcher
-    if isinstance(marcher, ChangingMarch):
-        trajectory.changes, current = marcher.changes(), marcher.current
-    if trajectory.changes is None or not marcher.changed:
-        trajectory.record = Record.of(current, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+    trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
+    if not (isinstance(marcher, ChangingMarch) and marcher.changed):
+        trajectory.record = Record.of(of_this_leg(marcher), float(trajectory.times[-1]) if len(trajectory) else 0.0)
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
@@ -250,16 +248,16 @@ def _sample(
             try:
                 marcher.approach(place)
             except IntegrationError:
-                watch.events.after(marcher)  # the steps before the one that failed
+                watch.events.after(of_this_leg(marcher))  # the steps before the one that failed
                 raise
-            found = watch.events.after(marcher)
+            found = watch.events.after(of_this_leg(marcher))
             bar.update(marcher.time)
             if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
                 return
             if store.overdue:
                 store.commit(marcher)
         if watch.events.interrupts:
-            found = watch.events.before(marcher, float(grid.times[index]), record=False)
+            found = watch.events.before(of_this_leg(marcher), float(grid.times[index]), record=False)
             if watch.interrupted(system, marcher, found):
                 return
         state = marcher.state_at(place)
@@ -272,11 +270,11 @@ def _sample(
                 return
         if store.full:
             store.commit(marcher)
-    if watch.interrupted(system, marcher, watch.events.before(marcher, grid.end, record=True)):
+    if watch.interrupted(system, marcher, watch.events.before(of_this_leg(marcher), grid.end, record=True)):
         return
     if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
         with suppress(IntegrationError):
-            end = marcher.ended_at(grid.end)  # the last step of the march leads beyond the run
+            end = of_this_leg(marcher).ended_at(grid.end)  # the last step of the march leads beyond the run
             if end.met is not None:
                 watch.note(system, marcher, end.time, end.state(), *watch.conditions.met(*end.met))
 

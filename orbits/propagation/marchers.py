@@ -21,7 +21,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks import Clock
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
-from orbits.propagation.sample_store import ACCOUNTS
+from orbits.propagation.sample_store import ACCOUNTS, Resumable
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.system.model import Model, model, require_newtonian
@@ -102,7 +102,7 @@ def march_of(
     return Marcher(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, forces=forces, **options)
 
 
-def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
+def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
     """Restore the checkpoint of the archive at `path` in a marcher of its run.
 
     Raises ArchiveError if the checkpoint does not belong to this run.

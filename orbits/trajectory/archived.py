@@ -39,7 +39,7 @@ def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
 
 
 def changes_of(archive: Archive) -> Changes | None:
-    """Return the changes of bodies in an archived run; None for one in which they cannot change, or that is salvaged."""
+    """Return the changes of bodies in an archived run, or None for one in which they cannot change."""
     if COUNTS not in archive.layout.checkpoints[0]:
         return None
     return Changes(archive.system, checked_rows(archive.checkpoint(), archive.system), archive.grid.direction)

@@ -98,7 +98,7 @@ class Changes:
 
     def bodies_after(self, count: int) -> Bodies:
         """Return the bodies after the first `count` rows."""
-        present, gm, radii = (x.copy() for x in self._start)
+        present, gm, radii = self._start.present.copy(), self._start.gm.copy(), self._start.radii.copy()
         for row in self.rows[:count]:
             body = int(row[BODY])
             if row[GM] == GONE:

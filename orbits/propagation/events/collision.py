@@ -45,13 +45,14 @@ class Collision(Sought):
     def bound(self, system: System) -> list[Bound]:
         """Return what the march seeks: it has no function."""
         rows = [None if name is None else index_of(name, system.names) for name in (self.body, self.other)]
-        if None not in rows:
-            if rows[0] == rows[1]:
+        named = [row for row in rows if row is not None]
+        if len(named) == 2:
+            if named[0] == named[1]:
                 raise InputError(f"Collision: {self.body!r} twice; expected two bodies.")
-            if not system.massive[rows].any():
+            if not system.massive[named].any():
                 raise InputError(
-                    f"Collision: {self.body} and {self.other} are both massless, and do not feel each other; expected a "
-                    "body with mass among the two."
+                    f"Collision: {self.body} and {self.other} are both massless, and do not feel each other; expected "
+                    "a body with mass among the two."
                 )
         word = "merger" if isinstance(self.then, Merge) else "bounce" if isinstance(self.then, Bounce) else "collision"
         return [Touching(word, rows[0], rows[1], self.then)]

@@ -70,8 +70,8 @@ class Seeking:
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
         if self.touching and len(self.touching) < len(self._bounds):
             raise InputError(
-                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave out "
-                "the other events, or seek them in a run without collisions."
+                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
+                "out the other events, or seek them in a run without collisions."
             )
         self.interrupts = not self.touching and any(event.interrupts for event in self.events)
         self._needed = np.zeros(len(system), dtype=bool)
