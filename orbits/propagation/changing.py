@@ -78,6 +78,7 @@ class ChangingMarch:
         self._ahead: Ahead | None = None
         self.bodies = Changes(system, self.rows, clock.direction).bodies_after(0)
         self._there = np.ones(len(system), dtype=bool)
+        self._leg: System | None = None  # the bodies of this leg, once they are needed
         self._marcher = self._made(system.values.q, system.values.v, clock)
         self._largest = self._marcher.block
         self._shapes = {name: (x.shape, x.dtype) for name, x in self._marcher.checkpoint().items()}
@@ -210,9 +211,10 @@ class ChangingMarch:
     def _next_step(self, marcher: Marcher) -> Ahead:
         """Search the next step of a march, on copies."""
         now = marcher.checkpoint()
-        start, after = self._again(now), self._again(now, seek=True)
+        after = self._again(now, seek=True)
         after.advance(1)
-        end = after.time if after.step > start.step else self.clock.direction * math.inf  # nothing attracts
+        end = after.time if after.step > marcher.step else self.clock.direction * math.inf  # nothing attracts
+        start = marcher if after.met is None else self._again(now)
         return Ahead(start, after, end, self._impacts(start, after) if after.met is not None else [])
 
     def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:
@@ -278,7 +280,7 @@ class ChangingMarch:
                 self._grid, clock = -1, self.clock
         else:
             self._steps += start.step
-        old, self._there = self._marcher, self.bodies.present | ~self._massive
+        old, self._there, self._leg = self._marcher, self.bodies.present | ~self._massive, None
         steps = start.step + 1
         self._marcher = self._made(state.q[self._there], state.v[self._there], clock, time)
         self._marcher.follow(old)
@@ -308,11 +310,12 @@ class ChangingMarch:
 
         seek : whether it ends where bodies may touch; copy : whether it is a copy, for few steps, which is not closed
         """
-        system = of_bodies(self.system, self.bodies._replace(present=self._there))
+        if self._leg is None:
+            self._leg = of_bodies(self.system, self.bodies._replace(present=self._there))
         q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
         radii = self._collisions.sought(self.bodies.radii)[self._there] if seek else None
         threads = 1 if copy else self._threads
-        made = bound(system, self.integrator, clock, threads, state=(q, v), start=time, radii=radii)
+        made = bound(self._leg, self.integrator, clock, threads, state=(q, v), start=time, radii=radii)
         if clock.changes and time != 0.0:
             now = made.checkpoint()
             now["clock"][[adaptive.TIME, adaptive.NEXT]] = time
@@ -373,7 +376,7 @@ class ChangingMarch:
         self.rows = checked_rows(checkpoint, self.system)
         self.bodies = self.changes().bodies_after(rows)
         self._work = checkpoint[WORK].copy() if self._work.size else self._work
-        self._there = self.bodies.present | ~self._massive
+        self._there, self._leg = self.bodies.present | ~self._massive, None
         self.changed = bool(rows and self._massive[self.rows[:, changes.BODY].astype(int)].any())
         self._steps, self._grid = steps, int(checkpoint["counts"][0]) if within else -1
         values, there, clock, begun = self.system.values, self._there, self.clock, 0.0

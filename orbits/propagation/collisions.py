@@ -131,7 +131,7 @@ class Collisions:
             changed |= {first, second}
             bodies = bodies._replace(present=_without(bodies.present, second))
             state = following
-            sought = (pair for pair in overlapping(state.q, state.radii, state.gm > 0.0) if first in pair)
+            sought = overlapping(state.q, state.radii, state.gm > 0.0, of=first)
             pair = next((pair for pair in sought if self._merges(*pair)), None) if heavy else None
         rows = _rows(impact.time, before, state, changed if heavy else set(vanished), bodies.present)
         if heavy:

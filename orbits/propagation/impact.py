@@ -73,17 +73,29 @@ def candidates(step: Step, radii: Array, massive: NDArray[np.bool_]) -> Iterable
     numbers = np.arange(len(q0))
     found: set[tuple[int, int]] = set()
     for i in np.flatnonzero(massive).tolist():
-        others = (numbers > i) | ~massive
         x0, x1, u0, u1 = q0 - q0[i], q1 - q1[i], v0 - v0[i], v1 - v1[i]
         reach = radii + radii[i]
+        # As in `orbits.kernels.collisions`: the cubic lies within the hull of its control points.
+        after = _squares(u1) * (h * h / 9.0)
+        way = np.maximum(_squares(u0) * (h * h / 9.0), 2.0 * _squares(x1 - x0) + 2.0 * after)
+        close = ((numbers > i) | ~massive) & (_squares(x0) < 2.0 * reach * reach + 4.0 * way)
+        others = numbers[close]
+        if not others.size:
+            continue
+        x0, x1, u0, u1, reach = x0[close], x1[close], u0[close], u1[close], reach[close]
         limit = reach + MARGIN * np.linalg.norm(x1 - x0 - 0.5 * h * (u0 + u1), axis=1)
         outside = np.linalg.norm(x0, axis=1) >= (1.0 - CONTACT) * reach
         ends_inside = np.linalg.norm(x1, axis=1) < limit
         turns = (np.sum(x0 * u0, axis=1) * h < 0.0) & (np.sum(x1 * u1, axis=1) * h >= 0.0)
-        for j in np.flatnonzero(others & outside & (reach > 0.0) & (ends_inside | turns)).tolist():
-            if j != i and (ends_inside[j] or _cubic(x0[j], u0[j], x1[j], u1[j], h).min() < limit[j]):
+        for k in np.flatnonzero(outside & (reach > 0.0) & (ends_inside | turns)).tolist():
+            j = int(others[k])
+            if j != i and (ends_inside[k] or _cubic(x0[k], u0[k], x1[k], u1[k], h).min() < limit[k]):
                 found.add((min(i, j), max(i, j)))
     return sorted(found)
+
+
+def _squares(x: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->i", x, x))
 
 
 def _cubic(x0: Array, u0: Array, x1: Array, u1: Array, h: float) -> Array:
@@ -183,11 +195,16 @@ def _root(
     return s
 
 
-def overlapping(q: Array, radii: Array, massive: NDArray[np.bool_], share: float = 1.0) -> Iterator[tuple[int, int]]:
-    """Yield the pairs that are closer than `share` times the sum of their radii, (n, 3) and (n,), nearest first."""
+def overlapping(
+    q: Array, radii: Array, massive: NDArray[np.bool_], share: float = 1.0, of: int | None = None
+) -> Iterator[tuple[int, int]]:
+    """Yield the pairs that are closer than `share` times the sum of their radii, (n, 3) and (n,), nearest first.
+
+    of : a massive body, if only pairs with it are looked for
+    """
     found = []
-    numbers = np.arange(len(q))
-    for i in np.flatnonzero(massive).tolist():
+    numbers = np.arange(len(q)) if of is None else np.full(len(q), of + 1)
+    for i in np.flatnonzero(massive).tolist() if of is None else [of]:
         distance, reach = np.linalg.norm(q - q[i], axis=1), radii + radii[i]
         others = ((numbers > i) | ~massive) & (distance < share * reach) & (reach > 0.0)
         near = [j for j in np.flatnonzero(others).tolist() if j != i]
