@@ -42,7 +42,11 @@ def changes_of(archive: Archive) -> Changes | None:
     """Return the changes of bodies in an archived run, or None for one in which they cannot change."""
     if COUNTS not in archive.layout.checkpoints[0]:
         return None
-    return Changes(archive.system, checked_rows(archive.checkpoint(), archive.system), archive.grid.direction)
+    try:
+        rows = checked_rows(archive.checkpoint(), archive.system)
+    except ArchiveError as error:
+        raise ArchiveError(f"{archive.path} is damaged: {error}") from error
+    return Changes(archive.system, rows, archive.grid.direction)
 
 
 def identity_of(run: Trajectory, samples: int) -> str:
