@@ -211,6 +211,10 @@ class Conservation:
         """
         return u.Quantity(self._lost()[:, 0] / self.system.units.G, self.system.units.energy)
 
+    def angular_momentum_lost(self) -> u.Quantity:
+        """Return the angular momentum that mergers turned into spin up to each sample, shape (n, 3)."""
+        return u.Quantity(self._lost()[:, 1:4] / self.system.units.G, self.system.units.angular_momentum)
+
     def _lost(self) -> Array:
         """What changes of bodies took up to each sample, times G, (n, 7)."""
         return np.zeros((len(self), 7)) if self.changes is None else self.changes.lost(self.times)
