@@ -14,9 +14,9 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & W
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -519,39 +519,15 @@ class Collocation(Form):
 
         h c is a pair in doubled precision; eta is not scaled, because h eta would be rounded once more.
         """
-        tableau, s, count, ratio = self.tableau, self.tableau.stages, self.registers, h / before
-        lane = np.minimum(np.arange(WIDTH * count), s - 1)
-        out = np.zeros((count, ETA + 3 * WIDTH * count, WIDTH))
-        hc = h * tableau.nodes
-        rounding = [float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(tableau.nodes, hc, strict=True)]
-        weights = np.zeros(WIDTH * count)
-        weights[:s] = tableau.b
-        ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
-        start = tableau.eta @ ahead
-        apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
-        with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
-            barycentric = 1.0 / apart.prod(axis=1)
-        legendre = np.zeros((s, s))
-        if np.isfinite(barycentric).all():
-            values = np.polynomial.legendre.legvander(2.0 * tableau.nodes - 1.0, s - 1)
-            legendre = np.linalg.inv(values) / tableau.b
-        last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
-        for r in range(count):
-            own = slice(WIDTH * r, WIDTH * (r + 1))
-            out[r, HC], out[r, HC_LO] = hc[lane[own]], np.array(rounding)[lane[own]]
-            out[r, HB], out[r, REST] = h * weights[own], tableau.one_minus_nodes[lane[own]]
-            out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
-            out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
-            out[r, LAST, : len(last[own])] = last[own]
-            out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
-            out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
-            out[r, ETA + 2 * WIDTH * count : ETA + 2 * WIDTH * count + s, : len(last[own])] = legendre[:, own]
+        out = _table(self.tableau, h / before).copy()
+        out[:, HC], out[:, HC_LO] = _product(h, out[:, NODES])
+        out[:, HB] = h * out[:, WEIGHTS]
         return out
 
     @property
     def is_dense(self) -> bool:
-        """Whether the stages are those of collocation, as for Gauss: they then lie on the polynomial through their forces,
-        where it resolves them.
+        """Whether the stages are those of collocation, as for Gauss: where the polynomial through their forces resolves
+        the motion, they lie on it.
         """
         return _collocates(self.tableau)
 
@@ -574,10 +550,55 @@ class Collocation(Form):
         return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, 6 * self.registers), WIDTH
 
 
+SPLITTER = 2.0**27 + 1.0
+"""Splits a float into two of 26 bits."""
+
+
+def _product(h: float, c: Array) -> tuple[Array, Array]:
+    """Return h c and its rounding error, of numbers c in [0, 1]. Source: Dekker (1971)."""
+    part, exponent = math.frexp(h)  # so that nothing overflows
+    product = part * c
+    c_high, part_high = SPLITTER * c - (SPLITTER * c - c), SPLITTER * part - (SPLITTER * part - part)
+    c_low, part_low = c - c_high, part - part_high
+    error = part_low * c_low - (((product - part_high * c_high) - part_low * c_high) - part_high * c_low)
+    return np.ldexp(product, exponent), np.ldexp(error, exponent) + 0.0
+
+
+@lru_cache(maxsize=64)
+def _table(tableau: SymplecticTableau, ratio: float) -> Array:
+    """Return the coefficients of steps `ratio` times as long as the one before, without those that depend on the
+    length itself.
+    """
+    s, count = tableau.stages, (tableau.stages + WIDTH - 1) // WIDTH
+    lane = np.minimum(np.arange(WIDTH * count), s - 1)
+    out = np.zeros((count, ETA + 3 * WIDTH * count, WIDTH))
+    weights = np.zeros(WIDTH * count)
+    weights[:s] = tableau.b
+    ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
+    start = tableau.eta @ ahead
+    apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
+    with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
+        barycentric = 1.0 / apart.prod(axis=1)
+    legendre = np.zeros((s, s))
+    if np.isfinite(barycentric).all():
+        values = np.polynomial.legendre.legvander(2.0 * tableau.nodes - 1.0, s - 1)
+        legendre = np.linalg.inv(values) / tableau.b
+    last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
+    for r in range(count):
+        own = slice(WIDTH * r, WIDTH * (r + 1))
+        out[r, REST] = tableau.one_minus_nodes[lane[own]]
+        out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
+        out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
+        out[r, LAST, : len(last[own])] = last[own]
+        out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
+        out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
+        out[r, ETA + 2 * WIDTH * count : ETA + 2 * WIDTH * count + s, : len(last[own])] = legendre[:, own]
+    return out
+
+
 @lru_cache(maxsize=256)
 def _collocates(tableau: SymplecticTableau) -> bool:
-    """Return whether eta b is the square of the matrix a_ij, the integral up to c_i of the Lagrange polynomial of c_j.
-    """
+    """Return whether eta b = a a, where a_ij is the integral up to c_i of the Lagrange polynomial of c_j."""
     s, x = tableau.stages, 2.0 * tableau.nodes - 1.0
     if len(set(x.tolist())) < s:
         return False

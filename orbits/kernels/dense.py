@@ -28,6 +28,7 @@ from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, step
+from orbits.kernels.summation import two_sum
 
 
 def dense(method, h, q, v, kicks, theta, out_q, out_v):
@@ -184,3 +185,13 @@ def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, row
                 store(Q, at, base + h * (load(checks, at) * speed + way))
                 store(V, at, speed + change)
                 at += WIDTH
+
+
+@kernel
+def times_reached(lengths, times):
+    """Write the times after steps of these lengths, (steps + 1, 2), each as the sum of two numbers; the first one is
+    given.
+    """
+    for k in range(len(lengths)):
+        time, lost = two_sum(times[k, 0], lengths[k])
+        times[k + 1, 0], times[k + 1, 1] = two_sum(time, lost + times[k, 1])

@@ -76,7 +76,8 @@ class BoundLoops:
         self._task_scratch = arrays[len(shapes) :]
         rows = 12 * (self.steps + 1) if m else 0
         self.tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self.tasks)))]
-        self.times = np.zeros(clock.room(self.steps, sum(x.size for x in self.state.values())))
+        changed = ("q", "q_lo", "v", "v_lo", "memory")
+        self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
@@ -96,6 +97,12 @@ class BoundLoops:
             self.state[name][: 3 * n] = x[massive].T.ravel()
             self.state[f"particle_{name}"][...] = NOWHERE
             self.state[f"particle_{name}"][:, :m] = x[particles].T
+
+    def lengths(self, count: int) -> Array:
+        """Return the lengths of the `count` steps of the last block."""
+        if not self._clock.changes:
+            return np.full(count, self._clock.h)
+        return self.times[self.steps + 1 : self.steps + 1 + count]
 
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""

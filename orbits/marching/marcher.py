@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -21,6 +21,7 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
+from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import adaptive
@@ -35,6 +36,9 @@ from orbits.marching.partial_steps import PartialSteps
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
+
+APART = 64
+"""The number of steps between the states that are kept of a run with massless particles."""
 
 
 def available_threads() -> int:
@@ -115,8 +119,9 @@ class Marcher:
             self._state["clock"] = self.clock.numbers_for(integrator)
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
-        self._block, self._times = (0, 0.0), np.zeros(1)
+        self._block, self._begun_lo, self._lengths = (0, 0.0), 0.0, np.zeros(0)
         self._partial: PartialSteps | None = None
+        self._keep: Callable[[Array, Array, Array], None] | None = None
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -156,7 +161,8 @@ class Marcher:
         self._back_up()
         before = self.step
         try:
-            failure = self._advance_block(most)
+            failure = self._advance_block(min(most, self._most()))
+            self._pass_on(self.step - before)
         except BaseException:  # an interrupt: return to the state after the last complete block
             self._replay(0)
             self.step = before
@@ -164,6 +170,10 @@ class Marcher:
         if failure is not None:
             raise failure
         return self.step - before
+
+    def _most(self) -> int:
+        """Return the number of steps up to the next state that is kept, if not all are."""
+        return self.block if self._keep is None or not len(self._particles) else APART - self.step % APART
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -197,6 +207,34 @@ class Marcher:
         except IntegrationError as error:
             return error
         return failure
+
+    def keep_steps(
+        self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
+    ) -> None:
+        """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
+        the order of the caller: at the ends of all its steps, or, with massless particles, of every `APART`-th step.
+
+        take_back : called with a number of states passed last that are no longer of the run; see `go_back`
+        """
+        self._keep, self._take_back = keep, take_back
+
+    def _pass_on(self, count: int) -> None:
+        """Pass the states at the ends of the `count` steps of the last block to what keeps them."""
+        if self._keep is None or not count:
+            return
+        times = np.zeros((count + 1, 2))
+        if self.clock.changes:
+            times[0] = self._backup["clock"][[adaptive.TIME, adaptive.TIME_LO]]
+        else:
+            times[0, 0] = self._time_of(self.step - count)
+        times_reached(self._loops.lengths(count), times)
+        if not len(self._particles):
+            n = self._bodies
+            states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
+            self._keep(times[1:], *states)
+        elif self.step % APART == 0:
+            q, v = self.state()
+            self._keep(times[-1:], q[None], v[None])
 
     def _lose(self, lost: Lost) -> IntegrationError | None:
         """Retire particles; or return the error for the first one, if `retire` is not set."""
@@ -243,7 +281,7 @@ class Marcher:
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
-        self._arrived, self._block, self._times = False, (0, self.time), np.zeros(1)
+        self._arrived, self._block = False, (0, self.time)
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -283,6 +321,8 @@ class Marcher:
         """Return to the state after the first `steps` steps of the last block."""
         count = self._block[0]
         if steps < count:
+            if self._keep is not None:
+                self._take_back(int(self.step % APART == 0) if len(self._particles) else count - steps)
             self.step -= count
             self._retired.return_to(self.step + steps)
             self._replay(steps)
@@ -442,9 +482,15 @@ class Marcher:
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
-        after = self._times if self.clock.changes else self.clock.h * np.arange(count + 1.0)
+        if self.clock.changes:
+            times, lengths = np.array([[begun, self._begun_lo]] * (count + 1)), self._lengths[:count]
+            times_reached(lengths, times)
+            reached = times[:, 0]
+        else:
+            step = self.step - count
+            reached, lengths = self._start + self.clock.time(step + np.arange(count + 1.0)), self._loops.lengths(count)
         path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
-        return Motion(self._form, begun, after, path, kicks, self.partial_steps())
+        return Motion(self._form, reached, lengths, path, kicks, self.partial_steps())
 
     def partial_steps(self) -> PartialSteps:
         """Return what takes partial steps of the massive bodies by this method."""
@@ -501,6 +547,7 @@ class Marcher:
         usual = clock == self.clock
         now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
         bound = self._loops.bound(clock, now)
+        begun_lo = float(now[adaptive.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
         path = self._nothing if record is None else self._watcher.path(count)
         status, done, body, evaluations = self._loops.march(state, bound, path, count)
@@ -518,7 +565,7 @@ class Marcher:
         if record is not None:
             self._block = count, float(now[adaptive.ORIGIN]) if self.clock.changes else self._time_of(self.step)
             if self._loops.kicks.size and self.clock.changes:  # copies of the state use the same room
-                self._times = self._loops.times[: count + 1].copy()
+                self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
             self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)

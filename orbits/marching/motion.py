@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,22 +17,20 @@ class Motion:
     """The motion of n massive bodies within consecutive steps of a march.
 
     form : the form that took the steps
-    begun, after : the time at which the first step begins, since the start of the run, and the times after that,
-        (steps + 1,), at which the steps begin and the last one ends
+    times : (steps + 1,), at which the steps begin and the last one ends, since the start of the run
+    lengths : (steps,), of the steps
     path : (steps + 1, 2, padded), q and v at these times, all x first; kicks : (steps, rows, 8), the carry after each,
         or none for a method without a polynomial through its stages
     partial : takes partial steps where no polynomial resolves the motion
 
-    times : (steps + 1,), at which the steps begin and the last one ends, since the start of the run; lengths : (steps,)
     The arrays may be those of the march, which its next block overwrites.
     """
 
     def __init__(
-        self, form: Form, begun: float, after: Array, path: Array, kicks: Array, partial: PartialSteps
+        self, form: Form, times: Array, lengths: Array, path: Array, kicks: Array, partial: PartialSteps
     ) -> None:
         self._form, self._partial = form, partial
-        self.lengths = np.diff(after)
-        self.times, self.path, self.kicks = begun + after, path, kicks
+        self.times, self.lengths, self.path, self.kicks = times, lengths, path, kicks
 
     def __len__(self) -> int:
         """Return the number of steps."""
@@ -41,9 +38,7 @@ class Motion:
 
     def with_steps(self, times: Array, path: Array, kicks: Array, lengths: Array) -> Motion:
         """Return the motion within other steps of the march."""
-        other = Motion(self._form, 0.0, times, path, kicks if len(self.kicks) else self.kicks, self._partial)
-        other.times, other.lengths = times, lengths
-        return other
+        return Motion(self._form, times, lengths, path, kicks if len(self.kicks) else self.kicks, self._partial)
 
     def at(self, steps: ArrayLike, fractions: ArrayLike) -> tuple[Array, Array]:
         """Return q and v, (m, n, 3), at fractions of steps, both (m,).
@@ -68,7 +63,7 @@ class Motion:
         return self._shaped(*found)
 
     def _bends(self, steps: Any) -> Array:
-        """Return the last two coefficients of the cubics through the states at the ends of steps, as kicks (m, 3n, 2)."""
+        """Return the last two coefficients of the cubics through the states at the ends of steps, (m, 3n, 2)."""
         size, h = self._partial.size, self.lengths[steps][:, None]
         (q, v), (q1, v1) = self._ends_of(steps)
         way = (q1 - q) / h

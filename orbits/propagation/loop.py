@@ -41,6 +41,7 @@ from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
+    from orbits.propagation.step_store import StepStore
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
@@ -112,10 +113,11 @@ def march(
     progress: bool | None,
     watch: RunEnds,
     accounts: Array,
+    steps: StepStore | None = None,
 ) -> Trajectory:
     """March from sample `first` to the last one; however it ends, the archive is left closed and readable.
 
-    accounts : see `SampleStore`
+    accounts, steps : see `SampleStore`
     begin : opens the archive to write to, if there is one
     """
     begun, known = time.perf_counter(), len(marcher.retired())
@@ -127,9 +129,9 @@ def march(
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
-            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, watch.events)
-            unit, steps = system.units.time, grid.whole_steps
-            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
+            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, steps, watch.events)
+            unit, count = system.units.time, grid.whole_steps
+            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
             try:
                 try:
                     _sample(system, marcher, grid, first, store, bar, stop, watch)
@@ -225,6 +227,7 @@ def _result(
         complete=len(q) == len(grid),
         again=REPLAY,
         accounts=accounts,
+        kept=None if store.steps is None else store.steps.kept,
     )
 
 
@@ -256,10 +259,12 @@ def _sample(
                 return
             if store.overdue:
                 store.commit(marcher)
-        if watch.events.interrupts:
+        while watch.events.interrupts:  # those between the last step and the sample
             found = watch.events.before(of_this_leg(marcher), float(grid.times[index]), record=False)
             if watch.interrupted(system, marcher, found):
                 return
+            if found is None:
+                break
         state = marcher.state_at(place)
         store.note(marcher.accounts())
         store.add(*state)
@@ -270,8 +275,9 @@ def _sample(
                 return
         if store.full:
             store.commit(marcher)
-    if watch.interrupted(system, marcher, watch.events.before(of_this_leg(marcher), grid.end, record=True)):
-        return
+    while (found := watch.events.before(of_this_leg(marcher), grid.end, record=True)) is not None:
+        if watch.interrupted(system, marcher, found):
+            return
     if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
         with suppress(IntegrationError):
             end = of_this_leg(marcher).ended_at(grid.end)  # the last step of the march leads beyond the run

@@ -135,7 +135,7 @@ class Conditions:
             )
         for c in given:
             if isinstance(c, Sought) and c.then != RECORD:
-                raise InputError(f"stop holds {type(c).__name__} with then=..., which is for events: give it in events=.")
+                raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
         self._system = system
         self._distances = [c for c in given if isinstance(c, CloserThan | FartherThan)]
         self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")

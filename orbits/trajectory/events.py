@@ -77,7 +77,9 @@ class Events(Sequence[FoundEvent]):
     rows : (n, 8), see `TIME`
     """
 
-    def __init__(self, system: System | None = None, words: Sequence[Sequence[str | None]] = (), rows: Any = ()) -> None:
+    def __init__(
+        self, system: System | None = None, words: Sequence[Sequence[str | None]] = (), rows: Any = ()
+    ) -> None:
         self._system, self._words = system, [tuple(pair) for pair in words]
         self._rows: Array = np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
         self._rows.flags.writeable = False

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
+    from orbits.marching.kept_steps import KeptSteps
     from orbits.propagation.passages_seen import Record
     from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory.again import MarchesAgain
@@ -59,6 +60,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
+    kept : the states at the beginnings of all steps (see `orbits.marching.kept_steps`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 
@@ -86,6 +88,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         again: MarchesAgain | None = None,
         retired: RetiredParticles | None = None,
         accounts: Array | None = None,
+        kept: KeptSteps | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         if not isinstance(system, System):
@@ -118,6 +121,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self._events: Events | None = None
         self.accounts = accounts
         self.changes: Changes | None = None
+        self.kept = kept
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -158,6 +162,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
                 path=path,
                 certificate=certificate,
                 again=again,
+                kept=archive.steps,
                 close=archive.close,
             )
         except BaseException:
@@ -365,6 +370,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             certificate=certificate,
             again=self._again,
             retired=self.retired,
+            kept=self.kept,
         )
         other.changes = self.changes
         return other

@@ -330,6 +330,8 @@ def test_unsound_collisions_are_refused() -> None:
         Collision(then=lambda t, system: None)
     with pytest.raises(InputError, match="expected 0"):
         Bounce(restitution=1.5)
+    with pytest.raises(InputError, match="keeps the steps of the same bodies from start to end"):
+        orbits.propagate(system, duration=1.0, events=MERGE, dense=True)
     with pytest.raises(InputError, match="not tested while bodies may collide"):
         orbits.propagate(system, duration=1.0, events=MERGE, stop=orbits.FartherThan(9.0, "a", "b"))
 

@@ -41,12 +41,12 @@ def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str 
     missing = [event["kind"] for event in known if event["given"] is None or not is_held(event["then"])]
     if missing:
         raise InputError(
-            f"the run in {path} sought {', '.join(missing)}, with a function or an action that a file cannot hold; give "
-            "the same events again: orbits.resume(path, events=[...])."
+            f"the run in {path} sought {', '.join(missing)}, with a function or an action that a file cannot hold; "
+            "give the same events again: orbits.resume(path, events=[...])."
         )
     classes = {name: value for module in MODULES for name, value in vars(module).items() if isinstance(value, type)}
     try:
         made = [classes[event["kind"]](**event["given"], then=again(event["then"])) for event in known]
         return Seeking(archive.system, made, direction)
     except (KeyError, TypeError, InputError) as error:
-        raise ArchiveError(f"{path}: its events cannot be sought here ({error}); it may be of a later version.") from error
+        raise ArchiveError(f"{path}: its events cannot be sought here ({error}); is it of a later version?") from error

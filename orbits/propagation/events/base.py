@@ -96,8 +96,8 @@ class Sought:
             object.__setattr__(self, "then", Call(self.then))
             return
         raise InputError(
-            f"then = {shown(self.then)}; expected {RECORD!r}, {STOP!r}, or what is to be done: an action, or a function "
-            "of the time and the system."
+            f"then = {shown(self.then)}; expected {RECORD!r}, {STOP!r}, or what is to be done: an action, or a "
+            "function of the time and the system."
         )
 
     @property

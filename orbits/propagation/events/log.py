@@ -35,7 +35,7 @@ class Log:
 
     @property
     def known(self) -> bool:
-        """Whether there are events that the run knew when it was resumed."""
+        """Whether there are events that may be found again: before a resume, or before one that acted."""
         return self._last > -np.inf
 
     @property
@@ -43,8 +43,12 @@ class Log:
         """Whether there is no room for another row."""
         return self._count == MOST_EVENTS
 
+    def pass_by(self, time: float) -> None:
+        """Take all events up to a time as known: they are in the list, and what acts has acted."""
+        self._last = time * self._direction
+
     def is_new(self, time: float, apart: float) -> bool:
-        """Return whether an event lies behind those that a resumed run knew already, by more than a time `apart`."""
+        """Return whether an event lies behind those that are known, by more than a time `apart`."""
         return time * self._direction > self._last + apart
 
     def add(self, row: Array, firm: bool) -> None:
@@ -71,4 +75,4 @@ class Log:
         for row in rows[:firm]:
             self.add(row, True)
         if firm:
-            self._last = float(rows[firm - 1, TIME]) * self._direction
+            self.pass_by(float(rows[firm - 1, TIME]))

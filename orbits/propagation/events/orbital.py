@@ -27,8 +27,8 @@ ANGLES = ("Omega", "omega", "f")
 
 @dataclass(frozen=True)
 class Ejection(Sought):
-    """A body is farther from the barycentre of the others than a distance, and leaves them for good: its energy relative
-    to them, as if they were one, is positive.
+    """A body is farther from the barycentre of the others than a distance, and leaves them for good: its energy
+    relative to them, as if they were one, is positive.
 
     distance : a quantity, a text such as "100 AU", or a number in the system's unit of length
     body : a name; None means every body with mass

@@ -97,7 +97,7 @@ class Own(Bound):
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function, (m, 1)."""
-        found = np.asarray(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)
+        found = np.array(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)
         if found.shape != t.shape:
             raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
         return found[:, None]
@@ -110,8 +110,8 @@ def _try(event: Event, own: Own, system: System) -> None:
         found = own.values(np.zeros(2), np.stack([q, q]), np.stack([v, v]), np.zeros(1, dtype=np.int64))
     except Exception as error:  # the function of a user may raise anything
         raise InputError(
-            f"Event {event.name!r} fails at the start of the run: {type(error).__name__}: {error}. Expected a function of "
-            "t (m,), and of q and v (m, bodies, 3), that returns (m,)."
+            f"Event {event.name!r} fails at the start of the run: {type(error).__name__}: {error}. Expected a function "
+            "of t (m,), and of q and v (m, bodies, 3), that returns (m,)."
         ) from error
     if not np.isfinite(found).all():
         raise InputError(f"Event {event.name!r} is {found[0, 0]} at the start of the run; expected a finite number.")
@@ -161,7 +161,7 @@ def _of_expression(expression: Any, system: System) -> Callable[[Array, Array, A
             places.append((index_of(body, system.names), COORDINATES.index(name)))
         else:
             raise InputError(
-                f"Event of an expression with {symbol}; expected t, and symbols of orbits.Event.symbols(name of a body)."
+                f"Event of an expression with {symbol}; expected t, and symbols of orbits.Event.symbols(a body's name)."
             )
     compiled = sympy.lambdify(used, expression, modules="numpy", cse=True)
 

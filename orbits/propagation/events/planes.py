@@ -100,10 +100,10 @@ class Height(Bound):
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the heights, (m, len(columns))."""
-        a, b = self.pairs[columns].T
-        heights = dot(q, self._normal)
-        base = np.where(b == NOBODY, 0.0, heights[:, b])
-        return np.asarray(heights[:, a] - base - self._offset)
+        found = np.empty((len(columns), len(t)))
+        for row, (a, b) in enumerate(self.pairs[columns]):
+            found[row] = dot(q[:, a] if b == NOBODY else q[:, a] - q[:, b], self._normal) - self._offset
+        return found.T
 
 
 def axes_of(units: UnitSystem, frame: str | None) -> Array:
@@ -116,8 +116,8 @@ def check_direction(event: Any) -> None:
     given = event.direction
     if isinstance(given, bool) or not isinstance(given, int | float | np.number) or given not in (-1, 0, 1):
         raise InputError(
-            f"{type(event).__name__}: direction is {shown(given)}; expected 1 for functions that rise, -1 for those that "
-            "fall, or 0 for both."
+            f"{type(event).__name__}: direction is {shown(given)}; expected 1 for functions that rise, -1 for those "
+            "that fall, or 0 for both."
         )
     object.__setattr__(event, "direction", int(given))
 

@@ -28,7 +28,8 @@ CLOSE = 1e-15
 ROUGHLY = 1e-9
 """The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
 
-ROUNDS = 200
+ROUNDS, TINY = 200, np.finfo(np.float64).tiny
+"""The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
 
 REFINEMENTS, MISSED = 8, 1e-3
 """The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
@@ -83,7 +84,7 @@ class Stretch:
 
     def at(self, steps: Whole, fractions: Array, rough: bool = False) -> tuple[Array, Array, Array]:
         """Return t (m,), q and v (m, n, 3) at fractions of steps; see `Motion.roughly_at`."""
-        lengths = self.times[steps + 1] - self.times[steps]
+        lengths = self._motion.lengths[steps]
         states = self._motion.roughly_at(steps, fractions) if rough else self._motion.at(steps, fractions)
         return self.times[steps] + fractions * lengths, *self._of_all(*states)
 
@@ -94,7 +95,7 @@ class Stretch:
 
     def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
         """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly."""
-        begin, length = self.times[:-1][steps], np.diff(self.times)[steps]
+        begin, length = self.times[:-1][steps], self._motion.lengths[steps]
         t = (begin[:, None] + fractions * length[:, None]).ravel()
         return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
 
@@ -135,8 +136,8 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zer
                 except NotFiniteError as error:
                     failed[number] = error
                     continue
-                start = first and begin == 0
-                found[number].append(_brackets(bound.words, g, g_last, columns[number], steps, stretch.backwards, start))
+                where = columns[number], steps, stretch.backwards, first and begin == 0
+                found[number].append(_brackets(bound.words, g, g_last, *where))
     answers: list[Zeros | NotFiniteError] = []
     for number, bound in enumerate(bounds):
         try:
@@ -174,7 +175,8 @@ def _brackets(
 ) -> Brackets:
     """Return the brackets in consecutive steps.
 
-    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as it was marched
+    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as marched
+    start : whether the first step is that of a run
     """
     size, count = len(CHECKS), steps.stop - steps.start
     g = np.ascontiguousarray(g.T).reshape(len(columns), count, -1)
@@ -216,12 +218,13 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     if turns.any():
         around = k[turns], c[turns], low[turns], high[turns], g_low[turns], g_high[turns]
         middle, g_middle = _extrema(along, *around)
-        two = (g_middle >= 0.0) != (around[4] >= 0.0)
+        two = np.where(around[4] >= 0.0, g_middle < 0.0, g_middle > 0.0)
         k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
         middle, g_middle = middle[two], g_middle[two]
         k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
         low, high = np.concatenate([low[~turns], low2, middle]), np.concatenate([high[~turns], middle, high2])
-        g_low, g_high = np.concatenate([g_low[~turns], g_low2, g_middle]), np.concatenate([g_high[~turns], g_middle, g_high2])
+        g_low = np.concatenate([g_low[~turns], g_low2, g_middle])
+        g_high = np.concatenate([g_high[~turns], g_middle, g_high2])
     rising = (g_low < 0.0) != stretch.backwards
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
     k, c, rising = k[wanted], c[wanted], rising[wanted]
@@ -320,11 +323,12 @@ def _root(
     Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
     bisection.
     """
-    a, b, fa, fb = high.copy(), low.copy(), f_high.copy(), f_low.copy()
+    # Zeros count as positive numbers, also at the ends: there may be another one between them.
+    a, b, fa, fb = high.copy(), low.copy(), *(np.where(f == 0.0, TINY, f) for f in (f_high, f_low))
     c, fc = a.copy(), fa.copy()
     fraction = np.full(len(a), 0.5)
     found = np.where(np.abs(fa) < np.abs(fb), a, b)
-    going = np.flatnonzero((fa != 0.0) & (fb != 0.0))
+    going = np.arange(len(a))
     for _ in range(ROUNDS):
         if not len(going):
             break

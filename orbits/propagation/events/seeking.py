@@ -90,8 +90,8 @@ class Seeking:
         """Raise InputError for a march that does not tell the motion within its steps."""
         if self and not marcher.tells_motion:
             raise InputError(
-                f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} bodies "
-                "of this run on several threads; use threads=1, or leave out events=..."
+                f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} "
+                "bodies of this run on several threads; use threads=1, or leave out events=..."
             )
 
     @property
@@ -198,6 +198,7 @@ class Seeking:
             self._first = False
         if not acting:
             return None
+        self.log.pass_by(last)
         self._check_alone(rows[acting], stretch)
         number, column, steps = (int(x) for x in places[acting[0]])
         return Found(number, column, bool(rows[acting[0], RISING]), steps, last)
@@ -262,14 +263,14 @@ class Seeking:
     def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
         when = f"t = {error.time:.10g} {self._system.units.time}".rstrip()
         return EventError(
-            f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend the "
-            "function; all before stays readable.",
+            f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend "
+            "the function; all before stays readable.",
             time=error.time,
         )
 
 
 def _said(bound: Bound) -> str:
-    return " / ".join(repr(word) for word in bound.words if word)
+    return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
 
 
 def _check_massive(event: Sought, bounds: Sequence[Bound], system: System) -> None:

@@ -24,14 +24,15 @@ class Seen(Sought):
     """The base class of events of two bodies as seen from a third one.
 
     body, other, observer : names of three bodies
-    light_time : whether they are seen where they were when the light left them
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
     """
 
     body: str
     other: str
     observer: str = field(kw_only=True)
-    light_time: bool = field(default=False, kw_only=True)
+    apparent: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -39,9 +40,9 @@ class Seen(Sought):
         for name in (self.body, self.other, self.observer):
             if not isinstance(name, str):
                 raise InputError(
-                    f"{what} of {shown(name)}; expected names of bodies, as in {what}('Venus', 'Sun', observer='Earth')."
+                    f"{what} of {shown(name)}; expected names, as in {what}('Venus', 'Sun', observer='Earth')."
                 )
-        checked_flag(self.light_time, f"{what}.light_time")
+        checked_flag(self.apparent, f"{what}.apparent")
 
     def sight(self, system: System) -> Sight:
         """Return the bodies, from there. Raises InputError for one body twice, and UnknownNameError."""
@@ -50,10 +51,10 @@ class Seen(Sought):
         if len({body, other, observer}) < 3:
             twice = system.names[body if body in (other, observer) else other]
             raise InputError(f"{what}: {twice!r} twice; expected three bodies.")
-        if not self.light_time:
+        if not self.apparent:
             return Sight(body, other, observer, 0.0)
         if not system.units.is_physical:
-            raise InputError(f"{what}: light_time needs physical units; {system.units.name} has none.")
+            raise InputError(f"{what}: apparent positions need physical units; {system.units.name} has none.")
         return Sight(body, other, observer, 1.0 / system.units.speed_of_light)
 
 
@@ -72,10 +73,8 @@ class Sight:
         for row in (self.body, self.other):
             way, speed = q[:, row] - q[:, self.observer], v[:, row] - v[:, self.observer]
             if self.delay:
-                # The body moves on a straight line while its light is on the way: off by its acceleration alone.
-                for _ in range(2):
-                    time = self.delay * np.sqrt(dot(way, way))
-                    way = q[:, row] - time[:, None] * v[:, row] - q[:, self.observer]
+                # Where it was when light left it, seen by a moving observer: both by the relative velocity.
+                way = way - (self.delay * np.sqrt(dot(way, way)))[:, None] * speed
             found.append((way, speed))
         (a, va), (b, vb) = found
         return a, b, va, vb
@@ -115,7 +114,8 @@ class Conjunction(Seen):
     body, other, observer : names of three bodies
     frame : "ecliptic" (of J2000) for longitudes, or "icrf" (the system's own axes) for right ascensions; by default as
         for elements
-    light_time : whether they are seen where they were when the light left them
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
     """
 
@@ -162,7 +162,8 @@ class Transit(Seen):
     """A body passes in front of another one, as seen from a third one: its contacts, and where they are closest.
 
     body, other, observer : names of three bodies; the first two need radii
-    light_time : whether they are seen where they were when the light left them
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
 
     The discs touch at the first and the fourth contact from outside, at the second and the third from inside.
@@ -175,8 +176,8 @@ class Transit(Seen):
         for name, radius in zip((self.body, self.other), radii, strict=True):
             if not radius > 0.0:
                 raise InputError(
-                    f"{type(self).__name__} needs the radius of {name}; expected radii in the system: System(radii=...), "
-                    "or system.add(..., radius=...)."
+                    f"{type(self).__name__} needs the radius of {name}; expected radii in the system: "
+                    "System(radii=...), or system.add(..., radius=...)."
                 )
         sign = 1.0 if word == "transit" else -1.0
         outer, inner, least = ((1, 4), (2, 3), None)
