@@ -1,9 +1,9 @@
 """Mergers in a disc of planetesimals: masses over time, and where the energy goes.
 
 Two hundred bodies of half a lunar mass on average orbit the Sun between 0.95 and 1.05 au for thirty years, with radii
-enlarged two hundred times over those of rock, so that something happens. Bodies that collide merge: each merger takes place at
-its own time, found by partial steps of the method, and the march goes on with one body fewer. Mass, momentum and centre
-of mass are kept to round-off, and the energy is what it was at the start plus what the mergers took.
+two hundred times those of rock, so that something happens. Bodies that collide merge: each merger takes place at its
+own time, found by partial steps of the method, and the march goes on with one body fewer. Mass, momentum and centre of
+mass are kept to round-off, and the energy is that at the start less what the mergers took.
 
 This tests events that act on the bodies of a run. It is no model of how planets form: mergers are perfect, the radii
 are not real, and there is no gas.
@@ -138,7 +138,8 @@ def draw(run, growing):
     change, lost = ((x / start).value for x in (run.energy() - run.energy()[0], run.energy_lost()))
     panel.plot(years, np.abs(change), color=style.PALETTE[0], lw=2.6, label="change of the energy")
     panel.plot(years, np.abs(lost), "--", color=style.PALETTE[3], lw=2.0, label="what the mergers took")
-    panel.plot(years, np.maximum(np.abs(change + lost), 3e-17), color=style.PALETTE[2], lw=1.6, label="the two together")
+    both = np.maximum(np.abs(change + lost), 3e-17)
+    panel.plot(years, both, color=style.PALETTE[2], lw=1.6, label="the two together")
     panel.axhline(2.0**-53, color=style.GREY, lw=1.2, ls=":", label="round-off, 2⁻⁵³")
     panel.set(yscale="log", xlabel="years", title="account of the energy, |ΔE / E|", ylim=(1e-17, 1e-3))
     panel.legend(fontsize=14, loc="center right", ncols=2)

@@ -423,6 +423,11 @@ def march_of_run(
             "stop=... with a distance or an energy is not tested while bodies may collide; seek the collision with "
             "then='stop', or leave one of the two out."
         )
+    if clock.changes and not system.massive.all():
+        raise InputError(
+            "collisions of massless bodies are sought in steps of one length, which all bodies share: give dt=..., or "
+            "give them small masses."
+        )
     return ChangingMarch(system, integrator, clock, threads, events)
 
 

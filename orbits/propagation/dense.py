@@ -74,11 +74,11 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
     if trajectory.changes is not None and len(trajectory.changes):
-        again, begun = None, -1
+        again, sample = None, -1
         for k in np.argsort(times * direction, kind="stable").tolist():
-            if again is None or before[k] != begun:
-                begun = int(before[k])
-                again = LegsAgain(trajectory, begun)
+            if again is None or before[k] != sample:
+                sample = int(before[k])
+                again = LegsAgain(trajectory, sample)
             q[k], v[k] = again.at(float(times[k]))
         return q, v, times
     missing = trajectory.times[before] != times

@@ -85,7 +85,8 @@ class RunEnds:
                 raise EventError(f"{happening.kind}: the bodies cannot be changed in a run yet.")
             return False
         names = [name for name in (happening.body, happening.other) if name is not None]
-        self.note(system, marcher, found.time, state, " and ".join(names) + ": " * bool(names) + happening.kind, happening.event)
+        reason = " and ".join(names) + ": " * bool(names) + happening.kind
+        self.note(system, marcher, found.time, state, reason, happening.event)
         return True
 
     def note(

@@ -241,7 +241,7 @@ def resume(
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
-        steps = continued(old, marcher)
+        steps = continued(old, of_this_leg(marcher))
     except BaseException:
         old.close()
         raise
