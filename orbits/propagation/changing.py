@@ -8,13 +8,13 @@ What is found depends on the whole steps alone: samples change nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ArchiveError, InputError, StorageError
+from orbits.errors import ArchiveError, EventError, InputError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
 from orbits.marching import adaptive
@@ -23,7 +23,7 @@ from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
 from orbits.marching.retirement import Retirement
 from orbits.propagation.acting import State
-from orbits.propagation.collisions import Collisions
+from orbits.propagation.collisions import Collisions, rows_of_change
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.impact import Impact, Step, impacts
 from orbits.propagation.marchers import WORK, bound
@@ -56,7 +56,7 @@ class Ahead(NamedTuple):
 class ChangingMarch:
     """A march of a system whose bodies collide, with the interface of `Marcher` that runs need.
 
-    system : at the start, with radii; events : of the run, where collisions are listed
+    system : at the start; events : of the run, where collisions are listed
 
     rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
     ended : the row of the collision that ended the march, and the bodies there, or None
@@ -67,7 +67,8 @@ class ChangingMarch:
         self, system: System, integrator: Integrator, clock: Clock, threads: int | None, events: Seeking
     ) -> None:
         self.system, self.integrator, self.clock = system, integrator, clock
-        self._collisions, self._events, self._threads = Collisions(system, events.touching), events, threads
+        self._collisions = Collisions(system, events.touching) if events.touching else None
+        self._events, self._threads = events, threads
         self._massive = system.massive
         self.rows: Array = no_changes()
         self.ended: tuple[Array, State] | None = None
@@ -93,7 +94,7 @@ class ChangingMarch:
     @property
     def step(self) -> int:
         """Whole steps taken; of constant steps those of the grid."""
-        return self._grid if self._grid >= 0 else self._steps + self._marcher.step
+        return self._grid + self._marcher.step if self._grid >= 0 else self._steps + self._marcher.step
 
     @property
     def time(self) -> float:
@@ -138,6 +139,7 @@ class ChangingMarch:
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced, without changing the march."""
+        self._settle()
         time = self._time_of(place)
         if self._grid < 0:
             return self._whole(self._marcher.state_at(place), time)
@@ -157,8 +159,11 @@ class ChangingMarch:
         """Return whether there may be whole steps, or collisions, left before a place."""
         if self.ended is not None:
             return False
+        self._settle()
         if self._steps_before(place):
             return True
+        if self._collisions is None:
+            return False
         time, direction = self._time_of(place), self.clock.direction
         if not (time - self._marcher.time) * direction > 0.0:
             return False
@@ -179,9 +184,9 @@ class ChangingMarch:
 
     def _march(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place or a collision."""
-        before, begun = self._marcher.checkpoint(), self._marcher.step
+        marcher, begun = self._marcher, self._marcher.step
+        before = {} if self._collisions is None else marcher.checkpoint()
         self._ahead = None
-        marcher = self._marcher
         if self._grid >= 0:
             marcher.advance(1)
         else:
@@ -192,9 +197,54 @@ class ChangingMarch:
             start = self._again(before)
             start.advance(marcher.step - begun - 1)
             self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher)), marcher.time)
-            if marcher is not self._marcher or self.ended is not None:
+
+    def change(self, kind: str, time: float, q: Array, v: Array, before: System, after: System) -> None:
+        """Go on with changed bodies from a time in the step that begins where the march is.
+
+        q, v : of all bodies, (n, 3), at that time; before, after : the bodies without and with the change
+        kind : of the event that changed them, for messages. Raises EventError for a change that a run cannot make.
+        """
+        if after.names != before.names or (after.massive != before.massive).any():
+            raise EventError(
+                f"{kind} at t = {time:.10g}: the function returned other bodies, or gave one a mass that had none or "
+                "took all of it; expected the same bodies, of which q, v, gm and radii may change.",
+                time=time,
+            )
+        same = ("units", "softening", "terms", "forces", "epoch")
+        if any(getattr(after, name) != getattr(before, name) for name in same):
+            raise EventError(
+                f"{kind} at t = {time:.10g}: the function changed something besides q, v, gm and radii, which stays as "
+                "it is in a run.",
+                time=time,
+            )
+        numbers = [self.system.names.index(name) for name in after.names]
+        old = State(self.bodies.gm, self.bodies.radii, q, v)
+        new = State(*(x.copy() for x in old))
+        for kept, changed in zip(new, (after.values.gm, _radii(after), after.values.q, after.values.v), strict=True):
+            kept[numbers] = changed
+        rows = rows_of_change(self.system, self.bodies, time, old, new)
+        if not len(rows):
+            return
+        self.rows = np.concatenate([self.rows, rows])
+        self.bodies = self.changes().bodies_after(len(self.rows))
+        self._work = self._work + self._marcher.accounts()
+        self._begin_leg(self._marcher, time, new)
+
+    def steps_beyond(self, time: float) -> Iterator[Marcher]:
+        """Yield marches that have taken one step each, from here to a time or beyond; this march does not move."""
+        self._settle()
+        ahead, direction = self._marcher, self.clock.direction
+        while (time - ahead.time) * direction > 0.0:
+            following = self._again(ahead.checkpoint())
+            following.advance(1)
+            if following.step == ahead.step:
                 return
-        if self._grid >= 0:
+            yield following
+            ahead = following
+
+    def _settle(self) -> None:
+        """Go on with whole steps, once the part of a step with which a leg began is done."""
+        if self._grid >= 0 and self._marcher.step:
             self._reach_grid()
 
     def advance_to(self, place: Place) -> None:
@@ -225,6 +275,7 @@ class ChangingMarch:
             return self._whole(self._partial(start, time), start.time)
 
         step = Step(start.time, after.time, q, v, at)
+        assert self._collisions is not None
         return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks)
 
     def _is_known(self, impact: Impact) -> bool:
@@ -250,6 +301,7 @@ class ChangingMarch:
         """Let two bodies collide in the step that begins where the march `start` is."""
         q, v = self._whole(self._partial(start, impact.time), start.time)
         before = State(self.bodies.gm, self.bodies.radii, q, v)
+        assert self._collisions is not None
         known = self._collisions.events(self._events.log.rows)
         done = self._collisions.act(self.system, self.bodies, before, impact, known, self.clock.direction)
         for row in done.found:
@@ -313,9 +365,19 @@ class ChangingMarch:
         if self._leg is None:
             self._leg = of_bodies(self.system, self.bodies._replace(present=self._there))
         q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
-        radii = self._collisions.sought(self.bodies.radii)[self._there] if seek else None
+        seek = seek and self._collisions is not None
+        radii = self._collisions.sought(self.bodies.radii)[self._there] if seek and self._collisions else None
         threads = 1 if copy else self._threads
-        made = bound(self._leg, self.integrator, clock, threads, state=(q, v), start=time, radii=radii)
+        made = bound(
+            self._leg,
+            self.integrator,
+            clock,
+            threads,
+            state=(q, v),
+            start=time,
+            radii=radii,
+            dense=bool(self._events),
+        )
         if clock.changes and time != 0.0:
             now = made.checkpoint()
             now["clock"][[adaptive.TIME, adaptive.NEXT]] = time
@@ -350,6 +412,7 @@ class ChangingMarch:
 
         Raises StorageError if there are more changes than an archive has room for.
         """
+        self._settle()
         known = self._marcher.checkpoint()
         known["counts"][0] = self.step if not self.clock.changes else self._marcher.step
         out: dict[str, NDArray[Any]] = {}
@@ -393,7 +456,7 @@ class ChangingMarch:
         self._marcher.restore(known)
 
     def _room(self) -> int:
-        return 2 * len(self.system) if self._collisions.only_merges else ROOM
+        return 2 * len(self.system) if self._collisions is not None and self._collisions.only_merges else ROOM
 
 
 March = Marcher | ChangingMarch
@@ -414,21 +477,27 @@ def march_of_run(
     conditions: Conditions | None = None,
 ) -> March:
     """Return the march of a run of a system. Raises InputError for what cannot be sought together."""
-    if not events.touching:
+    if not events.touching and not events.act:
         march = bound(system, integrator, clock, threads, conditions, dense=bool(events))
         events.check(march)
         return march
     if conditions is not None and (len(conditions.stops) or conditions.energy < np.inf):
         raise InputError(
-            "stop=... with a distance or an energy is not tested while bodies may collide; seek the collision with "
-            "then='stop', or leave one of the two out."
+            "stop=... with a distance or an energy is not tested where events may change the bodies; seek an event "
+            "with then='stop', or leave one of the two out."
         )
-    if clock.changes and not system.massive.all():
+    if events.touching and clock.changes and not system.massive.all():
         raise InputError(
             "collisions of massless bodies are sought in steps of one length, which all bodies share: give dt=..., or "
             "give them small masses."
         )
-    return ChangingMarch(system, integrator, clock, threads, events)
+    march_on = ChangingMarch(system, integrator, clock, threads, events)
+    events.check(march_on.current)
+    return march_on
+
+
+def _radii(system: System) -> Array:
+    return np.zeros(len(system)) if system.radii is None else np.asarray(system.radii.value)
 
 
 def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:

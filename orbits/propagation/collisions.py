@@ -213,6 +213,24 @@ def _rows(time: float, before: State, after: State, changed: set[int], present: 
     return rows
 
 
+def rows_of_change(system: System, bodies: Bodies, time: float, before: State, after: State) -> Array:
+    """Return the rows of all bodies that differ in two states at an instant, with what was lost.
+
+    system : at the start of the run; bodies : that are there
+    """
+    differ = np.zeros(len(before.gm), dtype=bool)
+    for old, new in zip(before, after, strict=True):
+        differ |= (old != new).reshape(len(differ), -1).any(axis=1)
+    differ &= bodies.present & np.isfinite(before.q).all(axis=1)
+    rows = _rows(time, before, after, set(np.flatnonzero(differ).tolist()), bodies.present)
+    if len(rows):
+        rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, time, before, after)
+        massive = after.gm > 0.0
+        momenta = [(x.gm[:, None] * x.v)[massive].sum(axis=0) for x in (before, after)]
+        rows[0, changes.IMPULSE :] = momenta[0] - momenta[1]
+    return rows
+
+
 def _lost(system: System, bodies: Bodies, time: float, before: State, after: State) -> Array:
     """Return the energy and the angular momentum that massive bodies lost, times G, (4,)."""
     sums = []

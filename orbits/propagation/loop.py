@@ -81,13 +81,19 @@ class RunEnds:
         then = happening.event.then
         if not isinstance(then, str):
             changed = then.act(happening)
-            if changed is not None:
-                raise EventError(f"{happening.kind}: the bodies cannot be changed in a run yet.")
+            if changed is not None and isinstance(marcher, ChangingMarch):
+                marcher.change(happening.kind, found.time, *state, happening.system, changed)
             return False
         names = [name for name in (happening.body, happening.other) if name is not None]
         reason = " and ".join(names) + ": " * bool(names) + happening.kind
         self.note(system, marcher, found.time, state, reason, happening.event)
         return True
+
+    def ahead(self, marcher: March, time: float) -> Found | None:
+        """Return the first event that interrupts the run before a time less than a step ahead, if any."""
+        if isinstance(marcher, ChangingMarch):
+            return self.events.before_in(marcher.steps_beyond(time), time)
+        return self.events.before(marcher, time, record=False)
 
     def note(
         self,
@@ -261,7 +267,7 @@ def _sample(
             if store.overdue:
                 store.commit(marcher)
         while watch.events.interrupts:  # those between the last step and the sample
-            found = watch.events.before(of_this_leg(marcher), float(grid.times[index]), record=False)
+            found = watch.ahead(marcher, float(grid.times[index]))
             if watch.interrupted(system, marcher, found):
                 return
             if found is None:

@@ -334,7 +334,7 @@ def test_unsound_collisions_are_refused() -> None:
         orbits.propagate(system.replaced(gm=[1.0, 0.0]), duration=1.0, events=MERGE)
     with pytest.raises(InputError, match="keeps the steps of the same bodies"):
         orbits.propagate(system, duration=1.0, events=MERGE, dense=True)
-    with pytest.raises(InputError, match="not tested while bodies may collide"):
+    with pytest.raises(InputError, match="not tested where events may change the bodies"):
         orbits.propagate(system, duration=1.0, events=MERGE, stop=orbits.FartherThan(9.0, "a", "b"))
 
 

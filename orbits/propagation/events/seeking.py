@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -74,6 +74,7 @@ class Seeking:
                 "out the other events, or seek them in a run without collisions."
             )
         self.interrupts = not self.touching and any(event.interrupts for event in self.events)
+        self.act = any(not isinstance(event.then, str) for event in self.events)
         self._needed = np.zeros(len(system), dtype=bool)
         for bound in self._bounds:
             bodies = bound.bodies()
@@ -165,6 +166,17 @@ class Seeking:
             found = self._seek(rest.motion(), False, record)
         return found
 
+    def before_in(self, steps: Iterable[Marcher], time: float) -> Found | None:
+        """Seek the first event that interrupts the run up to a time, in whole steps that lead beyond it.
+
+        steps : marches that have taken one step each. Events are then where they are without a sample at this time.
+        """
+        for rest in steps:
+            found = self._seek(rest.motion(), False, False, time)
+            if found is not None:
+                return found
+        return None
+
     def event_of(self, number: int) -> Sought:
         """Return the event, as it was given, to which a function belongs."""
         return self._of[number]
@@ -177,13 +189,18 @@ class Seeking:
         kind = bound.words[found.rising] or ""
         return Happening(self._of[found.number], kind, u.Quantity(found.time, system.units.time), at, *names)
 
-    def _seek(self, motion: Motion, firm: bool, record: bool = True) -> Found | None:
-        """Find the events in a stretch of the march and record them; those after one that interrupts are left out."""
+    def _seek(self, motion: Motion, firm: bool, record: bool = True, until: float | None = None) -> Found | None:
+        """Find the events in a stretch of the march and record them; those after one that interrupts are left out, and
+        those after a time `until`.
+        """
         if not len(motion):
             return None
         stretch = Stretch(motion, self._system.massive, self._needed)
         rows, places, failure = self._found(stretch)
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
+        if until is not None:
+            order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
+            failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if self.log.known:
             apart = SAME * float(abs(np.diff(stretch.times)).max())
             order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
