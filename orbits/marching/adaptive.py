@@ -30,14 +30,17 @@ from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, prepare, signal, step
 from orbits.kernels.summation import two_sum
 from orbits.marching.clocks import Clock, Place
 
-TIME, TIME_LO, LENGTH, THETA, TOLERANCE, POWER, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = range(11)
+TIME, TIME_LO, LENGTH, THETA, TOLERANCE, POWER, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT, LONGEST = range(12)
 """The state of the clock: the time reached, in doubled precision; the last step; theta; the tolerance and the power
 1 / (s - 1); the direction 1 or -1; the time limit; whether a step ends at the limit (1) or the march stops before it
-(0); the time at which the block began; and the time at which a step would end that was refused by the limit, or the
-time reached.
+(0); the time at which the block began; the time at which a step would end that was refused by the limit, or the time
+reached; and the longest step, or 0 for any length.
 """
 
-NUMBERS = 11
+NUMBERS = 12
+
+ALONE = 64.0
+"""The longest step of a massive body alone, whose motion sets none, among particles, in units of time."""
 
 FIRST_THETA = 0.2
 
@@ -93,9 +96,11 @@ def take_step(clock, method, model, k, state, storage):
     if rate > 0.0:
         scale = 1.0 / math.sqrt(rate)
         slope = -0.5 * direction * change * scale * scale * scale
+    longest = numbers[LONGEST] if numbers[LONGEST] > 0.0 else math.inf
     status, where, evaluations = TOO_SHORT, 0, 0
     for attempt in range(ATTEMPTS):
         h = direction * theta * scale * math.exp(min(max(0.5 * theta * slope, -1.0), 1.0))
+        h = min(max(h, -longest), longest)
         if not direction * (h - left) <= 0.0:
             if numbers[EXACT] == 0.0:
                 numbers[NEXT] = min(max(numbers[TIME] + h, -FARTHEST), FARTHEST)

@@ -68,7 +68,8 @@ class Replay:
         from orbits.marching.retirement import retirements
 
         particles = np.flatnonzero(~run.system.massive)
-        rows = retirements(listed, checkpoint["particle_q"], checkpoint["particle_v"], particles)
+        q, v, clocks = (checkpoint.get(f"particle_{name}") for name in ("q", "v", "clock"))
+        rows = retirements(listed, q, v, particles, clocks)
         return RetiredParticles.of(run.system, run.clock, rows)
 
 
