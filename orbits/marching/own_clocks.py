@@ -65,6 +65,10 @@ PASSAGE = 1.0
 """The longest way in a step relative to a body, as a fraction of the distance from it: the attraction in a straight
 passage is then integrated by eight nodes to 1e-10 of itself."""
 
+STRETCH = 1.15
+"""By how much a step may be longer than proposed, so that fewer of them cover one of the bodies: the error signal is
+then at most 2.7 times the tolerance, which would not repeat the step."""
+
 MOST_PARTS = 10_000_000
 """The most steps that a particle takes within one of the bodies: a few seconds."""
 
@@ -208,7 +212,7 @@ def follow(method, model, clock, field, k, p, particle, own, storage, room, log)
         left, status, taken = H - done, TOO_SHORT, False
         x_kept, y_kept, z_kept = load(carry, 0), load(carry, 1), load(carry, 2)
         for _ in range(ATTEMPTS):
-            parts = max(math.ceil(abs(left) / proposal), 1.0)
+            parts = max(math.ceil(abs(left) / (STRETCH * proposal)), 1.0)
             h = left / parts
             if not abs(h) > SHORTEST * max(abs(origin + done), abs(H)):
                 break
