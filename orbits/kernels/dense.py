@@ -15,7 +15,7 @@ from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, kernel_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.lanes import full, load, store
 from orbits.kernels.steps import Method
 
 
@@ -64,26 +64,17 @@ def weights(table, first, rows, theta):
 
 
 @kernel(inline=True)
-def stage_weights(table, first, theta, room):
-    """Write `twice_j` at eight fractions theta, in lanes, into row j of `room`, (16, 8); for one register.
-
-    table : has the rows c_k, k = 0 ... 7, from row `first` on
-    """
+def double_integrals(theta, rows, out):
+    """Write J_k at eight fractions theta, in lanes, into row k of `out`, for k = 0 ... rows - 1."""
     x = 2.0 * theta - 1.0
     following, now = integral(0, x, full(-1.0), full(1.0))
     legendre, before, double = full(1.0), full(0.0), 0.5 * theta * theta
-    for k in range(WIDTH):
+    for k in range(rows):
         after, ahead = integral(k + 1, x, legendre, following)
         if k > 0:
             double = (ahead - before) * (0.5 / (2.0 * k + 1.0))
-        store(room, WIDTH + k, double)
+        store(out, k, double)
         before, now, legendre, following = now, ahead, following, after
-    for j in range(WIDTH):
-        even = odd = full(0.0)
-        for k in range(0, WIDTH, 2):
-            even = even + load(room, WIDTH + k) * table[first + k, j]
-            odd = odd + load(room, WIDTH + k + 1) * table[first + k + 1, j]
-        store(room, j, even + odd)
 
 
 @kernel

@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.marching import adaptive, driver
 from orbits.marching.alignment import aligned
+from orbits.marching.bodies_between import PLACES, chart
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
-from orbits.marching.own_clocks import COLUMNS, PLACES, march_own_clocks
+from orbits.marching.own_clocks import COLUMNS, march_own_clocks
 from orbits.marching.own_steps_log import BESIDES
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.pool import Pool
@@ -87,7 +89,7 @@ class BoundLoops:
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
         self.kicks = np.empty((self.steps if dense or own else 0, form.carry_rows(3 * n), WIDTH))
-        self._own_clocks = [_OwnClocks(self._usual, shape, vector[0], self.steps) for _ in self.tasks] if own else []
+        self._own_clocks = [_OwnClocks(form, self._usual, n, self.steps) for _ in self.tasks] if own else []
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
@@ -180,7 +182,7 @@ class BoundLoops:
             mine, addresses = self._own_clocks[task], (0, 0)
             if watcher is not None:
                 addresses = watcher.contexts.addresses[1 + task], watcher.own_steps.addresses[task]
-            room = (self._task_scratch[task], self._stages, retired, *self._record, mine.room, count, start, stop)
+            room = (self._task_scratch[task], self._stages, retired, *self._record, *mine.field, count, start, stop)
             watched = (observer, addresses[0], self.tracks[task], addresses[1], *mine.log)
             return int(march_own_clocks(form, mine.table, *model, times, *particles, *room, *watched))
 
@@ -207,14 +209,18 @@ class BoundLoops:
 class _OwnClocks:
     """The memory of a task that marches particles with clocks of their own; see `march_own_clocks`.
 
-    table : the coefficients of a step of a particle; room : its chart and the bodies at its stages
+    table : the coefficients of a step of a particle; field : the arrays of a `Field` that belong to the task
     log, arrays : the arrays of a `Log`, and those of its context
     """
 
-    def __init__(self, coefficients: Array, stages: tuple[int, int], stride: int, steps: int) -> None:
-        entries = steps + BESIDES
-        self.table, self.room = aligned(coefficients.shape, (PLACES + stages[0], WIDTH))
+    def __init__(self, form: Form, coefficients: Array, n: int, steps: int) -> None:
+        entries, rows, stride = steps + BESIDES, form.stages_shape(3 * n)[0], padded(3 * n)
+        self.table, modes, room = aligned(
+            coefficients.shape, (steps, 3 * n, 2 * WIDTH), (PLACES + rows + stride, WIDTH)
+        )
         self.table[...] = coefficients
+        assert isinstance(form, Collocation)
+        self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
         path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)
         self.arrays = {"path": path, "times": times}
         counts, found = np.zeros(2, dtype=np.int64), np.zeros(4, dtype=np.int64)

@@ -14,15 +14,12 @@ error signal allows it to grow.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
-
-from orbits.integrators.collocation import CANCELLED, ETA, LAST, NODES, WEIGHTS
+from orbits.integrators.collocation import CANCELLED, LAST, NODES, WEIGHTS
 from orbits.kernels.binding import bodies, field_close, gross_field
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
-from orbits.kernels.dense import stage_weights
 from orbits.kernels.encounters import REACH
-from orbits.kernels.lanes import WIDTH, fma, full, largest, load, select, store, total
+from orbits.kernels.lanes import WIDTH, full, largest, load, select, store, total
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_one
 from orbits.kernels.state import Columns, load_particle, store_particle
@@ -37,7 +34,6 @@ from orbits.kernels.steps import (
     prepare,
     step_particles,
 )
-from orbits.kernels.summation import two_sum
 from orbits.kernels.watch import no_particles, watch_at
 from orbits.marching.adaptive import (
     ATTEMPTS,
@@ -52,6 +48,7 @@ from orbits.marching.adaptive import (
     REFUSED,
     TOLERANCE,
 )
+from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies
 from orbits.marching.own_steps_log import ENTRIES, FEW, WANTED, Log, finish_log, log_state
 
 BEFORE, NEXT, REACHED = 0, 1, 2
@@ -77,42 +74,6 @@ SHORTEST = 2.0**-52
 
 RATES = 9
 """The row of the scratch of a particle's step that has S at its stages; see `orbits.integrators.collocation.pull`."""
-
-CHART, PLACES = 0, 16
-"""Rows of the workspace of a task: those of `stage_weights`; then the positions of the bodies at a particle's stages."""
-
-
-class Field(NamedTuple):
-    """The steps that the massive bodies have taken in a block, in which particles follow.
-
-    origin, times : the time at which the block began, and those since then at which its steps begin and the last ends
-    stages : (steps, rows, 8), with low parts; path : flat, q and v at the beginning of each step, each padded
-    kicks : (steps, rows, 8), the carry after each step
-    """
-
-    origin: Any
-    times: Any
-    stages: Any
-    path: Any
-    kicks: Any
-
-
-@kernel(inline=True)
-def place_bodies(method, model, field, k, theta, room):
-    """Write the positions of the bodies at eight fractions of step k, and their low parts, into `room`."""
-    size, stride = 3 * bodies(model.tag, model.parameters), field.stages.shape[1] // 2
-    h = field.times[k + 1] - field.times[k]
-    stage_weights(method.coefficients[0], ETA + 2 * WIDTH, theta, room)
-    kicks, q, v, part = field.kicks[k], 2 * k * stride, (2 * k + 1) * stride, theta * h
-    for i in range(size):
-        even = load(room, 0) * kicks[i, 0]
-        odd = load(room, 1) * kicks[i, 1]
-        for j in range(2, WIDTH, 2):
-            even = even + load(room, j) * kicks[i, j]
-            odd = odd + load(room, j + 1) * kicks[i, j + 1]
-        position, low = two_sum(full(field.path[q + i]), fma(part, full(field.path[v + i]), h * (even + odd)))
-        store(room, PLACES + i, position)
-        store(room, PLACES + stride + i, low)
 
 
 @kernel(inline=True)
@@ -189,14 +150,14 @@ def proposed(h, factor, nodes, rates, stages):
 
 
 @kernel
-def follow(method, model, clock, field, k, p, particle, own, storage, room, log):
+def follow(method, model, clock, field, k, p, particle, own, storage, log):
     """Take particle p through step k of the bodies.
 
-    own : (4,), its clock; storage : with its L as the carry and the scratch of its steps; room : see `CHART`
+    own : (4,), its clock; storage : with its L as the carry and the scratch of its steps
     log : receives its state at the beginning and, if it takes several steps in an encounter, after each of them
     Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
     """
-    H, origin = field.times[k + 1] - field.times[k], field.origin + field.times[k]
+    H, origin = length_of(field, k), field.origin + field.times[k]
     table, carry, scratch, share = method.coefficients[0], storage.carry, storage.scratch, storage.share
     nodes, stages = load(table, NODES), 0
     while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
@@ -213,15 +174,15 @@ def follow(method, model, clock, field, k, p, particle, own, storage, room, log)
         x_kept, y_kept, z_kept = load(carry, 0), load(carry, 1), load(carry, 2)
         for _ in range(ATTEMPTS):
             parts = max(math.ceil(abs(left) / (STRETCH * proposal)), 1.0)
-            h = left / parts
+            h = left if parts == 1.0 else (done + left / parts) - done  # the lengths add up to H
             if not abs(h) > SHORTEST * max(abs(origin + done), abs(H)):
                 break
             before = own[BEFORE] if own[BEFORE] != 0.0 else h
             if done == 0.0 and parts == 1.0:
                 now = Storage(carry, scratch, field.stages[k], share)
             else:
-                place_bodies(method, model, field, k, (done + nodes * h) / H, room)
-                now = Storage(carry, scratch, room[PLACES:], share)
+                place_bodies(method, model, field, k, (done + nodes * h) / H)
+                now = Storage(carry, scratch, field.room[PLACES : PLACES + field.stages.shape[1]], share)
             prepare(method, h, before, now)
             after, _, status, count = step_particles(method, model, origin + done, h, particle, carry, now)
             evaluations += count
@@ -257,24 +218,27 @@ def follow(method, model, clock, field, k, p, particle, own, storage, room, log)
 @kernel
 def march_own_clocks(
     form, coefficients, tag, parameters, timing, numbers, times, q, q_lo, v, v_lo, carry, clocks, scratch, stages,
-    retired, path, kicks, room, steps, start, stop, observer, context, track, own_context, counts, at, own_times,
+    retired, path, kicks, chart, modes, known, room, steps, start, stop, observer, context, track, own_context, counts, at, own_times,
     own_path, own_track, found
 ):  # fmt: skip
     """March massless particles start ... stop - 1 through `steps` steps of massive bodies, each by a clock of its own.
 
-    coefficients, scratch, room : of this task alone; room : (16 + rows, 8), see `CHART`
+    coefficients, scratch, modes, known, room : of this task alone
     q, q_lo, v, v_lo : (3, padded); carry : (particles, 3, 8); clocks : (particles, 4), see `BEFORE`
     retired : (padded, 2) int64, see `orbits.marching.driver.march_particles`
-    times, stages, path, kicks : of the bodies, see `Field`
+    times, stages, path, kicks, chart, modes, known, room : see `Field`
     observer, context, track : see `orbits.kernels.observing`; own_context and what follows : see `Log`
 
     Returns the number of evaluations.
     """
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
-    clock, field = Clock(timing, numbers, times), Field(numbers[ORIGIN], times, stages, path, kicks)
+    clock = Clock(timing, numbers, times)
+    field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
     log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found)
     evaluations, found[0] = 0, steps + 1
     counts[ENTRIES], counts[WANTED] = 0, 0
+    for k in range(steps):
+        known[k] = False
     for p in range(start, stop):
         lane, done, particle = p % WIDTH, 0, load_particle(columns, p)
         if retired[p, 0] != OK:
@@ -287,7 +251,7 @@ def march_own_clocks(
                     track, done, lane, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
                 particle, status, count = follow(
-                    method, model, clock, field, done, p, particle, clocks[p], storage, room, log
+                    method, model, clock, field, done, p, particle, clocks[p], storage, log
                 )
                 evaluations += count
                 if status != OK:

@@ -17,6 +17,7 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_one
 from orbits.kernels.watch import watch_at
+from orbits.marching.bodies_between import length_of
 
 FEW = 4
 """The number of steps within one of the bodies from which on they are logged for the pericentre they may contain."""
@@ -74,7 +75,7 @@ def look(method, model, field, log, p):
         Q, V = log.path[entry : entry + size], log.path[entry + stride : entry + stride + size]
         log.times[row] = field.times[k]
         if part > 0.0:
-            h = field.times[k + 1] - field.times[k]
+            h = length_of(field, k)
             log.times[row] += part * h
             dense(method, h, q, v, field.kicks[k], part, Q, V)
         else:
