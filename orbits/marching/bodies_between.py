@@ -122,7 +122,7 @@ def place_bodies(method, model, field, k, theta):
     _place(field, k, theta, 3 * bodies(model.tag, model.parameters))
 
 
-@kernel
+@kernel(inline=True)
 def _place(field, k, theta, size):
     """Write positions, and their low parts, by the modes of step k."""
     room, modes, stride = field.room, field.modes[k], field.stages.shape[1] // 2

@@ -19,7 +19,7 @@ from orbits.kernels.binding import bodies, field_close, gross_field
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import REACH
-from orbits.kernels.lanes import WIDTH, full, largest, load, select, store, total
+from orbits.kernels.lanes import WIDTH, full, largest, load, maximum, select, store, total
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_one
 from orbits.kernels.state import Columns, load_particle, store_particle
@@ -121,7 +121,7 @@ def judged(method, model, clock, h, carry, storage, annuli):
     inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
     x, y, z = load(carry, 0), load(carry, 1), load(carry, 2)
     rest = max(abs(total(last * x)), max(abs(total(last * y)), abs(total(last * z))))
-    most = max(largest(abs(inverse * x)), max(largest(abs(inverse * y)), largest(abs(inverse * z))))
+    most = largest(inverse * maximum(abs(x), maximum(abs(y), abs(z))))
     if rest > tolerance * most:
         Q = storage.scratch[3:]
         pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
@@ -146,10 +146,11 @@ def proposed(h, factor, nodes, rates, stages):
     ratio = math.sqrt(middle / end)
     slope = (end - before) / (end * (nodes[stages - 1] - nodes[stages - 2]))
     ahead = 1.0 - nodes[stages - 1] + 0.5 * grown * min(max(ratio, LEAST), MOST)
-    return min(abs(h) * grown * ratio * math.exp(min(max(-0.5 * slope * ahead, -1.0), 1.0)), FARTHEST)
+    half = 0.5 * min(max(-0.5 * slope * ahead, -1.0), 1.0)
+    return min(abs(h) * grown * ratio * (1.0 + half) / (1.0 - half), FARTHEST)  # almost exp(2 half)
 
 
-@kernel
+@kernel(inline=True)
 def follow(method, model, clock, field, k, p, particle, own, storage, log):
     """Take particle p through step k of the bodies.
 
