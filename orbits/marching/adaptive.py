@@ -61,15 +61,6 @@ def step_of(clock, k):
 
 
 @kernel(inline=True)
-def place_of_length(room, size, rows, k):
-    """Return where the workspace has the length of step k, to the last bit: the times of a block are rounded.
-
-    size, rows : of the padded vectors and the carry of the bodies, of which it ends with a copy
-    """
-    return room.shape[0] - 4 * size - WIDTH * rows - 1 - k
-
-
-@kernel(inline=True)
 def _keep(room, at, state, carry):
     """Copy the state and carry into `room`, starting at `at`."""
     for x in (state.q, state.q_lo, state.p, state.p_lo):
@@ -131,8 +122,7 @@ def take_step(clock, method, model, k, state, storage):
                 time, lost = two_sum(numbers[TIME], h)
                 numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
                 numbers[NEXT], numbers[LENGTH], numbers[THETA] = numbers[TIME], h, theta * min(factor, GROWTH)
-                room[k + 1] = room[k] + h
-                room[place_of_length(room, state.q.shape[0], storage.carry.shape[0], k)] = h
+                room[k + 1], room[kept // 2 + k] = room[k] + h, h
                 return OK, 0, evaluations
         _put_back(room, kept, state, storage.carry)
         theta *= CAUTION * factor
@@ -208,8 +198,10 @@ class Adaptive(Clock):
             )
 
     def room(self, block: int, size: int) -> int:
-        """Return the length of the workspace: times and lengths of the steps of a block, and the state before a step."""
-        return 2 * block + 1 + size
+        """Return the length of the workspace: the times of a block, the lengths of its steps, and the state before a
+        step.
+        """
+        return 2 * (block + 1) + size
 
     def tolerance_for(self, integrator: Any) -> float:
         """Return the tolerance of the steps of a method: the one given, or its default."""

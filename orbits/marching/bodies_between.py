@@ -22,7 +22,6 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.dense import double_integrals
 from orbits.kernels.lanes import WIDTH, fma, full, load, store
 from orbits.kernels.summation import two_sum
-from orbits.marching.adaptive import place_of_length
 from orbits.tableaux import SymplecticTableau
 
 MODES = 12
@@ -78,8 +77,9 @@ class Field(NamedTuple):
 
 @kernel(inline=True)
 def length_of(field, k):
-    """Return the length of step k."""
-    return field.times[place_of_length(field.times, field.stages.shape[1] // 2, field.kicks.shape[1], k)]
+    """Return the length of step k to the last bit; see `orbits.marching.adaptive.Adaptive.room`."""
+    kept = field.times.shape[0] - 2 * field.stages.shape[1] - WIDTH * field.kicks.shape[1]
+    return field.times[kept // 2 + k]
 
 
 PLACES = MODES

@@ -84,7 +84,8 @@ class BoundLoops:
         self._task_scratch = arrays[len(shapes) :]
         rows = 12 * (self.steps + 1) if m else 0
         self.tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self.tasks)))]
-        self.times = np.zeros(clock.room(self.steps, sum(x.size for x in self.state.values())))
+        changed = ("q", "q_lo", "v", "v_lo", "memory")
+        self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
