@@ -32,6 +32,7 @@ from orbits.kernels.binding import (
     field,
     field_close,
     gross_attraction,
+    gross_field,
     kernel_of,
 )
 from orbits.kernels.compile import kernel
@@ -181,6 +182,25 @@ def _pull(method, model, stages, r, block, lows, Q):
         )
         store(Q, 6 * registers(method) + r, rate)
         return x, y, z
+
+    return with_low_parts
+
+
+def is_round_off(method, model, h, stages, lows, Q, change):
+    """Return whether a change of L is round-off of attractions on a particle that cancel; with low parts only, and for
+    one register.
+    """
+    raise NotImplementedError("is_round_off() is for compiled code only")
+
+
+@overload(is_round_off, jit_options=OPTIONS)
+def _is_round_off(method, model, h, stages, lows, Q, change):
+    if not _is_close(method):
+        return lambda method, model, h, stages, lows, Q, change: False
+
+    def with_low_parts(method, model, h, stages, lows, Q, change):
+        pulls = gross_field(model.tag, model.parameters, stages[:lows], load(Q, 0), load(Q, 1), load(Q, 2))
+        return change <= TIGHT * abs(h) * largest(pulls)
 
     return with_low_parts
 
@@ -367,7 +387,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
             place(method, Q, 3 * r + 1, 3 * R, y, moved_by)
             moved_by = load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)
             place(method, Q, 3 * r + 2, 3 * R, z, moved_by)
-    if not least <= CONVERGED * scale:
+    if not (least <= CONVERGED * scale or is_round_off(method, model, h, stages, lows, Q, least)):
         return particles, carry, NOT_CONVERGED, evaluations
     x_kick, x_kick_lo, x_drift = _sums(coefficients, R, L, 0)
     y_kick, y_kick_lo, y_drift = _sums(coefficients, R, L, 1)

@@ -66,6 +66,9 @@ STRETCH = 1.15
 """By how much a step may be longer than proposed, so that fewer of them cover one of the bodies: the error signal is
 then at most 2.7 times the tolerance, which would not repeat the step."""
 
+NOISE = 1e-13
+"""What rounding errors of positions may leave in the error signal, as a fraction of attractions that cancel."""
+
 MOST_PARTS = 10_000_000
 """The most steps that a particle takes within one of the bodies: a few seconds."""
 
@@ -125,7 +128,7 @@ def judged(method, model, clock, h, carry, storage, annuli):
     if rest > tolerance * most:
         Q = storage.scratch[3:]
         pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
-        most = max(most, CANCELLED * abs(h) * largest(pulls))
+        most = max(most, max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls))
     factor = MOST
     if rest * MOST ** (1.0 / power) > tolerance * most:
         factor = max((tolerance * most / rest) ** power, LEAST)
