@@ -31,14 +31,16 @@ MORE = 4
 """How many there are beyond one for each stage."""
 
 POINTS, FIRST, FITTED = 0, 1, 9
-"""Rows of a chart, (41, 8): the eight other points; eight rows that lead from L of the stages to the first modes; and
-32 that lead to all modes, two rows of eight for each of the eight stages and then for each of the eight other points."""
+"""Rows of a chart, (41, 8): the eight other points; eight rows that lead from L of the stages to the first modes; and 32
+that lead to all modes, two rows of eight for each of the eight stages and then for each of the other points.
+"""
 
 
 def chart(tableau: SymplecticTableau) -> Array:
     """Return the numbers by which modes are computed from forces, (41, 8), for up to eight stages."""
     s, nodes = tableau.stages, tableau.nodes
-    points = 0.5 * (1.0 + np.polynomial.legendre.Legendre.basis(WIDTH + 1).deriv().roots())
+    extrema: Array = np.polynomial.legendre.Legendre.basis(WIDTH + 1).deriv().roots().real
+    points = 0.5 * (1.0 + extrema)
     count = min(s + MORE, MODES)
     everywhere = np.polynomial.legendre.legvander(2.0 * np.concatenate([nodes, points]) - 1.0, count - 1)
     fit = np.zeros((2 * WIDTH, 2 * WIDTH))  # rows: stages, then points; columns: modes
@@ -56,8 +58,8 @@ def chart(tableau: SymplecticTableau) -> Array:
 class Field(NamedTuple):
     """The steps that the massive bodies have taken in a block, in which particles follow.
 
-    origin, times : the time at which the block began, and the workspace of its clock: first the times since then at which
-        its steps begin and the last ends
+    origin, times : the time at which the block began, and the workspace of its clock: first the times since then at
+        which its steps begin and the last ends
     stages : (steps, rows, 8), with low parts; path : flat, q and v at the beginning of each step, each padded
     kicks : (steps, rows, 8), the carry after each step
     chart : see `chart`; modes : (steps, 3n, 16), those of the steps that are `known`, (steps,) bool

@@ -14,6 +14,7 @@ error signal allows it to grow.
 from __future__ import annotations
 
 import math
+
 from orbits.integrators.collocation import CANCELLED, LAST, NODES, WEIGHTS
 from orbits.kernels.binding import bodies, field_close, gross_field
 from orbits.kernels.clocks import Clock
@@ -222,8 +223,8 @@ def follow(method, model, clock, field, k, p, particle, own, storage, log):
 @kernel
 def march_own_clocks(
     form, coefficients, tag, parameters, timing, numbers, times, q, q_lo, v, v_lo, carry, clocks, scratch, stages,
-    retired, path, kicks, chart, modes, known, room, steps, start, stop, observer, context, track, own_context, counts, at, own_times,
-    own_path, own_track, found
+    retired, path, kicks, chart, modes, known, room, steps, start, stop, observer, context, track, own_context,
+    counts, at, own_times, own_path, own_track, found
 ):  # fmt: skip
     """March massless particles start ... stop - 1 through `steps` steps of massive bodies, each by a clock of its own.
 

@@ -68,7 +68,7 @@ class Replay:
         from orbits.marching.retirement import retirements
 
         particles = np.flatnonzero(~run.system.massive)
-        q, v, clocks = (checkpoint.get(f"particle_{name}") for name in ("q", "v", "clock"))
+        q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
         rows = retirements(listed, q, v, particles, clocks)
         return RetiredParticles.of(run.system, run.clock, rows)
 

@@ -28,8 +28,8 @@ class RetiredParticle:
     """A massless particle that could not be integrated any further.
 
     name : of the body; reason : in words
-    step : number of steps of the run that it took; time : after these steps, since the epoch; in a run without dt, after
-        the steps of its own that it took beyond
+    step : number of steps of the run that it took; time : after these steps, since the epoch; in a run without dt,
+        after the steps of its own that it took beyond
     date : the time as a Time (TDB), or None without an epoch
     q, v : its last state, (3,), at that time
     """
