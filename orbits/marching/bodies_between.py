@@ -31,8 +31,8 @@ MORE = 4
 """How many there are beyond one for each stage."""
 
 POINTS, FIRST, FITTED = 0, 1, 9
-"""Rows of a chart, (41, 8): the eight other points; eight rows that lead from L of the stages to the first modes; and 32
-that lead to all modes, two rows of eight for each of the eight stages and then for each of the other points.
+"""Rows of a chart, (41, 8): the eight other points; eight rows that lead from L of the stages to the first modes; and
+32 that lead to all modes, two rows of eight for each of the eight stages and then for each of the other points.
 """
 
 

@@ -183,9 +183,10 @@ class BoundLoops:
             mine, addresses = self._own_clocks[task], (0, 0)
             if watcher is not None:
                 addresses = watcher.contexts.addresses[1 + task], watcher.own_steps.addresses[task]
-            room = (self._task_scratch[task], self._stages, retired, *self._record, *mine.field, count, start, stop)
+            room = (self._task_scratch[task], self._stages, retired, *self._record, *mine.field, *mine.shared)
             watched = (observer, addresses[0], self.tracks[task], addresses[1], *mine.log)
-            return int(march_own_clocks(form, mine.table, *model, times, *particles, *room, *watched))
+            which = (count, start, stop)
+            return int(march_own_clocks(form, mine.table, *model, times, *particles, *room, *which, *watched))
 
         return self._in_tasks(share)
 
@@ -210,16 +211,21 @@ class BoundLoops:
 class _OwnClocks:
     """The memory of a task that marches particles with clocks of their own; see `march_own_clocks`.
 
-    table : the coefficients of a step of a particle; field : the arrays of a `Field` that belong to the task
+    table : the coefficients of a step of a particle; field, shared : the arrays of a `Field` and of a `Shared` that
+        belong to the task
     log, arrays : the arrays of a `Log`, and those of its context
     """
 
     def __init__(self, form: Form, coefficients: Array, n: int, steps: int) -> None:
         entries, rows, stride = steps + BESIDES, form.stages_shape(3 * n)[0], padded(3 * n)
-        self.table, modes, room = aligned(
-            coefficients.shape, (steps, 3 * n, 2 * WIDTH), (PLACES + rows + stride, WIDTH)
+        self.table, modes, room, shared = aligned(
+            coefficients.shape,
+            (steps, 3 * n, 2 * WIDTH),
+            (PLACES + rows + stride, WIDTH),
+            (steps, *coefficients.shape[1:]),
         )
-        self.table[...] = coefficients
+        self.table[...], shared[...] = coefficients, coefficients
+        self.shared = shared, np.zeros(steps)
         assert isinstance(form, Collocation)
         self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
         path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)

@@ -14,6 +14,7 @@ error signal allows it to grow.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from orbits.integrators.collocation import CANCELLED, LAST, NODES, WEIGHTS
 from orbits.kernels.binding import bodies, field_close, gross_field
@@ -78,6 +79,16 @@ SHORTEST = 2.0**-52
 
 RATES = 9
 """The row of the scratch of a particle's step that has S at its stages; see `orbits.integrators.collocation.pull`."""
+
+
+class Shared(NamedTuple):
+    """The coefficients of whole steps of the bodies, which most particles take.
+
+    coefficients : (steps, rows, 8), for a step after one of `before`, (steps,): 0 if they are not known
+    """
+
+    coefficients: Any
+    before: Any
 
 
 @kernel(inline=True)
@@ -155,10 +166,10 @@ def proposed(h, factor, nodes, rates, stages):
 
 
 @kernel(inline=True)
-def follow(method, model, clock, field, k, p, particle, own, storage, log):
+def follow(method, model, clock, field, shared, k, p, particle, own, storage, log):
     """Take particle p through step k of the bodies.
 
-    own : (4,), its clock; storage : with its L as the carry and the scratch of its steps
+    shared : the tables of whole steps; own : (4,), its clock; storage : with its L as the carry, and scratch
     log : receives its state at the beginning and, if it takes several steps in an encounter, after each of them
     Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
     """
@@ -184,12 +195,17 @@ def follow(method, model, clock, field, k, p, particle, own, storage, log):
                 break
             before = own[BEFORE] if own[BEFORE] != 0.0 else h
             if done == 0.0 and parts == 1.0:
-                now = Storage(carry, scratch, field.stages[k], share)
+                sources, coefficients = field.stages[k], shared.coefficients[k : k + 1]
             else:
+                sources, coefficients = field.room[PLACES : PLACES + field.stages.shape[1]], method.coefficients
                 place_bodies(method, model, field, k, (done + nodes * h) / H)
-                now = Storage(carry, scratch, field.room[PLACES : PLACES + field.stages.shape[1]], share)
-            prepare(method, h, before, now)
-            after, _, status, count = step_particles(method, model, origin + done, h, particle, carry, now)
+            mine, now = Method(method.tag, coefficients), Storage(carry, scratch, sources, share)
+            if done != 0.0 or parts != 1.0:
+                prepare(mine, h, before, now)
+            elif shared.before[k] != before:
+                prepare(mine, h, before, now)
+                shared.before[k] = before
+            after, _, status, count = step_particles(mine, model, origin + done, h, particle, carry, now)
             evaluations += count
             factor = 0.5 / CAUTION
             if status == OK:
@@ -223,27 +239,27 @@ def follow(method, model, clock, field, k, p, particle, own, storage, log):
 @kernel
 def march_own_clocks(
     form, coefficients, tag, parameters, timing, numbers, times, q, q_lo, v, v_lo, carry, clocks, scratch, stages,
-    retired, path, kicks, chart, modes, known, room, steps, start, stop, observer, context, track, own_context,
-    counts, at, own_times, own_path, own_track, found
+    retired, path, kicks, chart, modes, known, room, tables, before, steps, start, stop, observer, context, track,
+    own_context, counts, at, own_times, own_path, own_track, found
 ):  # fmt: skip
     """March massless particles start ... stop - 1 through `steps` steps of massive bodies, each by a clock of its own.
 
-    coefficients, scratch, modes, known, room : of this task alone
+    coefficients, scratch, modes, known, room, tables, before : of this task alone; see `Field` and `Shared`
     q, q_lo, v, v_lo : (3, padded); carry : (particles, 3, 8); clocks : (particles, 4), see `BEFORE`
     retired : (padded, 2) int64, see `orbits.marching.driver.march_particles`
-    times, stages, path, kicks, chart, modes, known, room : see `Field`
+    times, stages, path, kicks, chart : see `Field`
     observer, context, track : see `orbits.kernels.observing`; own_context and what follows : see `Log`
 
     Returns the number of evaluations.
     """
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
-    clock = Clock(timing, numbers, times)
+    clock, shared = Clock(timing, numbers, times), Shared(tables, before)
     field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
     log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found)
     evaluations, found[0] = 0, steps + 1
     counts[ENTRIES], counts[WANTED] = 0, 0
     for k in range(steps):
-        known[k] = False
+        known[k], before[k] = False, 0.0
     for p in range(start, stop):
         lane, done, particle = p % WIDTH, 0, load_particle(columns, p)
         if retired[p, 0] != OK:
@@ -256,7 +272,7 @@ def march_own_clocks(
                     track, done, lane, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
                 particle, status, count = follow(
-                    method, model, clock, field, done, p, particle, clocks[p], storage, log
+                    method, model, clock, field, shared, done, p, particle, clocks[p], storage, log
                 )
                 evaluations += count
                 if status != OK:
