@@ -18,7 +18,7 @@ from orbits.marching.alignment import aligned
 from orbits.marching.bodies_between import PLACES, chart
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
-from orbits.marching.own_clocks import COLUMNS, march_own_clocks
+from orbits.marching.own_clocks import ABSENT, COLUMNS, march_own_clocks
 from orbits.marching.own_steps_log import BESIDES
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.pool import Pool
@@ -225,7 +225,7 @@ class _OwnClocks:
             (steps, *coefficients.shape[1:]),
         )
         self.table[...], shared[...] = coefficients, coefficients
-        self.shared = shared, np.zeros(steps)
+        self.shared = shared, np.zeros(steps), np.full((steps + 1, 6, padded(n)), ABSENT)
         assert isinstance(form, Collocation)
         self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
         path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)

@@ -20,8 +20,7 @@ from orbits.integrators.collocation import CANCELLED, LAST, NODES, WEIGHTS
 from orbits.kernels.binding import bodies, field_close, gross_field
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import REACH
-from orbits.kernels.lanes import WIDTH, full, largest, load, maximum, select, store, total
+from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_one
 from orbits.kernels.state import Columns, load_particle, store_particle
@@ -36,7 +35,7 @@ from orbits.kernels.steps import (
     prepare,
     step_particles,
 )
-from orbits.kernels.watch import no_particles, watch_at
+from orbits.kernels.watch import watch_at
 from orbits.marching.adaptive import (
     ATTEMPTS,
     CAUTION,
@@ -71,8 +70,8 @@ then at most 2.7 times the tolerance, which would not repeat the step."""
 NOISE = 1e-13
 """What rounding errors of positions may leave in the error signal, as a fraction of attractions that cancel."""
 
-MOST_PARTS = 10_000_000
-"""The most steps that a particle takes within one of the bodies: a few seconds."""
+MOST_PARTS = 100_000_000
+"""The most steps that a particle takes within one of the bodies: a minute."""
 
 SHORTEST = 2.0**-52
 """A step shorter than this fraction of the time since the start, or of the step of the bodies, is none."""
@@ -82,13 +81,19 @@ RATES = 9
 
 
 class Shared(NamedTuple):
-    """The coefficients of whole steps of the bodies, which most particles take.
+    """What particles need of whole steps of the bodies, which most of them take.
 
     coefficients : (steps, rows, 8), for a step after one of `before`, (steps,): 0 if they are not known
+    ends : (steps + 1, 6, n + padding), x, y and z of the bodies at the first and at the last stage; the last ones are
+        those of a particle's own step. The padding is `ABSENT`
     """
 
     coefficients: Any
     before: Any
+    ends: Any
+
+
+ABSENT, TINY = 1e150, 1e-300
 
 
 @kernel(inline=True)
@@ -102,39 +107,48 @@ def first_length(method, model, field, k, particle):
 
 
 @kernel(inline=True)
-def narrowest(model, sources, scratch, annuli):
-    """Return the largest of (way / distance)^2 relative to the bodies in the step just taken, from its first and last
-    stage, and whether a body is so close that its passage is recorded.
-
-    annuli : see `orbits.kernels.encounters`; empty if passages are not recorded
-    """
-    n, Q, worst, near = bodies(model.tag, model.parameters), scratch[3:], 0.0, False
+def copy_ends(n, sources, ends):
+    """Copy the positions of the bodies at the first and the last stage, so that bodies are in lanes."""
     for j in range(n):
-        x, y, z = sources[j, 0] - Q[0, 0], sources[n + j, 0] - Q[1, 0], sources[2 * n + j, 0] - Q[2, 0]
-        u = sources[j, WIDTH - 1] - Q[0, WIDTH - 1] - x
-        v = sources[n + j, WIDTH - 1] - Q[1, WIDTH - 1] - y
-        w = sources[2 * n + j, WIDTH - 1] - Q[2, WIDTH - 1] - z
-        way2, ahead = u * u + v * v + w * w, -(x * u + y * v + z * w)
-        # The squared distance from the straight line between the two, within it.
-        s = min(max(ahead / way2, 0.0), 1.0) if way2 > 0.0 else 0.0
-        x, y, z = x + s * u, y + s * v, z + s * w
-        distance2 = x * x + y * y + z * z
-        if way2 > worst * distance2:
-            worst = way2 / distance2
-        if j < annuli.shape[0]:
-            near |= distance2 <= annuli[j, REACH] * annuli[j, REACH]
-    return worst, near
+        ends[0, j], ends[1, j], ends[2, j] = sources[j, 0], sources[n + j, 0], sources[2 * n + j, 0]
+        ends[3, j], ends[4, j] = sources[j, WIDTH - 1], sources[n + j, WIDTH - 1]
+        ends[5, j] = sources[2 * n + j, WIDTH - 1]
 
 
 @kernel(inline=True)
-def judged(method, model, clock, h, carry, storage, annuli):
+def narrowest(n, ends, scratch, reaches):
+    """Return the largest of (way / distance)^2 relative to the bodies in the step just taken, from its first and last
+    stage, and whether a body is so close that its passage is recorded.
+
+    reaches : see `orbits.kernels.watch`; empty if passages are not recorded
+    """
+    Q, last = scratch[3:], WIDTH - 1
+    worst = near = full(0.0)
+    for first in range(0, n, WIDTH):
+        x, y, z = load(ends[0], first) - Q[0, 0], load(ends[1], first) - Q[1, 0], load(ends[2], first) - Q[2, 0]
+        u, v = load(ends[3], first) - Q[0, last] - x, load(ends[4], first) - Q[1, last] - y
+        w = load(ends[5], first) - Q[2, last] - z
+        way2 = u * u + v * v + w * w
+        # The point of the straight line between the two that is nearest.
+        s = minimum(maximum(-(x * u + y * v + z * w) / maximum(way2, full(TINY)), full(0.0)), full(1.0))
+        x, y, z = x + s * u, y + s * v, z + s * w
+        distance2 = x * x + y * y + z * z
+        worst = maximum(way2 / distance2, worst)
+        if reaches.shape[0] > 0:
+            reach = load(reaches, first)
+            near = near + (distance2 <= reach * reach)
+    return largest(worst), any_lane(near)
+
+
+@kernel(inline=True)
+def judged(method, model, clock, h, storage, ends, reaches):
     """Return the factor by which the next step may be longer than the one of h just taken, or by which it must be
     repeated (see `orbits.marching.adaptive`), and whether a body is near.
     """
     table, tolerance, power = method.coefficients[0], clock.numbers[TOLERANCE], clock.numbers[POWER]
     last, weights = load(table, LAST), load(table, WEIGHTS)
     inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
-    x, y, z = load(carry, 0), load(carry, 1), load(carry, 2)
+    x, y, z = load(storage.carry, 0), load(storage.carry, 1), load(storage.carry, 2)
     rest = max(abs(total(last * x)), max(abs(total(last * y)), abs(total(last * z))))
     most = largest(inverse * maximum(abs(x), maximum(abs(y), abs(z))))
     if rest > tolerance * most:
@@ -144,7 +158,7 @@ def judged(method, model, clock, h, carry, storage, annuli):
     factor = MOST
     if rest * MOST ** (1.0 / power) > tolerance * most:
         factor = max((tolerance * most / rest) ** power, LEAST)
-    passed, near = narrowest(model, storage.stages, storage.scratch, annuli)
+    passed, near = narrowest(bodies(model.tag, model.parameters), ends, storage.scratch, reaches)
     if factor * factor * passed > PASSAGE * PASSAGE:
         factor = max(PASSAGE / math.sqrt(passed), LEAST)
     return factor, near
@@ -182,9 +196,10 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
         own[NEXT] = first_length(method, model, field, k, particle)
     done, steps, evaluations, proposal = 0.0, 0, 0, own[NEXT]
     log_state(method, model, field, log, p, k, 0.0, particle)
-    begin, wanted, annuli = log.counts[ENTRIES], False, no_particles()
+    begin, wanted, reaches, n = log.counts[ENTRIES], False, shared.before[:0], bodies(model.tag, model.parameters)
     if log.context != 0:
-        annuli, wanted = watch_at(log.context).annuli, watch_at(log.context).then != 0
+        watch = watch_at(log.context)
+        reaches, wanted = watch.reaches, watch.then != 0 or watch.dominant < 0
     while steps < MOST_PARTS:
         left, status, taken = H - done, TOO_SHORT, False
         x_kept, y_kept, z_kept = load(carry, 0), load(carry, 1), load(carry, 2)
@@ -195,10 +210,14 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
                 break
             before = own[BEFORE] if own[BEFORE] != 0.0 else h
             if done == 0.0 and parts == 1.0:
-                sources, coefficients = field.stages[k], shared.coefficients[k : k + 1]
+                sources, coefficients, ends = field.stages[k], shared.coefficients[k : k + 1], shared.ends[k]
+                if shared.before[k] == 0.0:
+                    copy_ends(n, sources, ends)
             else:
                 sources, coefficients = field.room[PLACES : PLACES + field.stages.shape[1]], method.coefficients
                 place_bodies(method, model, field, k, (done + nodes * h) / H)
+                ends = shared.ends[shared.before.shape[0]]
+                copy_ends(n, sources, ends)
             mine, now = Method(method.tag, coefficients), Storage(carry, scratch, sources, share)
             if done != 0.0 or parts != 1.0:
                 prepare(mine, h, before, now)
@@ -209,7 +228,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             evaluations += count
             factor = 0.5 / CAUTION
             if status == OK:
-                factor, near = judged(method, model, clock, h, carry, now, annuli)
+                factor, near = judged(method, model, clock, h, now, ends, reaches)
                 if factor >= REFUSED:
                     particle, taken = after, True
                     proposal = proposed(h, factor, table[NODES], scratch[RATES], stages)
@@ -239,12 +258,12 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
 @kernel
 def march_own_clocks(
     form, coefficients, tag, parameters, timing, numbers, times, q, q_lo, v, v_lo, carry, clocks, scratch, stages,
-    retired, path, kicks, chart, modes, known, room, tables, before, steps, start, stop, observer, context, track,
+    retired, path, kicks, chart, modes, known, room, tables, before, ends, steps, start, stop, observer, context, track,
     own_context, counts, at, own_times, own_path, own_track, found
 ):  # fmt: skip
     """March massless particles start ... stop - 1 through `steps` steps of massive bodies, each by a clock of its own.
 
-    coefficients, scratch, modes, known, room, tables, before : of this task alone; see `Field` and `Shared`
+    coefficients, scratch, modes, known, room, tables, before, ends : of this task alone; see `Field` and `Shared`
     q, q_lo, v, v_lo : (3, padded); carry : (particles, 3, 8); clocks : (particles, 4), see `BEFORE`
     retired : (padded, 2) int64, see `orbits.marching.driver.march_particles`
     times, stages, path, kicks, chart : see `Field`
@@ -253,7 +272,7 @@ def march_own_clocks(
     Returns the number of evaluations.
     """
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
-    clock, shared = Clock(timing, numbers, times), Shared(tables, before)
+    clock, shared = Clock(timing, numbers, times), Shared(tables, before, ends)
     field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
     log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found)
     evaluations, found[0] = 0, steps + 1
