@@ -99,10 +99,11 @@ class SampleStore:
     def commit(self, marcher: Marcher) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
-            steps = () if self.steps is None else self.steps.pieces()
-            checkpoint = checkpoint_of(marcher, self._accounts)
-            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint, steps)
-            if self.steps is not None:
+            new = self._q[: self._count], self._v[: self._count], checkpoint_of(marcher, self._accounts)
+            if self.steps is None:
+                self._writer.commit(*new)
+            else:
+                self._writer.commit(*new, self.steps.pieces())
                 self.steps.written()
             self._count = 0
             self._committed_at = time.perf_counter()
