@@ -18,7 +18,6 @@ from astropy.time import Time
 
 import orbits
 from orbits.ephemeris import AU_KM
-from orbits.point_masses import PointMasses
 from orbits.regression import peers
 from orbits.regression.taylor import taylor
 from orbits.resources import data_path
@@ -199,9 +198,10 @@ def draw(outcome):
             clouds(panels[2], cloud(each.system, encounter, each.run.integrator, outcome.scenario.dt))
         errors(panels[3], each, encounter)
     told = (
-        "left: seen at a right angle to the hyperbola, in the frame of the planet; dashed: without its pull; ring in the inset: geosynchronous satellites. Second: the "
-        f"target plane through the planet's centre; what meets the dashed disc hits. Third: {STARTS} starts, rotated and "
-        "thereby rounded anew, each against a Taylor series from its own floats; RMS"
+        "left: seen at a right angle to the hyperbola, in the frame of the planet; dashed: without its pull; ring in the "
+        "inset: geosynchronous satellites. Second: the target plane through the planet's centre; what meets the dashed "
+        f"disc hits. Third: {STARTS} starts, rotated and thereby rounded anew, each against a Taylor series from its own "
+        "floats; RMS"
     )
     handles, labels = axes[f"errors {names[0]}"].get_legend_handles_labels()
     plotting.below(figure, handles, labels, told)
@@ -232,7 +232,7 @@ def path(axis, each, encounter, dt):
     distance = np.linalg.norm(q[middle, 1] - q[middle, 0])
     hill = AU_KM * distance * (gm[1] / (3.0 * gm[0])) ** (1 / 3)
     inset = axis.inset_axes([0.0, 0.56, 0.44, 0.44])
-    for panel, reach, unit, what in ((axis, 1.12 * hill, 1e6, "million km"), (inset, 9.0 * radius, 1e3, "1,000 km")):
+    for panel, reach, unit in ((axis, 1.12 * hill, 1e6), (inset, 9.0 * radius, 1e3)):
         inside = np.abs(seen).max(axis=1) < 2.0 * reach
         panel.plot(*(seen[inside].T / unit), color=plotting.style.VERMILION, lw=2.0, zorder=3)
         first = seen[inside][0]
