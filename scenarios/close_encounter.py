@@ -198,10 +198,10 @@ def draw(outcome):
             clouds(panels[2], cloud(each.system, encounter, each.run.integrator, outcome.scenario.dt))
         errors(panels[3], each, encounter)
     told = (
-        "left: seen at a right angle to the hyperbola, in the frame of the planet; dashed: without its pull; ring in the "
-        "inset: geosynchronous satellites. Second: the target plane through the planet's centre; what meets the dashed "
-        f"disc hits. Third: {STARTS} starts, rotated and thereby rounded anew, each against a Taylor series from its own "
-        "floats; RMS"
+        "left: seen at a right angle to the hyperbola, in the frame of the planet; dashed: without its pull; ring in "
+        "the inset: geosynchronous satellites. Second: the target plane through the planet's centre; what meets the "
+        f"dashed disc hits. Third: {STARTS} starts, rotated and thereby rounded anew, each against a Taylor series "
+        "from its own floats; RMS"
     )
     handles, labels = axes[f"errors {names[0]}"].get_legend_handles_labels()
     plotting.below(figure, handles, labels, told)

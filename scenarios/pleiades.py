@@ -152,7 +152,7 @@ def draw(path, curves, peer, chosen):
         axis.plot(steps, error, "osD^v"[k] + "-", color=style.PALETTE[k], ms=7,
                   label=plotting.method_words(label))  # fmt: skip
     axis.plot(*peer, "*", ms=19, color=style.INK, label="REBOUND ias15,\nits own steps")
-    axis.plot(*chosen, "*", ms=19, color=style.BLUE, mec="white", label="Gauss, 8 stages,\nadaptive")
+    axis.plot(*chosen, "*", ms=19, color=style.PALETTE[4], mec="white", label="Gauss, 8 stages,\nadaptive")
     axis.axhspan(1e-16, 1.8e-15, color=style.FAINT, alpha=0.8, lw=0)
     axis.text(STEPS[0], 2.4e-15, "digits of the reference", color=style.GREY, fontsize=13)
     axis.set(xscale="log", yscale="log", xlabel="steps", ylim=(4e-16, 300))
