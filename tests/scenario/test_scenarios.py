@@ -108,6 +108,13 @@ def test_each_bundled_scenario_without_dt_shortened_gives_all_that_it_demands(na
     assert height >= 800
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WITHOUT_DT)
+def test_each_bundled_scenario_without_dt_gives_all_that_it_demands_in_full(name, tmp_path):
+    outcome = perform(load(name), out=tmp_path)
+    assert outcome.ok, outcome.failures
+
+
 @pytest.mark.parametrize("name", WITHOUT_DT)
 def test_steps_that_resolve_too_little_fail_the_scenarios_without_dt(name, tmp_path, monkeypatch):
     outcome = perform(without_dt(name, monkeypatch, dt=orbits.Adaptive(1e-3)), out=tmp_path, plot=False)
