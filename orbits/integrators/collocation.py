@@ -34,6 +34,7 @@ from orbits.kernels.binding import (
     kernel_of,
 )
 from orbits.kernels.compile import kernel
+from orbits.kernels.dense import weights as dense_weights
 from orbits.kernels.iteration import (
     CONVERGED,
     FLOOR,
@@ -424,6 +425,27 @@ def signal(method, model, h, state, storage):
     return worst
 
 
+@kernel(inline=True)
+def dense(method, h, q, v, kicks, theta, out_q, out_v):
+    """Write q and v at a fraction of a step, from the polynomial through the forces at its stages.
+
+    q, v : at the beginning of the step; kicks : its L. See `orbits.kernels.dense`.
+    """
+    R, coefficients, size = registers(method), method.coefficients, out_q.shape[0]
+    block, first, part = kicks.shape[0] // R, ETA + 2 * WIDTH * R, theta * h
+    for r in range(R):
+        once, twice = dense_weights(coefficients[r], first, WIDTH * R, theta)
+        for k in range(size):
+            L = load(kicks, r * block + k)
+            if r == 0:
+                out_v[k], out_q[k] = 0.0, 0.0
+            out_v[k] += total(once * L)
+            out_q[k] += total(twice * L)
+    for k in range(size):
+        out_q[k] = q[k] + fma(part, v[k], h * out_q[k])
+        out_v[k] += v[k]
+
+
 @dataclass(frozen=True)
 class Collocation(Form):
     """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians.
@@ -439,6 +461,7 @@ class Collocation(Form):
         "step_particles": step_particles,
         "prepare": prepare,
         "signal": signal,
+        "dense": dense,
         "width": 1,
     }
 
@@ -452,13 +475,13 @@ class Collocation(Form):
         return {**self.kernels, "registers": self.registers, "close": int(self.close)}
 
     def coefficients(self, h: float, before: float) -> Array:
-        """Return (R, 8 + 16 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
+        """Return (R, 8 + 24 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
 
         h c is a pair in doubled precision; eta is not scaled, because h eta would be rounded once more.
         """
         tableau, s, count, ratio = self.tableau, self.tableau.stages, self.registers, h / before
         lane = np.minimum(np.arange(WIDTH * count), s - 1)
-        out = np.zeros((count, ETA + 2 * WIDTH * count, WIDTH))
+        out = np.zeros((count, ETA + 3 * WIDTH * count, WIDTH))
         hc = h * tableau.nodes
         rounding = [float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(tableau.nodes, hc, strict=True)]
         weights = np.zeros(WIDTH * count)
@@ -468,6 +491,10 @@ class Collocation(Form):
         apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
         with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
             barycentric = 1.0 / apart.prod(axis=1)
+        legendre = np.zeros((s, s))
+        if np.isfinite(barycentric).all():
+            values = np.polynomial.legendre.legvander(2.0 * tableau.nodes - 1.0, s - 1)
+            legendre = np.linalg.inv(values) / tableau.b
         last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
         for r in range(count):
             own = slice(WIDTH * r, WIDTH * (r + 1))
@@ -478,7 +505,13 @@ class Collocation(Form):
             out[r, LAST, : len(last[own])] = last[own]
             out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
             out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
+            out[r, ETA + 2 * WIDTH * count : ETA + 2 * WIDTH * count + s, : len(last[own])] = legendre[:, own]
         return out
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether there is a polynomial through the stages, as for all methods with distinct nodes."""
+        return len(set(self.tableau.nodes.tolist())) == self.tableau.stages
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """One row of eight stages for each coordinate and register, and for its low part."""

@@ -38,12 +38,15 @@ class BoundLoops:
     form : of the method; tag, vectors : of what acts on the bodies, and its parameters
     clock : of the march
     threads : how many threads particles, and thousands of massive bodies, may use
+    dense : whether the kicks of each step are recorded, for dense output
 
-    steps : the most steps of a block
+    steps : the most steps of a block; kicks : (steps, rows, 8), those of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
     """
 
-    def __init__(self, form: Form, tag: Tag, vectors: Any, clock: Clock, n: int, m: int, threads: int) -> None:
+    def __init__(
+        self, form: Form, tag: Tag, vectors: Any, clock: Clock, n: int, m: int, threads: int, dense: bool = False
+    ) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
         # Coefficients of steps of different lengths are written before each step, others made for each length.
         self._usual = form.coefficients(1.0, 1.0) if clock.changes else coefficients_of(form, clock.h)
@@ -77,6 +80,7 @@ class BoundLoops:
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
+        self.kicks = np.empty((self.steps if dense else 0, form.carry_rows(3 * n), WIDTH))
         self._march = driver.march if self.parallel is None else self.parallel.march
 
     @property
@@ -107,7 +111,9 @@ class BoundLoops:
         Returns (status, steps done, body, evaluations); see `orbits.marching.driver`.
         """
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        status, done, body, evaluations = self._march(*bound, *vectors, self._scratch, self._stages, path, 1, count)
+        kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
+        room = (self._scratch, self._stages)
+        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
 
     def march_particles(

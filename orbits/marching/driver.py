@@ -16,7 +16,7 @@ from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_particles, record_strip
+from orbits.kernels.paths import record_carry, record_particles, record_strip
 from orbits.kernels.state import (
     Columns,
     all_finite,
@@ -49,7 +49,7 @@ Observers see NaN for a retired particle, so that every comparison with it is fa
 @kernel
 def march(
     form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
-    path, every, steps
+    path, every, kicks, steps
 ):  # fmt: skip
     """March by `steps` steps.
 
@@ -57,6 +57,7 @@ def march(
     q, q_lo, p, p_lo : see `State`; carry, scratch : see `Storage`
     stages : (slots, rows, columns), a slot for each step, or fewer slots that are reused in turn
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; empty for no recording
+    kicks : (steps, rows, 8), receives the carry after each step, for dense output; (0, rows, 8) for no recording
 
     Returns (status, steps done, body or coordinate, evaluations).
     """
@@ -76,6 +77,8 @@ def march(
         evaluations += count
         if status != OK:
             return status, k, where, evaluations
+        if k < kicks.shape[0]:
+            record_carry(kicks, k, carry)
         slot = slot + 1 if slot + 1 < stages.shape[0] else 0
     return (OK if all_finite(q, p, size) else NOT_FINITE), steps, 0, evaluations
 

@@ -30,6 +30,7 @@ from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
+from orbits.marching.motion import Motion
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
@@ -55,6 +56,7 @@ class Marcher:
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the march begins
+    dense : whether each step is recorded for `motion`; for methods with a polynomial through their stages
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition -1 for the energy, or None.
     """
@@ -76,6 +78,7 @@ class Marcher:
         retire: bool = False,
         forces: Sequence[BoundForce] = (),
         start: float = 0.0,
+        dense: bool = False,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -100,7 +103,7 @@ class Marcher:
         )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
-        self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads)
+        self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense)
         self._loops.begin(q, v, self._massive, self._particles)
         self.block = self._loops.steps
         self._state = self._loops.state
@@ -108,6 +111,7 @@ class Marcher:
             self._state["clock"] = self.clock.numbers_for(integrator)
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
+        self._block = 0, 0.0
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -229,7 +233,7 @@ class Marcher:
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
-        self._arrived = False
+        self._arrived, self._block = False, (0, self.time)
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -374,6 +378,13 @@ class Marcher:
         q, v = self._state["particle_q"], self._state["particle_v"]
         return retirements(self._retired.table(), q, v, self._particles)
 
+    def motion(self) -> Motion:
+        """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
+        count, begun = self._block
+        h = self.clock.h
+        times = self._loops.times[: count + 1] if self.clock.changes else h * np.arange(count + 1.0)
+        return Motion(self._form, self._bodies, begun + times, self._watcher.recorded(count), self._loops.kicks[:count])
+
     def accounts(self) -> Array:
         """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):
         work, torque about the origin and impulse, times G.
@@ -433,6 +444,8 @@ class Marcher:
             before = self._state if state is not self._state else self._backup
             body = int(lost[0]) % self._bodies if lost.size else 0
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
+        if record is not None:
+            self._block = count, float(now[adaptive.ORIGIN]) if self.clock.changes else self._time_of(self.step)
         if record is not None and count:
             self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)

@@ -167,6 +167,10 @@ class Watcher:
             self.contexts.enter(path=self._path)
         return self._path
 
+    def recorded(self, steps: int) -> Array:
+        """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
+        return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
+
     def follow(self, h: float, steps: int) -> None:
         """Search for closest approaches among the massive bodies."""
         follow_bodies(self.contexts.addresses[0], h, steps)
@@ -184,8 +188,7 @@ class Watcher:
         observe(self._find_met, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
         if len(self._particles) and self.dominant >= 0:
             n = len(self._massive)
-            block = self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
-            positions = block[:, 0, : 3 * n].reshape(-1, 3, n)
+            positions = self.recorded(steps)[:, 0, : 3 * n].reshape(-1, 3, n)
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
