@@ -80,6 +80,90 @@ def _reciprocal_root(x, x_lo):
 
 
 @kernel(exact=True)
+def _accelerate(gm, pairs, unit, k, body, body_lo, f, f_lo):
+    """Write terms k + 2 of the positions from terms k of the forces of all pairs, (3 groups, 8)."""
+    n, groups = gm.shape[0], f.shape[0] // 3
+    for m in range(body.shape[1]):
+        body[k + 2, m] = body_lo[k + 2, m] = 0.0
+    for p in range(pairs.shape[0]):
+        i, j, g, lane = pairs[p, 0], pairs[p, 1], p // WIDTH, p % WIDTH
+        if i == j:
+            continue
+        to_i, to_j = gm[j] * (unit * unit), -gm[i] * (unit * unit)
+        for c in range(3):
+            x, x_lo = f[c * groups + g, lane], f_lo[c * groups + g, lane]
+            a, b = c * n + i, c * n + j
+            body[k + 2, a], body_lo[k + 2, a] = add_multiple(body[k + 2, a], body_lo[k + 2, a], x, x_lo, to_i, 0.0)
+            body[k + 2, b], body_lo[k + 2, b] = add_multiple(body[k + 2, b], body_lo[k + 2, b], x, x_lo, to_j, 0.0)
+    for m in range(3 * n):
+        body[k + 2, m], body_lo[k + 2, m] = divide(body[k + 2, m], body_lo[k + 2, m], (k + 1.0) * (k + 2.0))
+
+
+@kernel(inline=True, exact=True)
+def _separations(k, g, n, pairs, groups, body, body_lo, pair, pair_lo):
+    """Write terms k of the separations of group g."""
+    for c in range(3):
+        row = (SERIES * k + c) * groups + g
+        for lane in range(WIDTH):
+            i, j = c * n + pairs[WIDTH * g + lane, 0], c * n + pairs[WIDTH * g + lane, 1]
+            x, x_lo = add(body[k, j], body_lo[k, j], -body[k, i], -body_lo[k, i])
+            pair[row, lane], pair_lo[row, lane] = x, x_lo
+
+
+@kernel(inline=True, exact=True)
+def _square(k, g, groups, pair, pair_lo):
+    """Return terms k of d . d."""
+    u, u_lo = full(0.0), full(0.0)
+    for j in range((k + 1) // 2):
+        for c in range(3):
+            a, b = (SERIES * j + c) * groups + g, (SERIES * (k - j) + c) * groups + g
+            u, u_lo = add_multiple(u, u_lo, load(pair, a), load(pair_lo, a), load(pair, b), load(pair_lo, b))
+    u, u_lo = u + u, u_lo + u_lo
+    if k % 2 == 0:
+        for c in range(3):
+            a = (SERIES * (k // 2) + c) * groups + g
+            x, x_lo = load(pair, a), load(pair_lo, a)
+            u, u_lo = add_multiple(u, u_lo, x, x_lo, x, x_lo)
+    return u, u_lo
+
+
+@kernel(inline=True, exact=True)
+def _power(k, g, groups, pair, pair_lo):
+    """Return terms k of u^(-3/2) from those of u up to k, and from its own up to k - 1."""
+    y, y_lo = _reciprocal_root(load(pair, 3 * groups + g), load(pair_lo, 3 * groups + g))
+    y2, y2_lo = multiply(y, y_lo, y, y_lo)
+    if k == 0:
+        return multiply(y2, y2_lo, y, y_lo)
+    w, w_lo, v, v_lo = full(0.0), full(0.0), full(0.0), full(0.0)
+    for j in range(k):
+        a, b = (SERIES * (k - j) + 3) * groups + g, (SERIES * j + 4) * groups + g
+        u, u_lo = load(pair, a), load(pair_lo, a)
+        w, w_lo = add_multiple(w, w_lo, u, u_lo, load(pair, b), load(pair_lo, b))
+        v, v_lo = add_multiple(v, v_lo, u, u_lo, load(pair, b + groups), load(pair_lo, b + groups))
+    w, w_lo = scale(w, w_lo, full(-1.5 * k))
+    w, w_lo = add(w, w_lo, 0.5 * v, 0.5 * v_lo)
+    w, w_lo = multiply(w, w_lo, y2, y2_lo)
+    return divide(w, w_lo, full(1.0 * k))
+
+
+@kernel(inline=True, exact=True)
+def _force(k, c, g, groups, pair, pair_lo):
+    """Return terms k of component c of w d."""
+    f, f_lo = full(0.0), full(0.0)
+    for j in range(k + 1):
+        b, a = (SERIES * j + 4) * groups + g, (SERIES * (k - j) + c) * groups + g
+        f, f_lo = add_multiple(f, f_lo, load(pair, b), load(pair_lo, b), load(pair, a), load(pair_lo, a))
+    return f, f_lo
+
+
+@kernel(inline=True, exact=True)
+def _put(pair, pair_lo, row, x, x_lo):
+    """Store eight pairs (hi, lo)."""
+    store(pair, row, x)
+    store(pair_lo, row, x_lo)
+
+
+@kernel(exact=True)
 def expand(gm, pairs, shift, unit, body, body_lo, pair, pair_lo):
     """Fill the series of a step, whose first two terms, the positions and velocities, are there.
 
@@ -91,83 +175,22 @@ def expand(gm, pairs, shift, unit, body, body_lo, pair, pair_lo):
     """
     n, groups, terms = gm.shape[0], shift.shape[0], body.shape[0]
     first_f = SERIES * terms * groups
-    zero = full(0.0)
     for k in range(terms - 2):
         for g in range(groups):
-            row = k * SERIES * groups + g
-            for c in range(3):
-                for lane in range(WIDTH):
-                    i, j = c * n + pairs[WIDTH * g + lane, 0], c * n + pairs[WIDTH * g + lane, 1]
-                    x, x_lo = add(body[k, j], body_lo[k, j], -body[k, i], -body_lo[k, i])
-                    pair[row + c * groups, lane], pair_lo[row + c * groups, lane] = x, x_lo
-            u, u_lo = zero, zero
-            for j in range((k + 1) // 2):
-                a, b = (SERIES * j) * groups + g, (SERIES * (k - j)) * groups + g
-                for _ in range(3):
-                    u, u_lo = add_multiple(u, u_lo, load(pair, a), load(pair_lo, a), load(pair, b), load(pair_lo, b))
-                    a, b = a + groups, b + groups
-            u, u_lo = u + u, u_lo + u_lo
-            if k % 2 == 0:
-                a = (SERIES * (k // 2)) * groups + g
-                for _ in range(3):
-                    x, x_lo = load(pair, a), load(pair_lo, a)
-                    u, u_lo = add_multiple(u, u_lo, x, x_lo, x, x_lo)
-                    a += groups
+            row = SERIES * k * groups + g
+            _separations(k, g, n, pairs, groups, body, body_lo, pair, pair_lo)
+            u, u_lo = _square(k, g, groups, pair, pair_lo)
             if k == 0:
-                u, u_lo = add(u, u_lo, load(shift, g), zero)
-                y, y_lo = _reciprocal_root(u, u_lo)
-                y2, y2_lo = multiply(y, y_lo, y, y_lo)
-                w, w_lo = multiply(y2, y2_lo, y, y_lo)
-            else:
-                w, w_lo, v, v_lo = zero, zero, zero, zero
-                for j in range(k):
-                    a, b = (SERIES * (k - j) + 3) * groups + g, (SERIES * j + 4) * groups + g
-                    x, x_lo = (u, u_lo) if j == 0 else (load(pair, a), load(pair_lo, a))
-                    w, w_lo = add_multiple(w, w_lo, x, x_lo, load(pair, b), load(pair_lo, b))
-                    v, v_lo = add_multiple(v, v_lo, x, x_lo, load(pair, b + groups), load(pair_lo, b + groups))
-                w, w_lo = scale(w, w_lo, full(-1.5 * k))
-                w, w_lo = add(w, w_lo, 0.5 * v, 0.5 * v_lo)
-                y, y_lo = _reciprocal_root(load(pair, 3 * groups + g), load(pair_lo, 3 * groups + g))
-                y2, y2_lo = multiply(y, y_lo, y, y_lo)
-                w, w_lo = multiply(w, w_lo, y2, y2_lo)
-                w, w_lo = divide(w, w_lo, full(1.0 * k))
-            store(pair, row + 3 * groups, u)
-            store(pair_lo, row + 3 * groups, u_lo)
-            store(pair, row + 4 * groups, w)
-            store(pair_lo, row + 4 * groups, w_lo)
-            v, v_lo = scale(w, w_lo, full(1.0 * k))
-            store(pair, row + 5 * groups, v)
-            store(pair_lo, row + 5 * groups, v_lo)
-            fx, fx_lo, fy, fy_lo, fz, fz_lo = zero, zero, zero, zero, zero, zero
-            for j in range(k + 1):
-                b, a = (SERIES * j + 4) * groups + g, (SERIES * (k - j)) * groups + g
-                w, w_lo = load(pair, b), load(pair_lo, b)
-                fx, fx_lo = add_multiple(fx, fx_lo, w, w_lo, load(pair, a), load(pair_lo, a))
-                a += groups
-                fy, fy_lo = add_multiple(fy, fy_lo, w, w_lo, load(pair, a), load(pair_lo, a))
-                a += groups
-                fz, fz_lo = add_multiple(fz, fz_lo, w, w_lo, load(pair, a), load(pair_lo, a))
-            for c, f, f_lo in ((0, fx, fx_lo), (1, fy, fy_lo), (2, fz, fz_lo)):
-                store(pair, first_f + c * groups + g, f)
-                store(pair_lo, first_f + c * groups + g, f_lo)
-        for m in range(body.shape[1]):
-            body[k + 2, m] = body_lo[k + 2, m] = 0.0
-        for p in range(pairs.shape[0]):
-            i, j, g, lane = pairs[p, 0], pairs[p, 1], p // WIDTH, p % WIDTH
-            if i == j:
-                continue
-            to_i, to_j = gm[j] * (unit * unit), -gm[i] * (unit * unit)
+                u, u_lo = add(u, u_lo, load(shift, g), full(0.0))
+            _put(pair, pair_lo, row + 3 * groups, u, u_lo)
+            w, w_lo = _power(k, g, groups, pair, pair_lo)
+            _put(pair, pair_lo, row + 4 * groups, w, w_lo)
+            w, w_lo = scale(w, w_lo, full(1.0 * k))
+            _put(pair, pair_lo, row + 5 * groups, w, w_lo)
             for c in range(3):
-                f, f_lo = pair[first_f + c * groups + g, lane], pair_lo[first_f + c * groups + g, lane]
-                a, b = c * n + i, c * n + j
-                body[k + 2, a], body_lo[k + 2, a] = add_multiple(
-                    body[k + 2, a], body_lo[k + 2, a], f, f_lo, to_i, 0.0
-                )
-                body[k + 2, b], body_lo[k + 2, b] = add_multiple(
-                    body[k + 2, b], body_lo[k + 2, b], f, f_lo, to_j, 0.0
-                )
-        for m in range(3 * n):
-            body[k + 2, m], body_lo[k + 2, m] = divide(body[k + 2, m], body_lo[k + 2, m], (k + 1.0) * (k + 2.0))
+                f, f_lo = _force(k, c, g, groups, pair, pair_lo)
+                _put(pair, pair_lo, first_f + c * groups + g, f, f_lo)
+        _accelerate(gm, pairs, unit, k, body, body_lo, pair[first_f:], pair_lo[first_f:])
 
 
 @kernel(exact=True)
