@@ -21,7 +21,7 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import ConstantSteps
 from orbits.system.model import from_json, to_json
-from orbits.time_grid import TimeGrid
+from orbits.time_grid import MOST_STEPS, TimeGrid
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -41,6 +41,7 @@ class Header:
     grid : the step and the times of the samples, in the system's unit of time
     provenance : versions and processor, as text
     certificate : the certificate of the integrator on this system, measured before the run, as JSON; "" without one
+    steps : for how many states at the beginnings of steps there is room, for dense output; 0 for none
 
     Raises ArchiveError for values that no run has.
     """
@@ -50,6 +51,7 @@ class Header:
     grid: TimeGrid
     provenance: Mapping[str, str]
     certificate: str = ""
+    steps: int = 0
 
     def __post_init__(self) -> None:
         _check_integrator(self.integrator)
@@ -105,6 +107,8 @@ def to_items(header: Header) -> dict[str, Item]:
         items["system@epoch_jd2"] = float(system.epoch.jd2)
     if header.certificate:
         items["@certificate"] = header.certificate
+    if header.steps:
+        items["steps@room"] = float(header.steps)
     for name, text in header.provenance.items():
         items[f"provenance@{name}"] = str(text)
     for name, item in items.items():
@@ -153,7 +157,16 @@ def from_items(items: Mapping[str, Any]) -> Header:
         grid,
         {name.partition("@")[2]: _item(items, name, str) for name in items if name.startswith("provenance@")},
         _item(items, "@certificate", str) if "@certificate" in items else "",
+        _room(items) if "steps@room" in items else 0,
     )
+
+
+def _room(items: Mapping[str, Any]) -> int:
+    """Return for how many steps there is room. Raises ArchiveError for a number that no run has."""
+    room = _item(items, "steps@room", float)
+    if not (room.is_integer() and 0 < room <= MOST_STEPS):
+        raise ArchiveError(f"steps@room is {room}; expected a number of steps.")
+    return int(room)
 
 
 def _clock(items: Mapping[str, Any]) -> Adaptive:

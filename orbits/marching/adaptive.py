@@ -117,7 +117,7 @@ def take_step(clock, method, model, k, state, storage):
                 time, lost = two_sum(numbers[TIME], h)
                 numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
                 numbers[NEXT], numbers[LENGTH], numbers[THETA] = numbers[TIME], h, theta * min(factor, GROWTH)
-                room[k + 1] = room[k] + h
+                room[k + 1], room[kept // 2 + k] = room[k] + h, h
                 return OK, 0, evaluations
         _put_back(room, kept, state, storage.carry)
         theta *= CAUTION * factor
@@ -193,8 +193,10 @@ class Adaptive(Clock):
             )
 
     def room(self, block: int, size: int) -> int:
-        """Return the length of the workspace: the times of a block, and the state before a step."""
-        return block + 1 + size
+        """Return the length of the workspace: the times of a block, the lengths of its steps, and the state before a
+        step.
+        """
+        return 2 * (block + 1) + size
 
     def tolerance_for(self, integrator: Any) -> float:
         """Return the tolerance of the steps of a method: the one given, or its default."""

@@ -12,6 +12,7 @@ from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.marching import adaptive, driver
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
@@ -38,7 +39,7 @@ class BoundLoops:
     form : of the method; tag, vectors : of what acts on the bodies, and its parameters
     clock : of the march
     threads : how many threads particles, and thousands of massive bodies, may use
-    dense : whether the kicks of each step are recorded, for dense output
+    dense : whether the kicks of each step are recorded, for the dense output of methods with a polynomial
 
     steps : the most steps of a block; kicks : (steps, rows, 8), those of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
@@ -76,11 +77,15 @@ class BoundLoops:
         self._task_scratch = arrays[len(shapes) :]
         rows = 12 * (self.steps + 1) if m else 0
         self.tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self.tasks)))]
-        self.times = np.zeros(clock.room(self.steps, sum(x.size for x in self.state.values())))
+        changed = ("q", "q_lo", "v", "v_lo", "memory")
+        self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
-        self.kicks = np.empty((self.steps if dense else 0, form.carry_rows(3 * n), WIDTH))
+        polynomials = dense and form.is_dense
+        self.kicks = np.empty((self.steps if polynomials else 0, form.carry_rows(3 * n), WIDTH))
+        self._n = n
+        self._copies: tuple[Array, ...] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
 
     @property
@@ -95,6 +100,14 @@ class BoundLoops:
             self.state[name][: 3 * n] = x[massive].T.ravel()
             self.state[f"particle_{name}"][...] = NOWHERE
             self.state[f"particle_{name}"][:, :m] = x[particles].T
+
+    def lengths(self, count: int) -> Array:
+        """Return the lengths of the `count` steps of the last block."""
+        if not self._clock.changes:
+            return np.full(count, self._clock.h)
+        if isinstance(self._clock, Adaptive):  # not rounded as differences of the times
+            return self.times[self.steps + 1 : self.steps + 1 + count]
+        return np.diff(self.times[: count + 1])
 
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
@@ -115,6 +128,21 @@ class BoundLoops:
         room = (self._scratch, self._stages)
         status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
+
+    def march_to_each(self, state: dict[str, Array], bound: tuple[Any, ...], limits: Array) -> Array:
+        """March copies of the state of massive bodies to each of these times, by steps that the clock chooses.
+
+        Returns q and v at those before the first that cannot be reached, (m, 2, 3 n).
+        """
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        if self._copies is None:
+            copies = aligned((4, len(state["q"])), state["memory"].shape)
+            self._copies = np.zeros(len(state["clock"])), *copies
+        out = np.empty((len(limits), 2, 3 * self._n))
+        reached, _ = driver.march_to_each(
+            *bound, *vectors, self._scratch, self._stages, limits, adaptive.LIMIT, *self._copies, out
+        )
+        return out[:reached]
 
     def march_particles(
         self,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -21,6 +21,7 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
+from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import adaptive
@@ -31,9 +32,13 @@ from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
 from orbits.marching.motion import Motion
+from orbits.marching.partial_steps import PartialSteps
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
+
+APART = 64
+"""The number of steps between the states that are kept of a run with massless particles."""
 
 
 def available_threads() -> int:
@@ -56,7 +61,7 @@ class Marcher:
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the march begins
-    dense : whether each step is recorded for `motion`; for methods with a polynomial through their stages
+    dense : whether each step is recorded for `motion`
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition -1 for the energy, or None.
     """
@@ -112,6 +117,8 @@ class Marcher:
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
         self._block = 0, 0.0
+        self._partial: PartialSteps | None = None
+        self._keep: Callable[[Array, Array, Array], None] | None = None
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -146,7 +153,8 @@ class Marcher:
             self._back_up()
             before = self.step
             try:
-                failure = self._advance_block(min(steps, self.block))
+                failure = self._advance_block(min(steps, self.block, self._most()))
+                self._pass_on(self.step - before)
             except BaseException:  # an interrupt: return to the state after the last complete block
                 self._replay(0)
                 self.step = before
@@ -154,6 +162,10 @@ class Marcher:
             if failure is not None:
                 raise failure
             steps -= self.step - before
+
+    def _most(self) -> int:
+        """Return the number of steps up to the next state that is kept, if not all are."""
+        return self.block if self._keep is None or not len(self._particles) else APART - self.step % APART
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -187,6 +199,30 @@ class Marcher:
         except IntegrationError as error:
             return error
         return failure
+
+    def keep_steps(self, keep: Callable[[Array, Array, Array], None]) -> None:
+        """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
+        the order of the caller: at the ends of all its steps, or, with massless particles, of every `APART`-th step.
+        """
+        self._keep = keep
+
+    def _pass_on(self, count: int) -> None:
+        """Pass the states at the ends of the `count` steps of the last block to what keeps them."""
+        if self._keep is None or not count:
+            return
+        times = np.zeros((count + 1, 2))
+        if self.clock.changes:
+            times[0] = self._backup["clock"][[adaptive.TIME, adaptive.TIME_LO]]
+        else:
+            times[0, 0] = self._time_of(self.step - count)
+        times_reached(self._loops.lengths(count), times)
+        if not len(self._particles):
+            n = self._bodies
+            states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
+            self._keep(times[1:], *states)
+        elif self.step % APART == 0:
+            q, v = self.state()
+            self._keep(times[-1:], q[None], v[None])
 
     def _lose(self, lost: Lost) -> IntegrationError | None:
         """Retire particles; or return the error for the first one, if `retire` is not set."""
@@ -288,6 +324,19 @@ class Marcher:
             self.evaluations = before
         return self._gather(copy)
 
+    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
+        """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
+        others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
+        """
+        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1:
+            now = self._state["clock"]
+            ahead = (times[1:] - now[adaptive.NEXT]) * self.clock.direction < 0.0
+            count = 1 + int(np.argmin(np.append(ahead, False)))
+            found = self._loops.march_to_each(self._state, self._loops.bound(self.clock, now), times[:count])
+            if len(found):
+                return [(self._in_order(q, self._nothing), self._in_order(v, self._nothing)) for q, v in found]
+        return [self.state_at(self.clock.place(times[0]))]
+
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
         massive = np.ones(len(self._massive), dtype=bool)
@@ -381,9 +430,19 @@ class Marcher:
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
-        h = self.clock.h
-        times = self._loops.times[: count + 1] if self.clock.changes else h * np.arange(count + 1.0)
-        return Motion(self._form, self._bodies, begun + times, self._watcher.recorded(count), self._loops.kicks[:count])
+        after = self._loops.times[: count + 1] if self.clock.changes else self.clock.h * np.arange(count + 1.0)
+        path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
+        return Motion(self._form, begun + after, self._loops.lengths(count), path, kicks, self.partial_steps())
+
+    def partial_steps(self) -> PartialSteps:
+        """Return what takes partial steps of the massive bodies by this method."""
+        if self._partial is None:
+            self._partial = PartialSteps(self._form, self._tag, self._vectors, self._bodies, self._partial_failure)
+        return self._partial
+
+    def _partial_failure(self, status: int, time: float) -> IntegrationError:
+        momenta = SEPARABLE not in self.lagrangian.traits
+        return failure_of_bodies(status, self.step, time, self.clock, self.integrator, [], momenta=momenta)
 
     def accounts(self) -> Array:
         """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):

@@ -29,9 +29,14 @@ from orbits.trajectory.retired import absent, moved
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.marching.marcher import Marcher
+    from orbits.propagation.step_store import StepStore
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
+
+
+AT_ONCE = 256
+"""The most samples within a step whose states are computed together."""
 
 
 @dataclass
@@ -71,10 +76,11 @@ def march(
     progress: bool | None,
     watch: RunEnds,
     accounts: Array,
+    steps: StepStore | None = None,
 ) -> Trajectory:
     """March from sample `first` to the last one; however it ends, the archive is left closed and readable.
 
-    accounts : see `SampleStore`
+    accounts, steps : see `SampleStore`
     begin : opens the archive to write to, if there is one
     """
     begun, known = time.perf_counter(), len(marcher.retired())
@@ -86,9 +92,9 @@ def march(
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
-            store = SampleStore(len(system.names), len(grid) - first, writer, accounts)
-            unit, steps = system.units.time, grid.whole_steps
-            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
+            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, steps)
+            unit, count = system.units.time, grid.whole_steps
+            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
             try:
                 try:
                     _sample(system, marcher, grid, first, store, bar, stop, watch)
@@ -178,6 +184,7 @@ def _result(
         complete=len(q) == len(grid),
         again=REPLAY,
         accounts=accounts,
+        kept=None if store.steps is None else store.steps.kept,
     )
 
 
@@ -193,18 +200,21 @@ def _sample(
 ) -> None:
     """Visit every sample from `first` on, until a stop is requested."""
     watch.begun = time.perf_counter()
+    known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
     for index in range(first, len(grid)):
         if stop.name:
             return
         place = grid.place(index)
-        while marcher.is_before(place):
+        while not known and marcher.is_before(place):
             marcher.approach(place)
             bar.update(marcher.time)
             if stop.name or watch.ended(system, marcher):
                 return
             if store.overdue:
                 store.commit(marcher)
-        state = marcher.state_at(place)
+        if not known and marcher.clock.changes:
+            known = marcher.states_before_next(grid.times[index : index + AT_ONCE])[::-1]
+        state = known.pop() if known else marcher.state_at(place)
         store.note(marcher.accounts())
         store.add(*state)
         if watch.callback is not None:

@@ -16,6 +16,7 @@ from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import bound, differences, provenance, restore
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
+from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
 from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
@@ -43,6 +44,7 @@ def propagate(
     stop: Condition | Sequence[Condition] = (),
     callback: Callback | None = None,
     check_step: bool = True,
+    dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
     **others: Unpack[NoOthers],
@@ -74,6 +76,8 @@ def propagate(
         the run
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
         about close passages that the step did not resolve (see `run.closest_approaches()`)
+    dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
+        once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same
     progress : None or True shows a progress bar on a terminal, False does not
     threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
         the result do not depend on it
@@ -99,6 +103,7 @@ def propagate(
         stop=stop,
         callback=callback,
         check_step=check_step,
+        dense=dense,
         progress=progress,
         threads=threads,
     )
@@ -115,6 +120,7 @@ def propagated(
     stop: Condition | Sequence[Condition] = (),
     callback: Callback | None = None,
     check_step: bool = True,
+    dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
 ) -> Trajectory:
@@ -129,10 +135,13 @@ def propagated(
         step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step)
     accounts = no_accounts(len(grid), len(system.forces))
+    if checked_flag(dense, "dense") and archive is None:
+        check_memory(system, grid)
+    steps = StepStore(marcher, in_memory=archive is None) if dense else None
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts)
+        return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
@@ -153,10 +162,11 @@ def propagated(
             checkpoint=checkpoint_of(marcher, accounts),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
+            steps=room_for_steps(system, grid) if dense else 0,
             overwrite=replace,
         )
 
-    return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts)
+    return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
 
 
 def _refuse_endless(system: System, grid: TimeGrid) -> None:
@@ -212,6 +222,7 @@ def resume(
         restore(marcher, old.checkpoint(), path)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
+        steps = continued(old, marcher)
     except BaseException:
         old.close()
         raise
@@ -224,7 +235,7 @@ def resume(
         return extended(old, grid, now)
 
     watch = RunEnds(Conditions(system, ()), None, True)
-    return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts)
+    return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps)
 
 
 def _check_place(marcher: Marcher, grid: TimeGrid, committed: int, path: Path) -> None:

@@ -15,6 +15,7 @@ from orbits.propagation.available_memory import MEMORY_SHARE, memory
 if TYPE_CHECKING:
     from orbits.archive import Archive, ArchiveWriter
     from orbits.marching.marcher import Marcher
+    from orbits.propagation.step_store import StepStore
 
 Array = NDArray[np.float64]
 
@@ -40,10 +41,19 @@ class SampleStore:
     bodies : number of bodies in each sample; room : number of samples to expect
     accounts : (samples, forces, 7), work, torque and impulse of forces up to each sample of the run, known up to the
         next sample; by default there are no forces
+    steps : what keeps the steps of the run for dense output, or None
     """
 
-    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array | None = None) -> None:
+    def __init__(
+        self,
+        bodies: int,
+        room: int,
+        writer: ArchiveWriter | None,
+        accounts: Array | None = None,
+        steps: StepStore | None = None,
+    ) -> None:
         self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
+        self.steps = steps
         self._next = len(self._accounts) - room
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
@@ -65,9 +75,13 @@ class SampleStore:
 
     @property
     def overdue(self) -> bool:
-        """Whether the archive is due for a commit: soon after the start, and then more and more rarely."""
+        """Whether the archive is due for a commit: soon after the start, and then more and more rarely, but before the
+        steps kept for dense output fill the memory.
+        """
         if self._writer is None:
             return False
+        if self.steps is not None and self.steps.full:
+            return True
         elapsed = self._committed_at - self._begun
         pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
         return time.perf_counter() - self._committed_at > pause
@@ -85,7 +99,11 @@ class SampleStore:
     def commit(self, marcher: Marcher) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
-            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint_of(marcher, self._accounts))
+            steps = () if self.steps is None else self.steps.pieces()
+            checkpoint = checkpoint_of(marcher, self._accounts)
+            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint, steps)
+            if self.steps is not None:
+                self.steps.written()
             self._count = 0
             self._committed_at = time.perf_counter()
 

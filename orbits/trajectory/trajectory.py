@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
+    from orbits.marching.kept_steps import KeptSteps
     from orbits.propagation.passages_seen import Record
     from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory.again import MarchesAgain
@@ -57,6 +58,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
+    kept : the states at the beginnings of all steps (see `orbits.marching.kept_steps`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 
@@ -84,6 +86,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         again: MarchesAgain | None = None,
         retired: RetiredParticles | None = None,
         accounts: Array | None = None,
+        kept: KeptSteps | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         if not isinstance(system, System):
@@ -114,6 +117,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
         self.accounts = accounts
+        self.kept = kept
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -154,6 +158,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
                 path=path,
                 certificate=certificate,
                 again=again,
+                kept=archive.steps,
                 close=archive.close,
             )
         except BaseException:
@@ -337,6 +342,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             certificate=certificate,
             again=self._again,
             retired=self.retired,
+            kept=self.kept,
         )
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -370,6 +376,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             pairs |= {"retired": few(self.retired.names)}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
+        if self.kept is not None:
+            pairs |= {"dense output": f"from {len(self.kept):,} states"}
         if self.certificate is not None:
             pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
         return html_pairs(repr(self), pairs.items())
