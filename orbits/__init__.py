@@ -60,7 +60,9 @@ if TYPE_CHECKING:
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.marching.transformed import TimeTransformed
     from orbits.propagation import Trajectory, propagate, resume
+    from orbits.propagation.acting import Bounce, Merge
     from orbits.propagation.events.base import Action, Happening
+    from orbits.propagation.events.collision import Collision
     from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
     from orbits.propagation.events.orbital import Ejection, ElementCrossing
     from orbits.propagation.events.own import Event
@@ -81,10 +83,12 @@ __all__ = [
     "Apocentre",
     "Archive",
     "ArchiveError",
+    "Bounce",
     "Certificate",
     "Check",
     "CloseApproach",
     "CloserThan",
+    "Collision",
     "Composition",
     "Conjunction",
     "ConvergenceError",
@@ -109,6 +113,7 @@ __all__ = [
     "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
+    "Merge",
     "MissingPackageError",
     "Motion",
     "NodeCrossing",
@@ -195,6 +200,8 @@ _HOME = {
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
+    "propagation.acting": ["Bounce", "Merge"],
+    "propagation.events.collision": ["Collision"],
     "propagation.events.base": ["Action", "Happening"],
     "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
     "propagation.events.orbital": ["Ejection", "ElementCrossing"],

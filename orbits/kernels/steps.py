@@ -40,6 +40,9 @@ from orbits.kernels.lanes import WIDTH
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """The status of a step."""
 
+IMPACT = 6
+"""The status of a massless particle that has hit a body."""
+
 BEYOND, TOO_SHORT = 4, 5
 """Why a clock took no step: it would pass the goal, or it is too short to change the time."""
 

@@ -62,9 +62,11 @@ class Marcher:
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the march begins
+    radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
     dense : whether each step is recorded for `motion`
 
-    After `advance`, `met` is the (condition, row, body) that ended it, with condition -1 for the energy, or None.
+    After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
+    `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
     """
 
     def __init__(
@@ -85,6 +87,7 @@ class Marcher:
         forces: Sequence[BoundForce] = (),
         start: float = 0.0,
         dense: bool = False,
+        radii: Array | None = None,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -140,6 +143,7 @@ class Marcher:
             *limits,
             self._loops.times,
             len(self._loops.tasks),
+            radii,
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
@@ -466,6 +470,25 @@ class Marcher:
         """Return the particles that were retired, in the order of the caller's bodies."""
         q, v = self._state["particle_q"], self._state["particle_v"]
         return retirements(self._retired.table(), q, v, self._particles)
+
+    def retire(self, body: int, status: int, step: int, q: Array, v: Array) -> None:
+        """Retire a massless particle, numbered as by the caller, after `step` steps, with its last q and v, (3,)."""
+        k = int(np.searchsorted(self._particles, body))
+        self._state["particle_q"][:, k], self._state["particle_v"][:, k] = q, v
+        self._retired.add(Lost(0, np.array([k]), np.array([status])), step)
+
+    def follow(self, other: Marcher) -> None:
+        """Take over the retired particles of another march of the same particles, and its numbers of evaluations."""
+        self._retired.follow(other._retired)
+        gone = np.flatnonzero(self._retired.gone())
+        for name in ("particle_q", "particle_v"):
+            self._state[name][:, gone] = other._state[name][:, gone]
+        self.evaluations, self.particle_evaluations = other.evaluations, other.particle_evaluations
+
+    @property
+    def start(self) -> float:
+        """The time at which the march began, since the start of the run."""
+        return self._start
 
     @property
     def tells_motion(self) -> bool:

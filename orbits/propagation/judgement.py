@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orbits.errors import RetiredWarning, StepWarning, level_of_caller
+from orbits.kernels.steps import IMPACT
+from orbits.marching.retirement import REASONS
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
@@ -127,8 +129,11 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
 
 
 def warn_of_retired(run: Trajectory) -> None:
-    """Warn, with `RetiredWarning`, about the particles that were retired in a run."""
-    retired, unit = run.retired, run.system.units.time
+    """Warn, with `RetiredWarning`, about the particles that were retired in a run, but for those that merged."""
+    retired = [particle for particle in run.retired if particle.reason != REASONS[IMPACT]]
+    if not retired:
+        return
+    unit = run.system.units.time
     first = sorted(retired, key=lambda particle: particle.step)[:SHOWN]
     hidden = len(retired) - len(first)
     more = f"\n  And {hidden:,} more, in run.retired." if hidden else ""

@@ -13,11 +13,12 @@ from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation import step_check
+from orbits.propagation.changing import March, march_of_run, of_this_leg
 from orbits.propagation.events.again import sought_again
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
-from orbits.propagation.marchers import bound, differences, provenance, restore
+from orbits.propagation.marchers import differences, provenance, restore
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
@@ -29,7 +30,6 @@ from orbits.trajectory import Trajectory
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate
-    from orbits.marching.marcher import Marcher
 
 Path = str | PathLike[str]
 
@@ -140,17 +140,21 @@ def propagated(
     check_callback(callback)
     progress = checked_choice(progress, "progress")
     seeking = Seeking(system, events, grid.clock.direction)
-    marcher = bound(system, integrator, grid.clock, threads, conditions, dense=bool(seeking))
-    seeking.check(marcher)
+    marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
         _refuse_endless(system, grid)
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
         step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step, seeking)
     accounts = no_accounts(len(grid), len(system.forces))
-    if checked_flag(dense, "dense") and archive is None:
+    if checked_flag(dense, "dense") and seeking.touching:
+        raise InputError(
+            "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
+            "run.at(times) marches on from the preceding sample, through the collisions."
+        )
+    if dense and archive is None:
         check_memory(system, grid)
-    steps = StepStore(marcher, in_memory=archive is None) if dense else None
+    steps = StepStore(of_this_leg(marcher), in_memory=archive is None) if dense else None
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
@@ -236,12 +240,12 @@ def resume(
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
         seeking = sought_again(old, events, path)
-        marcher = bound(system, integrator, grid.clock, threads, dense=bool(seeking))
+        marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
-        steps = continued(old, marcher)
+        steps = continued(old, of_this_leg(marcher))
     except BaseException:
         old.close()
         raise
@@ -257,7 +261,7 @@ def resume(
     return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps)
 
 
-def _check_place(marcher: Marcher, grid: TimeGrid, committed: int, path: Path) -> None:
+def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> None:
     """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
     if grid.clock.changes:
         following = float(grid.times[committed])

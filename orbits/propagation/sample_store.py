@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from orbits.propagation.available_memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from orbits.archive import Archive, ArchiveWriter
-    from orbits.marching.marcher import Marcher
     from orbits.propagation.events.seeking import Seeking
     from orbits.propagation.step_store import StepStore
 
@@ -34,6 +34,16 @@ ACCOUNTS = "accounts"
 
 COMMIT_SHARE = 0.25
 """Commits become rarer during a run, up to `COMMIT_SECONDS`: a failing machine loses this share of the computation."""
+
+
+class Resumable(Protocol):
+    """A march that can go on from a checkpoint."""
+
+    def checkpoint(self) -> dict[str, NDArray[Any]]:
+        """Return all that is needed to resume bit for bit, as arrays of fixed shapes."""
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
+        """Restore a checkpoint. Raises InputError for one that is not of this run."""
 
 
 class SampleStore:
@@ -100,7 +110,7 @@ class SampleStore:
         self._count += 1
         self._next += 1
 
-    def commit(self, marcher: Marcher) -> None:
+    def commit(self, marcher: Resumable) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
             if self._events is not None:
@@ -119,7 +129,7 @@ class SampleStore:
 
 
 def checkpoint_of(
-    marcher: Marcher, accounts: Array, events: Seeking | None = None
+    marcher: Resumable, accounts: Array, events: Seeking | None = None
 ) -> dict[str, NDArray[np.generic]]:
     """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, and with the
     events found so far.

@@ -23,7 +23,8 @@ from orbits.system import OrbitalElements, System, osculating
 from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
-from orbits.trajectory.archived import identity_of, made_by
+from orbits.trajectory.archived import changes_of, identity_of, made_by
+from orbits.trajectory.changes import Changes, Leg, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
@@ -120,6 +121,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self._retired = retired
         self._events: Events | None = None
         self.accounts = accounts
+        self.changes: Changes | None = None
         self.kept = kept
         self._q, self._v, self._close = q, v, close
 
@@ -168,6 +170,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             archive.close()
             raise
         run.archive = archive
+        run.changes = changes_of(archive)
         return run
 
     def close(self) -> None:
@@ -244,6 +247,15 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return self._events
 
     @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The parts of the run in which bodies and masses stay the same: each with its time, names, GM and radii.
+
+        A run in which no bodies merge has one.
+        """
+        changes = self.changes or Changes(self.system, no_changes(), self.clock.direction)
+        return changes.legs()
+
+    @property
     def made_by(self) -> str:
         """The method and its steps in words: Gauss(stages=8), dt = 6 d; or for a run without dt: Gauss(stages=8),
         adaptive steps (tolerance 1e-09).
@@ -285,6 +297,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
         Raises InputError for other states that are not finite.
         """
+        if self.changes is not None:
+            return at_time(self.system, self.changes, q, v, time)
         gone = absent(q, v, self.system.massive)
         # A particle may fail in the partial step to a sample, which the march itself does not take.
         if gone.any() and self.clock.place(time).rest == 0.0:
@@ -298,6 +312,11 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `System.add`
         Raises as `System.elements` does.
         """
+        if self.changes is not None and self.changes.acted_on_massive:
+            raise InputError(
+                "bodies merge or bounce in this run, so that its elements have no common masses; take them sample by "
+                "sample: run[k].elements()."
+            )
         values = self.system.values
         primary = primary_name(self.names, values.gm, primary)
         q, v = _as_array(self._q), _as_array(self._v)
@@ -343,7 +362,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
         """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), floats."""
-        return Trajectory(
+        other = Trajectory(
             self.system,
             times,
             q,
@@ -355,6 +374,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             retired=self.retired,
             kept=self.kept,
         )
+        other.changes = self.changes
+        return other
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.names)

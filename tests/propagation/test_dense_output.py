@@ -237,3 +237,20 @@ def test_behind_the_last_step_the_march_goes_on_with_shorter_steps_where_it_must
     asked = np.linspace(run.kept.times[-1, 0], run.times[-1], 9)[1:-1]
     sampled = orbits.propagate(start, duration=run.times[-1], samples=asked, **QUIET)
     assert np.abs(run.at(asked).q - sampled.q).max() < 1e-13  # 1.1e-14; one partial step alone would be 1e-4 off
+
+
+def test_terms_and_forces_act_in_partial_steps_too():
+    spin = orbits.LenseThirring("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
+    drag = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+    start, options = system().with_terms(spin).with_forces(drag), {"dt": 0.05, "duration": 20.0, **QUIET}
+    sampled = orbits.propagate(start, samples=times(), **options)
+    run = orbits.propagate(start, samples=3, dense=True, **options)
+    assert np.abs(run.at(times()).q - sampled.q).max() < 1e-15  # 4.4e-16 was reached
+
+
+def test_a_slice_of_an_archived_run_reads_the_steps_of_its_file(tmp_path):
+    run = orbits.propagate(system(), duration=20.0, samples=21, dense=True, archive=tmp_path / "run.h5", **QUIET)
+    some = run[3:12]
+    run.close()
+    with pytest.raises(ArchiveError, match=r"run\.h5 was closed; open it again"):
+        some.at(7.3)

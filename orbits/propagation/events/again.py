@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 
 from orbits.errors import ArchiveError, InputError
 from orbits.propagation import stop_conditions
-from orbits.propagation.events import kinds, orbital, own, planes, seen
-from orbits.propagation.events.base import RECORD, STOP, Sought
+from orbits.propagation.acting import again, is_held
+from orbits.propagation.events import collision, kinds, orbital, own, planes, seen
+from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
 
-MODULES = kinds, orbital, own, planes, seen, stop_conditions
+MODULES = collision, kinds, orbital, own, planes, seen, stop_conditions
 """The files of all kinds of events."""
 
 
@@ -37,7 +38,7 @@ def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str 
         if json.loads(seeking.described()) != known:
             raise InputError(f"events are not those of the run in {path}: {', '.join(e['kind'] for e in known)}.")
         return seeking
-    missing = [event["kind"] for event in known if event["given"] is None or event["then"] not in (RECORD, STOP)]
+    missing = [event["kind"] for event in known if event["given"] is None or not is_held(event["then"])]
     if missing:
         raise InputError(
             f"the run in {path} sought {', '.join(missing)}, with a function or an action that a file cannot hold; "
@@ -45,7 +46,7 @@ def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str 
         )
     classes = {name: value for module in MODULES for name, value in vars(module).items() if isinstance(value, type)}
     try:
-        made = [classes[event["kind"]](**event["given"], then=event["then"]) for event in known]
+        made = [classes[event["kind"]](**event["given"], then=again(event["then"])) for event in known]
         return Seeking(archive.system, made, direction)
     except (KeyError, TypeError, InputError) as error:
         raise ArchiveError(f"{path}: its events cannot be sought here ({error}); is it of a later version?") from error

@@ -86,6 +86,9 @@ class Sought:
     stored: ClassVar[bool] = True
     """Whether an archive can hold it, with all that is needed to seek it again when the run is resumed."""
 
+    collides: ClassVar[bool] = False
+    """Whether it is a collision, which the march itself seeks."""
+
     def __post_init__(self) -> None:
         if isinstance(self.then, Action) or (isinstance(self.then, str) and self.then in (RECORD, STOP)):
             return
@@ -120,6 +123,9 @@ class Bound:
     All numbers are floats in the units of the system; t is (m,), since the epoch; q and v are (m, n, 3), of all bodies
     in the order of the system.
     """
+
+    sought: ClassVar[bool] = True
+    """Whether the zeros of a function are sought; otherwise the march finds it, as it does collisions."""
 
     def __init__(self, words: tuple[str | None, str | None], pairs: Any) -> None:
         self.words = words
@@ -160,6 +166,29 @@ class Bound:
             for column, x in enumerate((q, v)):
                 out[:, column] = np.linalg.norm(x[rows, pair[:, 0]] - x[rows, pair[:, 1]], axis=1)
         return out
+
+
+class Touching(Bound):
+    """Two bodies touch: what that is called, the numbers of both, None for any, and what happens then."""
+
+    sought = False
+
+    def __init__(self, word: str, first: int | None, second: int | None, then: Any) -> None:
+        super().__init__((word, None), [NOBODY, NOBODY])
+        self.first, self.second, self.then = first, second, then
+
+    def concerns(self, i: int, j: int) -> bool:
+        """Return whether it applies to two bodies."""
+        one, other = self.first, self.second
+        return (one in (None, i) and other in (None, j)) or (one in (None, j) and other in (None, i))
+
+    def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
+        """Raise NotImplementedError: kernels seek steps in which bodies touch."""
+        raise NotImplementedError
+
+    def near(self, times: Array, q: Array, v: Array) -> Whole:
+        """Return no column: there is no function whose zeros are sought."""
+        return np.empty(0, dtype=np.int64)
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, InputError, shown
 from orbits.marching.motion import Collected, Motion
-from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought
+from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
 from orbits.propagation.events.log import Log
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described
@@ -67,21 +67,29 @@ class Seeking:
             _check_massive(event, bounds, system)
             self._bounds += bounds
             self._of += [event] * len(bounds)
+        self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
+        if self.touching and len(self.touching) < len(self._bounds):
+            raise InputError(
+                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
+                "out the other events, or seek them in a run without collisions."
+            )
+        self.interrupts = not self.touching and any(event.interrupts for event in self.events)
+        self.act = any(not isinstance(event.then, str) for event in self.events)
         self._needed = np.zeros(len(system), dtype=bool)
         for bound in self._bounds:
             bodies = bound.bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
-        self.interrupts = any(event.interrupts for event in self.events)
         self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
         self._first = True
         self.log = Log(direction)
 
     def __bool__(self) -> bool:
-        return bool(self.events)
+        """Whether there are functions whose zeros are sought."""
+        return len(self._bounds) > len(self.touching)
 
     def check(self, marcher: Marcher) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
-        if self.events and not marcher.tells_motion:
+        if self and not marcher.tells_motion:
             raise InputError(
                 f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} "
                 "bodies of this run on several threads; use threads=1, or leave out events=..."
@@ -125,7 +133,7 @@ class Seeking:
 
         The events before it are then recorded, and it is as well; the march is at the begin of its step.
         """
-        if not self.events:
+        if not self:
             return None
         motion = marcher.motion()
         if self.interrupts:
@@ -150,13 +158,28 @@ class Seeking:
         record : whether to record them; otherwise only those up to one that interrupts the run are recorded, if any
         """
         self.flush()
-        if not self.events or (time - marcher.time) * self._direction <= 0.0:
+        if not self or (time - marcher.time) * self._direction <= 0.0:
             return None
         (rest, goal), found = marcher.towards(time), None
         while found is None and rest.is_before(goal):
             rest.approach(goal)
             found = self._seek(rest.motion(), False, record)
         return found
+
+    def before_in(self, steps: Iterable[Marcher], time: float) -> Found | None:
+        """Seek the first event that interrupts the run up to a time, in whole steps that lead beyond it.
+
+        steps : marches that have taken one step each. Events are then where they are without a sample at this time.
+        """
+        for rest in steps:
+            found = self._seek(rest.motion(), False, False, time)
+            if found is not None:
+                return found
+        return None
+
+    def event_of(self, number: int) -> Sought:
+        """Return the event, as it was given, to which a function belongs."""
+        return self._of[number]
 
     def happening(self, found: Found, state: tuple[Array, Array]) -> Happening:
         """Return an event that interrupts a run, with the bodies at its time; state : q and v of all, (n, 3)."""
@@ -166,13 +189,18 @@ class Seeking:
         kind = bound.words[found.rising] or ""
         return Happening(self._of[found.number], kind, u.Quantity(found.time, system.units.time), at, *names)
 
-    def _seek(self, motion: Motion, firm: bool, record: bool = True) -> Found | None:
-        """Find the events in a stretch of the march and record them; those after one that interrupts are left out."""
+    def _seek(self, motion: Motion, firm: bool, record: bool = True, until: float | None = None) -> Found | None:
+        """Find the events in a stretch of the march and record them; those after one that interrupts are left out, and
+        those after a time `until`.
+        """
         if not len(motion):
             return None
         stretch = Stretch(motion, self._system.massive, self._needed)
         rows, places, failure = self._found(stretch)
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
+        if until is not None:
+            order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
+            failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if self.log.known:
             apart = SAME * float(abs(np.diff(stretch.times)).max())
             order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
@@ -214,6 +242,10 @@ class Seeking:
             before = (every[:, TIME] - failure.time) * self._direction < 0.0
             every, where = every[before], where[before]
         return every, where, failure
+
+    def note(self, row: Array) -> None:
+        """List an event that the march found. Raises EventError if there are too many."""
+        self._add(row, True)
 
     def _add(self, row: Array, firm: bool) -> None:
         if self.log.full:
