@@ -122,6 +122,7 @@ class Marcher:
             self._state["clock"][LONGEST] = ALONE
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
+        self._dense = dense
         self._block, self._begun_lo, self._lengths = (0, 0.0), 0.0, np.zeros(0)
         self._partial: PartialSteps | None = None
         self._keep: Callable[[Array, Array, Array], None] | None = None
@@ -605,7 +606,7 @@ class Marcher:
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
             self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
-            if self._loops.kicks.size and self.clock.changes:  # copies of the state use the same room
+            if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
             self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)

@@ -66,7 +66,7 @@ class Motion:
         """Return the last two coefficients of the cubics through the states at the ends of steps, (m, 3n, 2)."""
         size, h = self._partial.size, self.lengths[steps][:, None]
         (q, v), (q1, v1) = self._ends_of(steps)
-        way = (q1 - q) / h
+        way = np.divide(q1 - q, h, out=v.copy(), where=h != 0.0)  # a march may end with a step of no length
         return np.stack([3.0 * way - 2.0 * v - v1, v + v1 - 2.0 * way], axis=-1)[:, :size]
 
     def _ends_of(self, steps: Any) -> Array:

@@ -54,6 +54,19 @@ def test_the_times_of_events_are_those_of_the_methods_own_partial_steps_also_whe
     assert abs((q * v).sum(axis=1)).max() < bound
 
 
+@pytest.mark.parametrize("e", [0.3, 0.9])
+def test_events_in_transformed_time_are_those_of_kepler(e):
+    """Its method has no polynomial: the states are steps of its clock, and the last step of a run has no length."""
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": e, "M": 0.3, "gm": 0.5}}
+    system, period = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS), 2.0 * np.pi / np.sqrt(1.5)
+    events = [orbits.Pericentre("planet", "star"), orbits.Apocentre("planet", "star")]
+    run = orbits.propagate(system, dt=orbits.TimeTransformed(step=0.3), duration=5.4 * period, events=events)
+    turns = np.arange(1, 6) - LATE
+    # 1.8e-14 and 4.3e-14 seen.
+    np.testing.assert_allclose(times(run, "pericentre"), turns * period, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(times(run, "apocentre"), (turns - 0.5) * period, rtol=0.0, atol=1e-13)
+
+
 def test_nodes_alternate_and_lie_in_the_plane():
     run = orbits.propagate(pair(inc=0.7), duration=10 * PERIOD, events=orbits.NodeCrossing("planet"))
     assert run.events.kind.tolist() == ["ascending node", "descending node"] * 10 or run.events.kind.tolist() == [

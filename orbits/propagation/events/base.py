@@ -68,7 +68,8 @@ class Call(Action):
         if answer is None or isinstance(answer, System):
             return answer
         raise EventError(
-            f"then=... of {happening.kind!r} returned {shown(answer)} at t = {happening.time:.10g}; expected None.",
+            f"then=... of {happening.kind!r} returned {shown(answer)} at t = {happening.time:.10g}; expected a System, "
+            "or None if the bodies do not change.",
             time=float(happening.time.value),
         )
 
@@ -78,7 +79,7 @@ class Sought:
     """The base class of events. A subclass has fields, and `bound`, which makes functions of states from them.
 
     then : what happens: "record", "stop" (the run ends there, and `run.stopped` has the state), an `Action`, or a
-        function of the time (a quantity) and the `System`, which returns None
+        function of the time (a quantity) and the `System`, which may return a changed `System`
     """
 
     then: Any = RECORD
