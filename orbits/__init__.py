@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
+    from orbits.marching.transformed import TimeTransformed
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.acting import Bounce, Merge
     from orbits.propagation.events.base import Action, Happening
@@ -135,6 +136,7 @@ __all__ = [
     "SymplecticEuler",
     "System",
     "Table",
+    "TimeTransformed",
     "Trajectory",
     "Transit",
     "UnitSystem",
@@ -184,6 +186,7 @@ _HOME = {
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
+    "marching.transformed": ["TimeTransformed"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.marching.adaptive import Adaptive
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import ConstantSteps
+from orbits.marching.transformed import TimeTransformed
 from orbits.system.model import from_json, to_json
 from orbits.time_grid import MOST_STEPS, TimeGrid
 
@@ -27,6 +29,12 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 Item = str | float | list[str] | NDArray[np.float64]
+
+_CLOCKS: dict[str, tuple[Any, str]] = {
+    "adaptive": (Adaptive, "tolerance"),
+    "transformed time": (TimeTransformed, "step"),
+}
+"""The clocks of steps that differ in length, by the names that archives have for them, each with its parameter."""
 
 _KINDS = {str: "a text", float: "a number", list: "a list of names", np.ndarray: "an array of numbers"}
 _MOST_DAYS = 1e9  # far beyond any ephemeris; a Time cannot have more days
@@ -98,8 +106,9 @@ def to_items(header: Header) -> dict[str, Item]:
     }
     for name, value in dict(header.integrator.get("parameters", {})).items():
         items[f"integrator/parameters@{name}"] = json.dumps(value, sort_keys=True)
-    if isinstance(header.grid.clock, Adaptive):
-        items["@clock"] = json.dumps({"kind": "adaptive", **asdict(header.grid.clock)}, sort_keys=True)
+    for kind, (clock, _) in _CLOCKS.items():
+        if isinstance(header.grid.clock, clock):
+            items["@clock"] = json.dumps({"kind": kind, **asdict(header.grid.clock)}, sort_keys=True)
     if system.radii is not None:
         items["system/radii"] = np.asarray(units.length_value(system.radii, "radii"))
         items["system/radii@unit"] = _unit_text(units.length)
@@ -176,15 +185,17 @@ def _room(items: Mapping[str, Any]) -> int:
     return int(room)
 
 
-def _clock(items: Mapping[str, Any]) -> Adaptive:
-    """Return the clock of adaptive steps. Raises ArchiveError for one that no run has."""
+def _clock(items: Mapping[str, Any]) -> ChangingSteps:
+    """Return the clock of steps that differ in length. Raises ArchiveError for one that no run has."""
     known = _from_json(_item(items, "@clock", str), "@clock")
-    fits = isinstance(known, dict) and known.pop("kind", None) == "adaptive"
-    if not fits or known.keys() != {"tolerance", "direction"}:
-        raise ArchiveError(f"@clock is {shown(items['@clock'])}; expected the clock of adaptive steps.")
+    kind = known.pop("kind", None) if isinstance(known, dict) else None
+    clock, parameter = _CLOCKS.get(kind, (None, "")) if isinstance(kind, str) else (None, "")
+    if clock is None or known.keys() != {parameter, "direction"}:
+        raise ArchiveError(f"@clock is {shown(items['@clock'])}; expected a clock of adaptive or transformed steps.")
     if known["direction"] not in (1.0, -1.0):
         raise ArchiveError(f"the direction of its clock is {shown(known['direction'])}; expected 1 or -1.")
-    return Adaptive(known["tolerance"]).towards(known["direction"])
+    made: ChangingSteps = clock(known[parameter]).towards(known["direction"])
+    return made
 
 
 def checksum(items: Mapping[str, Item]) -> str:

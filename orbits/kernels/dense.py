@@ -27,7 +27,7 @@ from numba.extending import overload
 from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, load, store
-from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, step
+from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, part
 from orbits.kernels.summation import two_sum
 
 
@@ -149,7 +149,7 @@ def partial_steps(
                         carry[row, k] = 0.0
                 stretch(method, base, h)
                 begin(method, model, times[i], h, state, storage)
-                status, _, _ = step(method, model, times[i], h, state, storage)
+                status, _, _ = part(method, model, times[i], h, state, storage)
                 if status != OK:
                     return i, status
             for k in range(size):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
-from orbits.marching import adaptive, driver
+from orbits.marching import changing, driver
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
@@ -83,6 +84,8 @@ class BoundLoops:
         self.parallel = Parallel(n, threads, self._pool) if many else None
         polynomials = dense and form.is_dense
         self.kicks = np.empty((self.steps if polynomials else 0, form.carry_rows(3 * n), WIDTH))
+        self._n = n
+        self._copies: tuple[Array, ...] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
 
     @property
@@ -102,7 +105,9 @@ class BoundLoops:
         """Return the lengths of the `count` steps of the last block."""
         if not self._clock.changes:
             return np.full(count, self._clock.h)
-        return self.times[self.steps + 1 : self.steps + 1 + count]
+        if isinstance(self._clock, Adaptive):  # not rounded as differences of the times
+            return self.times[self.steps + 1 : self.steps + 1 + count]
+        return np.diff(self.times[: count + 1])
 
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
@@ -123,6 +128,21 @@ class BoundLoops:
         room = (self._scratch, self._stages)
         status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
+
+    def march_to_each(self, state: dict[str, Array], bound: tuple[Any, ...], limits: Array) -> Array:
+        """March copies of the state of massive bodies to each of these times, by steps that the clock chooses.
+
+        Returns q and v at those before the first that cannot be reached, (m, 2, 3 n).
+        """
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        if self._copies is None:
+            copies = aligned((4, len(state["q"])), state["memory"].shape)
+            self._copies = np.zeros(len(state["clock"])), *copies
+        out = np.empty((len(limits), 2, 3 * self._n))
+        reached, _ = driver.march_to_each(
+            *bound, *vectors, self._scratch, self._stages, limits, changing.LIMIT, *self._copies, out
+        )
+        return out[:reached]
 
     def march_particles(
         self,
@@ -171,5 +191,5 @@ def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) 
     if isinstance(clock, ConstantSteps):
         return clock.numbers(start, steps), clock.h
     now = state["clock"]
-    now[adaptive.ORIGIN] = now[adaptive.TIME]
-    return now, float(now[adaptive.LENGTH] or clock.direction)
+    now[changing.ORIGIN] = now[changing.TIME]
+    return now, float(now[changing.LENGTH] or clock.direction)

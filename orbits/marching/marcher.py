@@ -24,9 +24,10 @@ from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching import adaptive
+from orbits.marching import changing
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.bound_loops import BoundLoops, numbers_of
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
@@ -115,7 +116,7 @@ class Marcher:
         self._loops.begin(q, v, self._massive, self._particles)
         self.block = self._loops.steps
         self._state = self._loops.state
-        if isinstance(self.clock, Adaptive):
+        if isinstance(self.clock, ChangingSteps):
             self._state["clock"] = self.clock.numbers_for(integrator)
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
@@ -224,7 +225,7 @@ class Marcher:
             return
         times = np.zeros((count + 1, 2))
         if self.clock.changes:
-            times[0] = self._backup["clock"][[adaptive.TIME, adaptive.TIME_LO]]
+            times[0] = self._backup["clock"][[changing.TIME, changing.TIME_LO]]
         else:
             times[0, 0] = self._time_of(self.step - count)
         times_reached(self._loops.lengths(count), times)
@@ -292,7 +293,7 @@ class Marcher:
     @property
     def time(self) -> float:
         """The time reached, since the start of the run."""
-        return float(self._state["clock"][adaptive.TIME]) if self.clock.changes else self._time_of(self.step)
+        return float(self._state["clock"][changing.TIME]) if self.clock.changes else self._time_of(self.step)
 
     @property
     def reading(self) -> float:
@@ -306,14 +307,14 @@ class Marcher:
         """Return whether there may be whole steps left before a place."""
         if self.clock.changes:
             now = self._state["clock"]
-            arrived = self._arrived and now[adaptive.LIMIT] == place.rest
-            return not arrived and (place.rest - now[adaptive.NEXT]) * self.clock.direction >= 0.0
+            arrived = self._arrived and now[changing.LIMIT] == place.rest
+            return not arrived and (place.rest - now[changing.NEXT]) * self.clock.direction >= 0.0
         return self.step < place.steps
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place. Raises what `advance` raises."""
         if self.clock.changes:
-            self._state["clock"][adaptive.LIMIT] = place.rest
+            self._state["clock"][changing.LIMIT] = place.rest
         self._stopped = self._arrived = False
         self._one_block(self.block if self.clock.changes else min(self.block, place.steps - self.step))
 
@@ -340,13 +341,26 @@ class Marcher:
         if not self.clock.changes:
             return self.state_after(place.rest)
         copy, before = self._copied(), self.evaluations
-        copy["clock"][[adaptive.LIMIT, adaptive.EXACT]] = place.rest, 1.0
+        copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
         try:
             while self._march_block(copy, self.clock, self.block) == self.block:
                 pass
         finally:
             self.evaluations = before
         return self._gather(copy)
+
+    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
+        """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
+        others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
+        """
+        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1:
+            now = self._state["clock"]
+            ahead = (times[1:] - now[changing.NEXT]) * self.clock.direction < 0.0
+            count = 1 + int(np.argmin(np.append(ahead, False)))
+            found = self._loops.march_to_each(self._state, self._loops.bound(self.clock, now), times[:count])
+            if len(found):
+                return [(self._in_order(q, self._nothing), self._in_order(v, self._nothing)) for q, v in found]
+        return [self.state_at(self.clock.place(times[0]))]
 
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
@@ -355,7 +369,7 @@ class Marcher:
         options: dict[str, Any] = {"names": self.names, "stops": self._stops, "energy_bound": self._energy_bound}
         end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, **options)
         end.restore(self.checkpoint())
-        end._state["clock"][[adaptive.EXACT, adaptive.NEXT]] = 1.0, end.time
+        end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
         end.advance_to(Place(0, time))
         return end
 
@@ -372,8 +386,9 @@ class Marcher:
         massive = np.ones(self._bodies, dtype=bool)
         end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
         if self.clock.changes:
-            end.restore(self.checkpoint())
-            end._state["clock"][[adaptive.EXACT, adaptive.NEXT]] = 1.0, end.time
+            for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"):
+                end._state[name][...] = self._state[name]
+            end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
         return end, place
 
     def state(self) -> tuple[Array, Array]:
@@ -547,7 +562,7 @@ class Marcher:
         usual = clock == self.clock
         now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
         bound = self._loops.bound(clock, now)
-        begun_lo = float(now[adaptive.TIME_LO]) if self.clock.changes else 0.0
+        begun_lo = float(now[changing.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
         path = self._nothing if record is None else self._watcher.path(count)
         status, done, body, evaluations = self._loops.march(state, bound, path, count)
@@ -563,11 +578,11 @@ class Marcher:
             body = int(lost[0]) % self._bodies if lost.size else 0
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
-            self._block = count, float(now[adaptive.ORIGIN]) if self.clock.changes else self._time_of(self.step)
+            self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
             if self._loops.kicks.size and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
-            self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
+            self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
         if self._loops.tasks:
             self._retired.begin()
@@ -586,7 +601,7 @@ class Marcher:
     def _failure(self, status: int, done: int, bodies: list[int], now: Array | None = None) -> IntegrationError:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
         step = self.step + done
-        time = self._time_of(step) if now is None or not self.clock.changes else float(now[adaptive.TIME])
+        time = self._time_of(step) if now is None or not self.clock.changes else float(now[changing.TIME])
         momenta = SEPARABLE not in self.lagrangian.traits
         return failure_of_bodies(status, step, time, self.clock, self.integrator, names, momenta=momenta)
 

@@ -17,8 +17,8 @@ class Motion:
     """The motion of n massive bodies within consecutive steps of a march.
 
     form : the form that took the steps
-    times : (steps + 1,), at which the steps begin and the last one ends, since the start of the run
-    lengths : (steps,), of the steps
+    times : (steps + 1,), at which they begin and the last one ends, since the start of the run
+    lengths : (steps,), which late in a run have more digits than the differences of the times
     path : (steps + 1, 2, padded), q and v at these times, all x first; kicks : (steps, rows, 8), the carry after each,
         or none for a method without a polynomial through its stages
     partial : takes partial steps where no polynomial resolves the motion

@@ -18,6 +18,7 @@ from orbits.errors import ArchiveError, EventError, InputError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
 from orbits.marching import adaptive
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import Clock, ConstantSteps, Place
 from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
@@ -485,6 +486,11 @@ def march_of_run(
         raise InputError(
             "stop=... with a distance or an energy is not tested where events may change the bodies; seek an event "
             "with then='stop', or leave one of the two out."
+        )
+    if not isinstance(clock, Adaptive | ConstantSteps):
+        raise InputError(
+            "the bodies of a run change in the time of the system, not in transformed time: leave dt away, or give a "
+            "step."
         )
     if events.touching and clock.changes and not system.massive.all():
         raise InputError(

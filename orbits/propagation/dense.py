@@ -85,12 +85,16 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
     if kept is None or not len(kept):
         _marched(trajectory, trajectory.times, before, trajectory.sample, times, missing, q, v)
-    elif trajectory.system.massive.all():
-        _part_of_steps(trajectory, kept, times, missing, q, v)
-    else:
-        begun = kept.times[:, 0]
+        return q, v, times
+    begun, marched = kept.times[:, 0], missing
+    if trajectory.system.massive.all():
+        # Behind the last step, one that is chosen may have to be shorter than up to the end of the run.
+        marched = missing & ((times - begun[-1]) * direction > 0.0) & trajectory.clock.changes
+        if (missing & ~marched).any():
+            _part_of_steps(trajectory, kept, times, missing & ~marched, q, v)
+    if marched.any():
         rows = np.searchsorted(begun * direction, times * direction, side="right") - 1
-        _marched(trajectory, begun, rows, lambda k: _one(kept, k), times, missing, q, v)
+        _marched(trajectory, begun, rows, lambda k: _one(kept, k), times, marched, q, v)
     return q, v, times
 
 

@@ -14,7 +14,7 @@ from orbits.marching.retirement import REASONS
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
-from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit
+from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit, without_dt
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
@@ -112,9 +112,12 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     hidden = len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown)
     more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
     these = "it" if len(found) == 1 else "those named"
+    instead = without_dt(run.system)
     remedy = f"With dt <= {with_unit(enough, unit, 2)} {these} would have been resolved"
     if not enough:
         remedy = "No practical step resolves them with this method: use one of higher order, or softening"
+    if instead:
+        remedy += f". Or {instead}"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(

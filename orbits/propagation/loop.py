@@ -47,6 +47,10 @@ Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
 
 
+AT_ONCE = 256
+"""The most samples within a step whose states are computed together."""
+
+
 @dataclass
 class RunEnds:
     """The conditions that may end a run early, and the one that did."""
@@ -250,11 +254,12 @@ def _sample(
 ) -> None:
     """Visit every sample from `first` on, until a stop is requested."""
     watch.begun = time.perf_counter()
+    known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
     for index in range(first, len(grid)):
         if stop.name:
             return
         place = grid.place(index)
-        while marcher.is_before(place):
+        while not known and marcher.is_before(place):
             try:
                 marcher.approach(place)
             except IntegrationError:
@@ -272,7 +277,9 @@ def _sample(
                 return
             if found is None:
                 break
-        state = marcher.state_at(place)
+        if not known and marcher.clock.changes:
+            known = marcher.states_before_next(grid.times[index : index + AT_ONCE])[::-1]
+        state = known.pop() if known else marcher.state_at(place)
         store.note(marcher.accounts())
         store.add(*state)
         if watch.callback is not None:

@@ -69,7 +69,7 @@ def bound(
     if conditions is not None and conditions.energy < np.inf:
         require_newtonian(system, "EnergyErrorAbove")
     bodies = system.values if state is None else system.values._replace(q=state[0], v=state[1])
-    return march_of(
+    marcher = march_of(
         bodies,
         integrator,
         clock,
@@ -82,6 +82,11 @@ def bound(
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
         radii=radii,
     )
+    if state is None:  # a march from a state of a run must not be refused where the run itself was not
+        massive = np.flatnonzero(system.massive)
+        names = [system.names[k] for k in massive]
+        marcher.clock.check_bodies(marcher.parameters, bodies.q[massive], bodies.v[massive], names)
+    return marcher
 
 
 def march_of(

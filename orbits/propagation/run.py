@@ -11,6 +11,7 @@ from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
+from orbits.marching.adaptive import Adaptive
 from orbits.propagation import step_check
 from orbits.propagation.changing import March, march_of_run, of_this_leg
 from orbits.propagation.events.again import sought_again
@@ -62,9 +63,11 @@ def propagate(
     integrator : a method such as `Gauss(stages=8)`, the default, or its name as on the command line: "gauss",
         "gauss(stages=4)"
     dt : None or `orbits.Adaptive()` chooses steps one by one, also through encounters, with errors at the level of
-        round-off, for massive bodies and Gauss. Or the length of a step: a quantity, a number in the system's time
-        unit, or a text such as "6 d", or "P/20" for a fraction of the shortest orbital period; it is rounded to 24
-        significant bits (`run.dt` is the step used), and its sign does not matter
+        round-off, for massive bodies and Gauss; `orbits.TimeTransformed(step=0.3)` takes constant steps of transformed
+        time, symplectic through near-collisions, for a few massive bodies of comparable masses. Or the length of a
+        step: a quantity, a number in the system's time unit, or a text such as "6 d", or "P/20" for a fraction of the
+        shortest orbital period; it is rounded to 24 significant bits (`run.dt` is the step used), and its sign does not
+        matter
     duration : the length of the run: a quantity, a number or a text ("10 yr"); negative for backwards in time
     until : instead, its end: a date (a Time, "2030-01-01", a datetime64; TDB if no scale is given), or a time since
         the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
@@ -161,9 +164,10 @@ def propagated(
 
     if not isinstance(certificate, bool | Certificate | None):
         raise InputError(f"certificate is a {type(certificate).__name__}; expected True or a result of orbits.certify")
-    if certificate is True and grid.clock.changes:
+    if certificate is True and isinstance(grid.clock, Adaptive):
         raise InputError("a certificate needs steps of one length: give dt=..., or omit the certificate")
-    measured = certify(system, integrator, grid.h) if certificate is True else certificate
+    step = grid.clock if grid.clock.changes else grid.h
+    measured = certify(system, integrator, step) if certificate is True else certificate
 
     replace = checked_flag(overwrite, "overwrite")
 

@@ -17,6 +17,7 @@ from orbits.checks import finite_numbers, is_whole
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.marching.adaptive import Adaptive
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, clock_of
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.new_bodies import primary_name
@@ -212,6 +213,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         Raises InputError for a run of a method with adaptive steps.
         """
         if math.isnan(self.step):
+            if isinstance(self.clock, ChangingSteps) and not isinstance(self.clock, Adaptive):
+                raise InputError(f"this run took {self.clock.describe(self.integrator)}, so it has no dt.")
             raise InputError(f"{self.integrator.label} has adaptive steps, so this run has no dt.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
@@ -257,9 +260,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """The method and its steps in words: Gauss(stages=8), dt = 6 d; or for a run without dt: Gauss(stages=8),
         adaptive steps (tolerance 1e-09).
         """
-        if isinstance(self.clock, Adaptive):
-            tolerance = self.clock.tolerance_for(self.integrator)
-            return f"{self.integrator.label}, adaptive steps (tolerance {tolerance:g})"
+        if isinstance(self.clock, ChangingSteps):
+            return f"{self.integrator.label}, {self.clock.describe(self.integrator)}"
         if math.isnan(self.step):
             return self.integrator.label
         return f"{self.integrator.label}, dt = {abs(self.step):g} {self.system.units.time}".rstrip()
@@ -380,8 +382,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
         known: dict[str, str | float] = {"integrator": self.integrator.label}
-        if isinstance(self.clock, Adaptive):
-            known["steps"] = f"adaptive, tolerance {self.clock.tolerance_for(self.integrator):g}"
+        if isinstance(self.clock, ChangingSteps):
+            known["steps"] = self.clock.attribute(self.integrator)
         elif not math.isnan(self.step):
             known["dt"] = abs(self.step)
         return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
@@ -407,6 +409,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             pairs |= {"retired": few(self.retired.names)}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
+        if self.kept is not None:
+            pairs |= {"dense output": f"from {len(self.kept):,} states"}
         if self.certificate is not None:
             pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
         return html_pairs(repr(self), pairs.items())

@@ -161,9 +161,9 @@ def test_each_flipped_bit_of_a_step_is_found_when_it_is_read(tmp_path):
             data = bytearray(whole)
             data[place.offset + step * row + 3] ^= 1
             path.write_bytes(data)
-            with Archive.open(path) as archive, pytest.raises(ArchiveError, match="steps .* do not hold"):
+            with Archive.open(path) as archive, pytest.raises(ArchiveError, match=r"steps .* do not hold"):
                 archive.steps.times, archive.steps.states(np.array([step]))
-            with pytest.raises(ArchiveError, match="steps .* do not hold"):
+            with pytest.raises(ArchiveError, match=r"steps .* do not hold"):
                 Archive.claim(path)
     data = bytearray(whole)
     data[places.chunks.offset] ^= 1

@@ -135,3 +135,8 @@ def test_a_quantity_of_the_wrong_kind_is_refused():
     with pytest.raises(orbits.InputError, match="length"):
         orbits.propagate(system, duration=1 * u.yr, events=orbits.CloseApproach("Jupiter", "Sun", within=1 * u.s))
     assert tables.MOST_EVENTS == 32_768
+
+
+def test_a_function_that_gives_no_system_ends_the_run():
+    with pytest.raises(orbits.EventError, match=r"returned 3 at t = 5.98.*; expected a System, or None"):
+        sought(orbits.Pericentre("planet", then=lambda t, system: 3))

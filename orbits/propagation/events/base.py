@@ -10,7 +10,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, shown
+from orbits.errors import EventError, InputError, shown
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -61,15 +61,16 @@ class Call(Action):
     function: Callable[[u.Quantity, System], System | None]
 
     def act(self, happening: Happening) -> System | None:
-        """Return what the function returns. Raises InputError for anything but a System or None."""
+        """Return what the function returns. Raises EventError for anything but a System or None."""
         from orbits.system import System
 
         answer = self.function(happening.time, happening.system)
         if answer is None or isinstance(answer, System):
             return answer
-        raise InputError(
-            f"then = {shown(self.function)} returned {shown(answer)} at t = {happening.time:.10g}; expected a System, "
-            "or None if the bodies do not change."
+        raise EventError(
+            f"then=... of {happening.kind!r} returned {shown(answer)} at t = {happening.time:.10g}; expected a "
+            "System, or None if the bodies do not change.",
+            time=float(happening.time.value),
         )
 
 
@@ -78,7 +79,7 @@ class Sought:
     """The base class of events. A subclass has fields, and `bound`, which makes functions of states from them.
 
     then : what happens: "record", "stop" (the run ends there, and `run.stopped` has the state), an `Action`, or a
-        function of the time (a quantity) and the `System`, which may return a changed System
+        function of the time (a quantity) and the `System`, which may return a System with changed q, v, gm or radii
     """
 
     then: Any = RECORD
