@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, EventError, InputError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
-from orbits.marching import adaptive
+from orbits.marching import changing as clocks
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import Clock, ConstantSteps, Place
 from orbits.marching.driver import NOWHERE
@@ -145,6 +145,10 @@ class ChangingMarch:
         if self._grid < 0:
             return self._whole(self._marcher.state_at(place), time)
         return self._whole(self._marcher.state_after(time - self._marcher.time), time)
+
+    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
+        """Return (q, v) at the first of these times, up to which the march has advanced."""
+        return [self.state_at(self.clock.place(float(times[0])))]
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `approach` needs."""
@@ -381,7 +385,7 @@ class ChangingMarch:
         )
         if clock.changes and time != 0.0:
             now = made.checkpoint()
-            now["clock"][[adaptive.TIME, adaptive.NEXT]] = time
+            now["clock"][[clocks.TIME, clocks.NEXT]] = time
             made.restore(now)
         return made
 
@@ -390,7 +394,7 @@ class ChangingMarch:
         known = dict(checkpoint)
         if self.clock.changes:
             known["clock"] = known["clock"].copy()
-            known["clock"][adaptive.LIMIT] = np.copysign(adaptive.FARTHEST, self.clock.direction)
+            known["clock"][clocks.LIMIT] = np.copysign(clocks.FARTHEST, self.clock.direction)
         values, there = self.system.values, self._there
         begun = 0.0 if self._grid < 0 else self._marcher.start
         again = self._made(values.q[there], values.v[there], self._marcher.clock, begun, seek=seek, copy=True)

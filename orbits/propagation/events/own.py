@@ -37,7 +37,8 @@ class Event(Sought):
     direction : 1 if the function is to rise in time, -1 if it is to fall, 0 for both
     bodies : the names of one or two bodies that it is about, for the table, and for what acts on them
     then : what happens: "record"; "stop": the run ends there, and `run.stopped` has the state; an action; or a function
-        of the time (a quantity) and the `System`, called between blocks of steps, that returns None
+        of the time (a quantity) and the `System`, called between blocks of steps, that may return a System with changed
+        q, v, gm or radii
 
     Zeros are found if the function has at most one extremum between two of its checks, which are at both ends of each
     step and at eight places between them. An archive holds what is found, but not the function.
