@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, EventError, InputError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
-from orbits.marching import changing
+from orbits.marching import changing as clocks
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import Clock, ConstantSteps, Place
 from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
@@ -146,8 +147,8 @@ class ChangingMarch:
         return self._whole(self._marcher.state_after(time - self._marcher.time), time)
 
     def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
-        """Return the state at the first of these times, up to which the march has advanced: it may end a leg."""
-        return [self.state_at(self.clock.place(times[0]))]
+        """Return (q, v) at the first of these times, up to which the march has advanced."""
+        return [self.state_at(self.clock.place(float(times[0])))]
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `approach` needs."""
@@ -384,7 +385,7 @@ class ChangingMarch:
         )
         if clock.changes and time != 0.0:
             now = made.checkpoint()
-            now["clock"][[changing.TIME, changing.NEXT]] = time
+            now["clock"][[clocks.TIME, clocks.NEXT]] = time
             made.restore(now)
         return made
 
@@ -393,7 +394,7 @@ class ChangingMarch:
         known = dict(checkpoint)
         if self.clock.changes:
             known["clock"] = known["clock"].copy()
-            known["clock"][changing.LIMIT] = np.copysign(changing.FARTHEST, self.clock.direction)
+            known["clock"][clocks.LIMIT] = np.copysign(clocks.FARTHEST, self.clock.direction)
         values, there = self.system.values, self._there
         begun = 0.0 if self._grid < 0 else self._marcher.start
         again = self._made(values.q[there], values.v[there], self._marcher.clock, begun, seek=seek, copy=True)
@@ -489,6 +490,11 @@ def march_of_run(
         raise InputError(
             "stop=... with a distance or an energy is not tested where events may change the bodies; seek an event "
             "with then='stop', or leave one of the two out."
+        )
+    if not isinstance(clock, Adaptive | ConstantSteps):
+        raise InputError(
+            "the bodies of a run change in the time of the system, not in transformed time: leave dt away, or give a "
+            "step."
         )
     if events.touching and clock.changes and not system.massive.all():
         raise InputError(

@@ -38,7 +38,7 @@ def test_a_ship_that_burns_at_each_pericentre_comes_back_at_the_times_of_kepler(
         times.append(t)
         speed = speed * 1.05 if speed * 1.05 < 1.3 else speed
     assert len(run.events) == len(times) - 1
-    # Pericentres are flat: their times are those of slopes, and a burn at a slightly wrong time moves the next by more.
+    # The time of a pericentre is found to the round-off of q.v; a burn at a wrong time changes the next by more.
     assert np.abs(run.events.time.value - times[:-1]).max() < 2e-12
     assert len(run.changes) == 3
     assert len(run.legs) == 1  # masses stay

@@ -56,7 +56,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Call(Action):
-    """The action of a function: it is called with the time and the system."""
+    """The action of a function: it is called with the time and the system, and may return a changed system."""
 
     function: Callable[[u.Quantity, System], System | None]
 
