@@ -68,7 +68,8 @@ def triple(rng):
     x, w = kepler(rng, m[0] + m[1], 1.0, rng.uniform(0, 0.6), rng.uniform(0, np.pi))
     far, slow = kepler(rng, m.sum(), rng.uniform(5, 12) / (1 - e), e, rng.uniform(0, 0.5))
     f = m[1] / (m[0] + m[1])
-    return centred("triple", m, [-f * x, (1 - f) * x, far], [-f * w, (1 - f) * w, slow], YEAR * 10 ** rng.uniform(1, 2.6))
+    q, v = [-f * x, (1 - f) * x, far], [-f * w, (1 - f) * w, slow]
+    return centred("triple", m, q, v, YEAR * 10 ** rng.uniform(1, 2.6))
 
 
 def binary(rng):
@@ -95,7 +96,8 @@ def encounter(rng):
 def chaotic(rng):
     n = rng.integers(3, 5)
     m = rng.uniform(0.3, 1, n)
-    return centred("chaotic", m / m.sum(), rng.normal(size=(n, 3)), 0.3 * rng.normal(size=(n, 3)), 10 ** rng.uniform(0.7, 1.6))
+    q, v = rng.normal(size=(n, 3)), 0.3 * rng.normal(size=(n, 3))
+    return centred("chaotic", m / m.sum(), q, v, 10 ** rng.uniform(0.7, 1.6))
 
 
 def hundred(seed: int) -> list[Random]:
@@ -105,7 +107,7 @@ def hundred(seed: int) -> list[Random]:
     return [kind(rng) for kind, count in kinds for _ in range(count)]
 
 
-def ways(rng, case: Random) -> Iterator[tuple[Any, Any]]:
+def ways_of(rng, case: Random) -> Iterator[tuple[Any, Any]]:
     """Yield methods and steps for a system: without dt, unless there are massless particles, and another one."""
     if (case.gm > 0).all():
         yield orbits.Gauss(), orbits.Adaptive()
