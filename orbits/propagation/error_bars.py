@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 SAFETY = 2.0
 """The bar as a multiple of the differences of the companions. Round-off is a random walk, and the difference of two of
-them may be small by chance: twice the differences contain 97 of 100 errors, as seen in a hundred random systems."""
+them may be small by chance: twice the differences contain 95 of 100 errors, as seen in a hundred random systems."""
 
 LOST = 0.5
 """The bar, as a fraction of the distance from the body that attracts most, at which the phase of an orbit is lost."""

@@ -3,7 +3,7 @@
 The first has steps of 0.7 times the length; with a method of order p, its difference from the run, divided by
 1 - 0.7^p, is the error that the steps cause. All its rounding errors are others, also those of the coefficients. The
 second has the steps of the run and a start that is changed beyond the last bit, in the low parts of positions and
-velocities: by at most a quarter of a unit in the last place, which is less than one orbit's round-off. Its rounding
+velocities: by at most a tenth of a unit in the last place, which is less than the round-off of an orbit. Its rounding
 errors are others after few steps, but of the same size.
 
 Round-off is a random walk, on which the flow acts as on any other error, so that the difference of two runs is as large
@@ -35,7 +35,7 @@ FINER = 0.7
 """The steps of the first companion, as a fraction of those of the run. Not a power of two, with which multiples of h
 would have the rounding errors of the run."""
 
-CHANGED = 0.25
+CHANGED = 0.1
 """The largest change of the start of the second companion, in units in the last place."""
 
 SEED = 53

@@ -1,4 +1,4 @@
-"""The last sweep of a step is one of pairs (hi, lo), so that what is left of round-off is a tenth; and `close_pairs`."""
+"""The last sweep of a step is one of pairs (hi, lo), which leaves a tenth of the round-off; and `close_pairs`."""
 
 from __future__ import annotations
 
