@@ -14,9 +14,10 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & W
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -50,6 +51,7 @@ from orbits.kernels.binding import (
     kernel_of,
 )
 from orbits.kernels.compile import kernel
+from orbits.kernels.dense import weights as dense_weights
 from orbits.kernels.iteration import (
     CONVERGED,
     FLOOR,
@@ -82,6 +84,13 @@ from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.summation import add_compensated, two_product, two_sum
 from orbits.tableaux import SymplecticTableau
 from orbits.tableaux.symplectic import FAR
+
+RESOLVED = 3e-10
+"""The last Legendre coefficient of the forces, times h, as a fraction of the position of a body, up to which their
+polynomial serves for dense output; it leaves errors of 2e-14 of the position."""
+
+ROUNDED = 1e-12
+"""The rounding errors of integrals of up to 32 Lagrange polynomials, which are below 1."""
 
 CANCELLED = 1e-6
 """The share of the attractions on a body below which their sum does not count as its force."""
@@ -352,6 +361,57 @@ def signal(method, model, h, state, storage):
     return worst
 
 
+@kernel(inline=True)
+def dense(method, h, q, v, kicks, theta, out_q, out_v):
+    """Write q and v at a fraction of a step, from the polynomial through the forces at its stages.
+
+    q, v : at the beginning of the step; kicks : its L. See `orbits.kernels.dense`.
+    """
+    R, coefficients, size = registers(method), method.coefficients, out_q.shape[0]
+    block, first, part = kicks.shape[0] // R, ETA + 2 * WIDTH * R, theta * h
+    for r in range(R):
+        once, twice = dense_weights(coefficients[r], first, WIDTH * R, theta)
+        for k in range(size):
+            L = load(kicks, r * block + k)
+            if r == 0:
+                out_v[k], out_q[k] = 0.0, 0.0
+            out_v[k] += total(once * L)
+            out_q[k] += total(twice * L)
+    for k in range(size):
+        out_q[k] = q[k] + fma(part, v[k], h * out_q[k])
+        out_v[k] += v[k]
+
+
+@kernel(inline=True)
+def resolves(method, h, q, kicks, bodies):
+    """Return whether the polynomial through the forces leaves hardly more than round-off in the position of each body:
+    about 1e-4 of h times their last Legendre coefficient.
+    """
+    R, coefficients = registers(method), method.coefficients
+    block = kicks.shape[0] // R
+    for i in range(bodies):
+        off = size = 0.0
+        for k in range(i, 3 * bodies, bodies):
+            last = 0.0
+            for r in range(R):
+                last += total(load(coefficients[r], LAST) * load(kicks, r * block + k))
+            off, size = max(off, abs(last)), max(size, abs(q[k]))
+        if not abs(h) * off <= RESOLVED * size:
+            return False
+    return True
+
+
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """Write the coefficients of steps `factor` times as long, for a cold start."""
+    for r in range(registers(method)):
+        table, base = method.coefficients[r], unit.coefficients[r]
+        c, hc = load(base, HC), factor * load(base, HC)
+        store(table, HC, hc)
+        store(table, HC_LO, fma(c, full(factor), -hc) + factor * load(base, HC_LO))
+        store(table, HB, factor * load(base, HB))
+
+
 @dataclass(frozen=True)
 class Collocation(Form):
     """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians.
@@ -367,6 +427,9 @@ class Collocation(Form):
         "step_particles": step_particles,
         "prepare": prepare,
         "signal": signal,
+        "dense": dense,
+        "resolves": resolves,
+        "stretch": stretch,
         "width": 1,
     }
 
@@ -380,33 +443,21 @@ class Collocation(Form):
         return {**self.kernels, "registers": self.registers, "close": int(self.close)}
 
     def coefficients(self, h: float, before: float) -> Array:
-        """Return (R, 8 + 16 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
+        """Return (R, 8 + 24 R, 8) for steps of h; lanes past the last stage repeat it with weight 0.
 
         h c is a pair in doubled precision; eta is not scaled, because h eta would be rounded once more.
         """
-        tableau, s, count, ratio = self.tableau, self.tableau.stages, self.registers, h / before
-        lane = np.minimum(np.arange(WIDTH * count), s - 1)
-        out = np.zeros((count, ETA + 2 * WIDTH * count, WIDTH))
-        hc = h * tableau.nodes
-        rounding = [float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(tableau.nodes, hc, strict=True)]
-        weights = np.zeros(WIDTH * count)
-        weights[:s] = tableau.b
-        ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
-        start = tableau.eta @ ahead
-        apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
-        with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
-            barycentric = 1.0 / apart.prod(axis=1)
-        last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
-        for r in range(count):
-            own = slice(WIDTH * r, WIDTH * (r + 1))
-            out[r, HC], out[r, HC_LO] = hc[lane[own]], np.array(rounding)[lane[own]]
-            out[r, HB], out[r, REST] = h * weights[own], tableau.one_minus_nodes[lane[own]]
-            out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
-            out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
-            out[r, LAST, : len(last[own])] = last[own]
-            out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
-            out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
+        out = _table(self.tableau, h / before).copy()
+        out[:, HC], out[:, HC_LO] = _product(h, out[:, NODES])
+        out[:, HB] = h * out[:, WEIGHTS]
         return out
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether the stages are those of collocation, as for Gauss: where the polynomial through their forces resolves
+        the motion, they lie on it.
+        """
+        return _collocates(self.tableau)
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """One row of eight stages for each coordinate and register, and for its low part."""
@@ -425,3 +476,61 @@ class Collocation(Form):
         """Increments and changes of each coordinate, its history of three numbers, and low parts for the last sweep."""
         rows, many = padded(size), self.registers > 1
         return max((2 * self.registers + 2 + many) * rows + 3 * rows // WIDTH, 6 * self.registers), WIDTH
+
+
+SPLITTER = 2.0**27 + 1.0
+"""Splits a float into two of 26 bits."""
+
+
+def _product(h: float, c: Array) -> tuple[Array, Array]:
+    """Return h c and its rounding error, of numbers c in [0, 1]. Source: Dekker (1971)."""
+    part, exponent = math.frexp(h)  # so that nothing overflows
+    product = part * c
+    c_high, part_high = SPLITTER * c - (SPLITTER * c - c), SPLITTER * part - (SPLITTER * part - part)
+    c_low, part_low = c - c_high, part - part_high
+    error = part_low * c_low - (((product - part_high * c_high) - part_low * c_high) - part_high * c_low)
+    return np.ldexp(product, exponent), np.ldexp(error, exponent) + 0.0
+
+
+@lru_cache(maxsize=64)
+def _table(tableau: SymplecticTableau, ratio: float) -> Array:
+    """Return the coefficients of steps `ratio` times as long as the one before, without those that depend on the
+    length itself.
+    """
+    s, count = tableau.stages, (tableau.stages + WIDTH - 1) // WIDTH
+    lane = np.minimum(np.arange(WIDTH * count), s - 1)
+    out = np.zeros((count, ETA + 3 * WIDTH * count, WIDTH))
+    weights = np.zeros(WIDTH * count)
+    weights[:s] = tableau.b
+    ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
+    start = tableau.eta @ ahead
+    apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
+    with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
+        barycentric = 1.0 / apart.prod(axis=1)
+    legendre = np.zeros((s, s))
+    if np.isfinite(barycentric).all():
+        values = np.polynomial.legendre.legvander(2.0 * tableau.nodes - 1.0, s - 1)
+        legendre = np.linalg.inv(values) / tableau.b
+    last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
+    for r in range(count):
+        own = slice(WIDTH * r, WIDTH * (r + 1))
+        out[r, REST] = tableau.one_minus_nodes[lane[own]]
+        out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
+        out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
+        out[r, LAST, : len(last[own])] = last[own]
+        out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
+        out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
+        out[r, ETA + 2 * WIDTH * count : ETA + 2 * WIDTH * count + s, : len(last[own])] = legendre[:, own]
+    return out
+
+
+@lru_cache(maxsize=256)
+def _collocates(tableau: SymplecticTableau) -> bool:
+    """Return whether eta b = a a, where a_ij is the integral up to c_i of the Lagrange polynomial of c_j."""
+    s, x = tableau.stages, 2.0 * tableau.nodes - 1.0
+    if len(set(x.tolist())) < s:
+        return False
+    integrals = np.stack([np.polynomial.legendre.legint(one, lbnd=-1, scl=0.5) for one in np.eye(s)], axis=1)
+    values = np.polynomial.legendre.legvander(x, s - 1)
+    a = np.polynomial.legendre.legval(x, integrals).T @ np.linalg.inv(values)
+    return bool(np.abs(tableau.eta * tableau.b - a @ a).max() < ROUNDED)

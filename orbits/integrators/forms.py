@@ -63,6 +63,13 @@ class Form:
         return "step_particles" in self.own_kernels()
 
     @property
+    def is_dense(self) -> bool:
+        """Whether the carry after a step defines the motion within it: then the form has the kernels `dense` and
+        `resolves`.
+        """
+        return False
+
+    @property
     def shared(self) -> bool:
         """Whether threads can divide the step of thousands of bodies: then it always succeeds, and the results of
         `begin` depend on the positions alone.

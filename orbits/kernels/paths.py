@@ -53,6 +53,13 @@ def relative(watch, track, row, j, step):
 
 
 @kernel(inline=True)
+def record_carry(kicks, step, carry):
+    """Write the carry of the bodies after a step into `kicks`, (steps, rows, 8)."""
+    for row in range(carry.shape[0]):
+        store(kicks[step], row, load(carry, row))
+
+
+@kernel(inline=True)
 def record_state(path, step, q, v, size):
     """Write the state of the bodies at the beginning of a step into `path`, unless it is empty."""
     record_strip(path, step, q, v, 0, size)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
-from orbits.marching import adaptive, driver
+from orbits.marching import changing, driver
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
@@ -38,12 +39,15 @@ class BoundLoops:
     form : of the method; tag, vectors : of what acts on the bodies, and its parameters
     clock : of the march
     threads : how many threads particles, and thousands of massive bodies, may use
+    dense : whether the kicks of each step are recorded, for the dense output of methods with a polynomial
 
-    steps : the most steps of a block
+    steps : the most steps of a block; kicks : (steps, rows, 8), those of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
     """
 
-    def __init__(self, form: Form, tag: Tag, vectors: Any, clock: Clock, n: int, m: int, threads: int) -> None:
+    def __init__(
+        self, form: Form, tag: Tag, vectors: Any, clock: Clock, n: int, m: int, threads: int, dense: bool = False
+    ) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
         # Coefficients of steps of different lengths are written before each step, others made for each length.
         self._usual = form.coefficients(1.0, 1.0) if clock.changes else coefficients_of(form, clock.h)
@@ -73,10 +77,15 @@ class BoundLoops:
         self._task_scratch = arrays[len(shapes) :]
         rows = 12 * (self.steps + 1) if m else 0
         self.tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self.tasks)))]
-        self.times = np.zeros(clock.room(self.steps, sum(x.size for x in self.state.values())))
+        changed = ("q", "q_lo", "v", "v_lo", "memory")
+        self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
+        polynomials = dense and form.is_dense
+        self.kicks = np.empty((self.steps if polynomials else 0, form.carry_rows(3 * n), WIDTH))
+        self._n = n
+        self._copies: tuple[Array, ...] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
 
     @property
@@ -91,6 +100,14 @@ class BoundLoops:
             self.state[name][: 3 * n] = x[massive].T.ravel()
             self.state[f"particle_{name}"][...] = NOWHERE
             self.state[f"particle_{name}"][:, :m] = x[particles].T
+
+    def lengths(self, count: int) -> Array:
+        """Return the lengths of the `count` steps of the last block."""
+        if not self._clock.changes:
+            return np.full(count, self._clock.h)
+        if isinstance(self._clock, Adaptive):  # not rounded as differences of the times
+            return self.times[self.steps + 1 : self.steps + 1 + count]
+        return np.diff(self.times[: count + 1])
 
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
@@ -107,8 +124,25 @@ class BoundLoops:
         Returns (status, steps done, body, evaluations); see `orbits.marching.driver`.
         """
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        status, done, body, evaluations = self._march(*bound, *vectors, self._scratch, self._stages, path, 1, count)
+        kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
+        room = (self._scratch, self._stages)
+        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
+
+    def march_to_each(self, state: dict[str, Array], bound: tuple[Any, ...], limits: Array) -> Array:
+        """March copies of the state of massive bodies to each of these times, by steps that the clock chooses.
+
+        Returns q and v at those before the first that cannot be reached, (m, 2, 3 n).
+        """
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        if self._copies is None:
+            copies = aligned((4, len(state["q"])), state["memory"].shape)
+            self._copies = np.zeros(len(state["clock"])), *copies
+        out = np.empty((len(limits), 2, 3 * self._n))
+        reached, _ = driver.march_to_each(
+            *bound, *vectors, self._scratch, self._stages, limits, changing.LIMIT, *self._copies, out
+        )
+        return out[:reached]
 
     def march_particles(
         self,
@@ -157,5 +191,5 @@ def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) 
     if isinstance(clock, ConstantSteps):
         return clock.numbers(start, steps), clock.h
     now = state["clock"]
-    now[adaptive.ORIGIN] = now[adaptive.TIME]
-    return now, float(now[adaptive.LENGTH] or clock.direction)
+    now[changing.ORIGIN] = now[changing.TIME]
+    return now, float(now[changing.LENGTH] or clock.direction)

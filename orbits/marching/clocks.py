@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple
@@ -44,6 +45,7 @@ class Clock:
     """The times of the steps of a run: a frozen value.
 
     timing : the tag by which compiled code identifies it
+    refined_by : what is made smaller for more accuracy, in words
     direction : 1 forwards in time, -1 backwards
     h : the length of its steps, with that sign; NaN if they differ
 
@@ -52,6 +54,7 @@ class Clock:
     """
 
     timing: ClassVar[Tag]
+    refined_by: ClassVar[str] = "dt"
     direction: float
     h: float
 
@@ -69,6 +72,12 @@ class Clock:
         Raises InputError for a clock that has none.
         """
         raise InputError(f"the steps of {type(self).__name__} have no finer ones, with which a run could be compared.")
+
+    def check_bodies(self, strength: Array, q: Array, v: Array, names: Sequence[str]) -> None:
+        """Raise InputError for massive bodies at the start of a run for which this clock is unsuitable.
+
+        strength : (1 + n,), see `orbits.kernels.gravity`; q, v : (n, 3); names : (n,)
+        """
 
     def room(self, block: int, size: int) -> int:
         """Return the length of the workspace for a block of `block` steps and a state of `size` numbers."""

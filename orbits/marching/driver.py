@@ -16,7 +16,7 @@ from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_particles, record_strip
+from orbits.kernels.paths import record_carry, record_particles, record_strip
 from orbits.kernels.state import (
     Columns,
     all_finite,
@@ -26,6 +26,7 @@ from orbits.kernels.state import (
     store_particles,
 )
 from orbits.kernels.steps import (
+    BEYOND,
     NOT_FINITE,
     OK,
     Method,
@@ -49,7 +50,7 @@ Observers see NaN for a retired particle, so that every comparison with it is fa
 @kernel
 def march(
     form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
-    path, every, steps
+    path, every, kicks, steps
 ):  # fmt: skip
     """March by `steps` steps.
 
@@ -57,6 +58,7 @@ def march(
     q, q_lo, p, p_lo : see `State`; carry, scratch : see `Storage`
     stages : (slots, rows, columns), a slot for each step, or fewer slots that are reused in turn
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; empty for no recording
+    kicks : (steps, rows, 8), receives the carry after each step, for dense output; (0, rows, 8) for no recording
 
     Returns (status, steps done, body or coordinate, evaluations).
     """
@@ -76,8 +78,48 @@ def march(
         evaluations += count
         if status != OK:
             return status, k, where, evaluations
+        if k < kicks.shape[0]:
+            record_carry(kicks, k, carry)
         slot = slot + 1 if slot + 1 < stages.shape[0] else 0
     return (OK if all_finite(q, p, size) else NOT_FINITE), steps, 0, evaluations
+
+
+@kernel
+def march_to_each(
+    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
+    limits, limit, own_numbers, own, own_carry, out
+):  # fmt: skip
+    """March from one state up to each of several times, in steps that a clock chooses, on a copy.
+
+    limits : (m,), the times; limit : the index of the time limit in the state of the clock, whose next number is set to
+        1: the last step ends there
+    own_numbers, own, own_carry : workspace like `numbers`, (4, padded) for the state, and like `carry`
+    out : (m, 2, size), receives q and p at each
+    The other arguments are those of `march`; the state does not change.
+
+    Returns (number of times reached, status of the step that failed).
+    """
+    method, model, size = Method(form, coefficients), Model(tag, parameters), dimension(tag, parameters)
+    clock, share = Clock(timing, own_numbers, room), Share(0, size, None)
+    state, storage = State(own[0], own[1], own[2], own[3]), Storage(own_carry, scratch, stages[0], share)
+    for i in range(len(limits)):
+        for k in range(q.shape[0]):
+            own[0, k], own[1, k], own[2, k], own[3, k] = q[k], q_lo[k], p[k], p_lo[k]
+        for row in range(carry.shape[0]):
+            for k in range(carry.shape[1]):
+                own_carry[row, k] = carry[row, k]
+        for k in range(len(numbers)):
+            own_numbers[k] = numbers[k]
+        own_numbers[limit], own_numbers[limit + 1] = limits[i], 1.0
+        begin(method, model, numbers[0], 0.0, state, storage)
+        status = OK
+        while status == OK:
+            status, _, _ = take_step(clock, method, model, 0, state, storage)
+        if status != BEYOND:
+            return i, status
+        for k in range(size):
+            out[i, 0, k], out[i, 1, k] = own[0, k], own[2, k]
+    return len(limits), OK
 
 
 @kernel

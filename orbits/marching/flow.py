@@ -177,7 +177,7 @@ class Flow:
             now = clock.numbers(self.t, first * every)
             status, done, _, more = driver.march(
                 *bound, clock.timing, now, _NO_ROOM, *state, self._carry, self._scratch, self._stages,
-                path.reshape(-1), every, count * every,
+                path.reshape(-1), every, _NO_KICKS, count * every,
             )  # fmt: skip
             evaluations += more
             done += first * every
@@ -286,6 +286,7 @@ def velocities(lagrangian: Lagrangian, t: Array, q: Array, p: Array) -> Array:
 
 
 _NO_ROOM: Array = np.zeros(0)
+_NO_KICKS: Array = np.zeros((0, 1, WIDTH))
 
 
 def _padded(x: Array) -> Array:

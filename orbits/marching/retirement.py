@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.integrators.forms import Array, padded
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK
+from orbits.kernels.steps import IMPACT, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK
 
 REASONS = {
     NOT_CONVERGED: "the stages did not converge",
     NOT_FINITE: "the state is no longer finite",
     NOT_REGULAR: "its equations have no solution there",
+    IMPACT: "it merged with a body that it hit",
 }
 
 
@@ -85,9 +86,19 @@ class Retired:
         self._known[lost.particles, 0], self._known[lost.particles, 1] = lost.status, step
         self.begin()
 
+    def return_to(self, step: int) -> None:
+        """Take back the retirement of particles after more than `step` steps of the march."""
+        self._known[self._known[:, 1] > step] = 0
+        self.begin()
+
     def take(self, other: Retired) -> None:
         """Retire, before the first step of this march, the particles retired in another march of as many particles."""
         self._known[:, 0] = other._known[:, 0]
+        self.begin()
+
+    def follow(self, other: Retired) -> None:
+        """Take over the particles retired in another march of the same particles, which this one continues."""
+        self._known[...] = other._known
         self.begin()
 
     def gone(self) -> NDArray[np.bool_]:

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orbits.errors import RetiredWarning, StepWarning, level_of_caller
+from orbits.kernels.steps import IMPACT
+from orbits.marching.retirement import REASONS
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
-from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit
+from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit, without_dt
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
@@ -110,9 +112,12 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     hidden = len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown)
     more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
     these = "it" if len(found) == 1 else "those named"
+    instead = without_dt(run.system)
     remedy = f"With dt <= {with_unit(enough, unit, 2)} {these} would have been resolved"
     if not enough:
         remedy = "No practical step resolves them with this method: use one of higher order, or softening"
+    if instead:
+        remedy += f". Or {instead}"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
@@ -124,8 +129,11 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
 
 
 def warn_of_retired(run: Trajectory) -> None:
-    """Warn, with `RetiredWarning`, about the particles that were retired in a run."""
-    retired, unit = run.retired, run.system.units.time
+    """Warn, with `RetiredWarning`, about the particles that were retired in a run, but for those that merged."""
+    retired = [particle for particle in run.retired if particle.reason != REASONS[IMPACT]]
+    if not retired:
+        return
+    unit = run.system.units.time
     first = sorted(retired, key=lambda particle: particle.step)[:SHOWN]
     hidden = len(retired) - len(first)
     more = f"\n  And {hidden:,} more, in run.retired." if hidden else ""

@@ -27,6 +27,7 @@ class Replay:
         """Return a march of a run from its initial state."""
         from orbits.propagation.marchers import bound
 
+        _refuse_legs(run, "run.begun() and run.to_spk() march with")
         return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
@@ -62,6 +63,7 @@ class Replay:
         """Return the error bars of a run, from two companions."""
         from orbits.propagation.error_estimate import error_bars
 
+        _refuse_legs(run, "run.error_estimate() marches companions with")
         return error_bars(run)
 
     def retired(self, run: Trajectory) -> RetiredParticles:
@@ -82,8 +84,18 @@ class Replay:
 REPLAY = Replay()
 
 
+def _refuse_legs(run: Trajectory, what: str) -> None:
+    """Raise InputError for a run whose massive bodies changed on the way."""
+    if run.changes is not None and run.changes.acted_on_massive:
+        raise InputError(
+            f"{what} the same bodies from start to end, but bodies merge or bounce in this run ({len(run.legs)} legs). "
+            "Its collisions are in run.events; run.at(times) and the samples go through them."
+        )
+
+
 def seen_by(run: Trajectory) -> Seen:
     """Return the passages of a run, which are determined once and stored with it."""
+    _refuse_legs(run, "run.closest_approaches() and run.unresolved() know runs of")
     if run.record is None and run.archive is None:
         raise InputError(
             f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "

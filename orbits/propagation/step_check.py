@@ -139,9 +139,10 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
         enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
     else:
         enough = step_that_resolves(integrator, h, pair, span - start, span)
-    remedy = f"dt <= {with_unit(enough, units.time, 2)} would resolve it"
+    instead = without_dt(system)
+    remedy = f"dt <= {with_unit(enough, units.time, 2)} would resolve it{instead and f', or {instead}'}"
     if not enough:
-        remedy = "no step that is practical resolves it with this method: use one of higher order"
+        remedy = f"no step that is practical resolves it with this method: {instead or 'use one of higher order'}"
     warnings.warn(
         f"dt = {with_unit(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
         f"{with_unit(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
@@ -149,6 +150,11 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def without_dt(system: System) -> str:
+    """Return the advice to leave dt away, if runs of this system can do without."""
+    return "" if system.terms or system.forces else "leave dt away: steps are then chosen one by one"
 
 
 def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:

@@ -26,6 +26,7 @@ from orbits._version import __version__
 from orbits.body_names import chosen, index_of, place_of
 from orbits.checks import positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, Place
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
@@ -221,11 +222,10 @@ def _fitted(
         except _TooLongError as loss:
             reached = loss.args[0]
             length = min(length, grid.length) / 2.0
-    finer = "tolerance" if run.clock.changes else "dt"
     raise InputError(
         f"{run.made_by} is not smooth to {tolerance_km:g} km: because of its own error in a step, records of "
         f"{2 * length / DAY:.3g} d deviate by {reached:.2g} km. Use a larger tolerance_km, or propagate with a smaller "
-        f"{finer} or a method of higher order."
+        f"{run.clock.refined_by} or a method of higher order."
     )
 
 
@@ -317,7 +317,9 @@ def _planets_at_their_barycentres(numbers: Mapping[str, int], grid: _Grid) -> li
 
 
 def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, tolerance_km: float) -> list[str]:
-    steps = "adaptive steps" if run.clock.changes else f"dt = {abs(run.step)!r} {run.system.units.time}"
+    steps = f"dt = {abs(run.step)!r} {run.system.units.time}"
+    if isinstance(run.clock, ChangingSteps):
+        steps = run.clock.describe(run.integrator)
     lines = [
         f"Made by orbits {__version__}: {run.integrator.label}, {steps}.",
         f"Epoch of the initial state: {run.system.epoch} TDB.",

@@ -30,6 +30,10 @@ def part_ten_bodies(repetitions: int) -> dict[str, Any]:
         methods[f"Gauss(stages=8), dt {h:g} d"] = lambda gm, q, v, dt, span, h=h: ours(
             orbits.Gauss(stages=8), gm, q, v, h, span
         )
+    for tolerance in (1e-8, 1e-9):
+        methods[f"Gauss(stages=8), no dt, tolerance {tolerance:g}"] = lambda gm, q, v, dt, span, x=tolerance: ours(
+            orbits.Gauss(stages=8), gm, q, v, orbits.Adaptive(x), span
+        )
     methods["REBOUND ias15"] = lambda *a: rebound("ias15", *a)
     methods["REBOUND whfast-corrector17, dt 3 d"] = lambda gm, q, v, dt, span: rebound(
         "whfast-corrector17", gm, q, v, 3.0, span

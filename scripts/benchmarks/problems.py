@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.references import Exact, exact
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.clocks import Clock
 from orbits.marching.marcher import Marcher
 from orbits.point_masses import PointMasses
 from orbits.regression import peers
@@ -29,21 +30,25 @@ def ten_bodies_data() -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, Exa
     return np.array(data["gm_au3_d2"]), np.array(data["q"]), np.array(data["v"]), reference
 
 
-def marcher(method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: float, threads: int = 1) -> Marcher:
+def marcher(
+    method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: Clock | float, threads: int = 1
+) -> Marcher:
     """A system of floats bound to a method."""
     massive = gm > 0
     return Marcher(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads)
 
 
-def ours(method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: float, span: float, threads: int = 1):
+def ours(
+    method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: Clock | float, span: float, threads: int = 1
+):
     """Return (seconds, positions at `span`) of one run, compiled before the clock starts."""
     run = marcher(method, gm, q, v, h, threads)
     run.compile()
-    steps = int(span // h)
+    place = run.clock.place(span)
     begun = time.perf_counter()
-    run.advance(steps)
+    run.advance_to(place)
     seconds = time.perf_counter() - begun
-    end, _ = run.state_after(span - steps * h)
+    end, _ = run.state_at(place)
     run.close()
     return seconds, end
 

@@ -26,7 +26,7 @@ from orbits.scenario.typed import quantity
 
 STUDIES = [
     *("arenstorf", "brouwer", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum"),
-    *("pleiades", "work_precision"),
+    *("planetesimals", "pleiades", "work_precision"),
 ]
 SHORT = {
     "kepler": {"duration": 3.0, "samples": 21},

@@ -17,7 +17,7 @@ from orbits.lagrangians.pendulum import pendulum
 from orbits.scenario import Study, StudyResult, Table, bundled, load, perform
 from orbits.scenario.certificates import certify_scenario
 
-STUDIES = ["arenstorf", "discrete_kepler", "liouville", "outer_solar_system", "pendulum", "pleiades"]
+STUDIES = ["arenstorf", "discrete_kepler", "liouville", "outer_solar_system", "pendulum", "planetesimals", "pleiades"]
 
 
 def study(**changes):

@@ -1,0 +1,98 @@
+"""REBOUND built from source for this processor, in a process of its own: the wheel is compiled for any x86-64."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.point_masses import PointMasses
+
+Array = NDArray[np.float64]
+
+SCRIPTS = Path(__file__).resolve().parent.parent
+FOLDER = Path(sys.prefix) / "rebound-native"
+FLAGS = "-O3 -march=native"
+
+
+def ias15(gm: Array, q: Array, v: Array, span: float, epsilon: float | None = None) -> tuple[float, Array, int]:
+    """Return (seconds, positions at `span`, steps) of REBOUND's IAS15; epsilon None is its default."""
+    return peer("ias15", gm, q, v, span, epsilon)
+
+
+def peer(
+    name: str, gm: Array, q: Array, v: Array, span: float, epsilon: float | None = None, dt: float | None = None
+) -> tuple[float, Array, int]:
+    """The same for any of REBOUND's integrators, with a first or constant step of `dt`."""
+    import time
+
+    from orbits.regression.peers import simulation
+
+    simulated = simulation(PointMasses(gm, q, v))
+    simulated.integrator = name
+    if epsilon is not None:
+        simulated.integrator.epsilon = epsilon
+    simulated.dt = 1e-3 * span if dt is None else dt
+    begun = time.perf_counter()
+    simulated.integrate(span, exact_finish_time=1)
+    seconds, end = time.perf_counter() - begun, np.empty_like(q)
+    simulated.serialize_particle_data(xyz=end)
+    return seconds, end, int(simulated.steps_done)
+
+
+class Native:
+    """A process that runs REBOUND as built for this processor; None from `start` where it cannot be built."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self._process = process
+
+    @classmethod
+    def start(cls) -> Native | None:
+        """Build it if that was not done before, and start the process."""
+        version = importlib.metadata.version("rebound")
+        if not (FOLDER / f"rebound-{version}.dist-info").is_dir():
+            what = ["install", "--quiet", "--no-deps", "--no-binary", "rebound", "--target", str(FOLDER)]
+            command = [sys.executable, "-m", "pip", *what, f"rebound=={version}"]
+            if subprocess.run(command, env={**os.environ, "CFLAGS": FLAGS}, check=False).returncode:
+                return None
+        paths = os.pathsep.join([str(FOLDER), str(SCRIPTS), str(SCRIPTS.parent)])
+        command = [sys.executable, "-c", "from benchmarks.native import serve; serve()"]
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env={**os.environ, "PYTHONPATH": paths})
+        return cls(process)
+
+    def __call__(self, *arguments: Any) -> tuple[float, Array, int]:
+        """Return what `peer` returns there."""
+        requests, answers = self._process.stdin, self._process.stdout
+        assert requests is not None
+        assert answers is not None
+        pickle.dump(arguments, requests)
+        requests.flush()
+        answer: tuple[float, Array, int] = pickle.load(answers)
+        return answer
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.communicate()
+
+
+def serve() -> None:
+    """Answer requests from standard input until it ends."""
+    import rebound
+
+    assert Path(rebound.__file__).is_relative_to(FOLDER), rebound.__file__
+    answers, sys.stdout = sys.stdout.buffer, sys.stderr
+    while True:
+        try:
+            arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        pickle.dump(peer(*arguments), answers)
+        answers.flush()
