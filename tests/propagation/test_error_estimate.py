@@ -304,3 +304,16 @@ def test_an_interrupt_of_the_estimate_leaves_the_run(monkeypatch):
     with pytest.raises(Interrupted, match="Ctrl-C came while the error was estimated") as caught:
         run_of(planets(), error_estimate=True)
     assert len(caught.value.trajectory) == 13
+
+
+def test_runs_in_transformed_time_have_bars_and_runs_with_mergers_say_why_they_have_none():
+    bars = run_of(burrau(), dt=orbits.TimeTransformed(step=0.3), duration=20).error_estimate()
+    assert 0 < bars.position.value[-1].max() < 1e-11  # 1e-13 seen
+    orbit = {"gm": 1e-6, "radius": 0.05, "e": 0.1}
+    bodies = {"star": {"gm": 1.0, "radius": 0.05}, "a": {**orbit, "a": 1.0}}
+    bodies["b"] = {**orbit, "a": 1.1, "l": 1.0, "pomega": 3.0}
+    disc = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    run = run_of(disc, events=orbits.Collision(then=orbits.Merge()), error_estimate=True)
+    assert len(run.events) == 1
+    with pytest.raises(InputError, match=r"the same bodies from start to end, but bodies merge or bounce"):
+        run.error_estimate()
