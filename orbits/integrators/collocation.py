@@ -23,6 +23,22 @@ from typing import Any, ClassVar
 import numpy as np
 from numba.extending import overload
 
+from orbits.integrators.collocation_end import finish
+from orbits.integrators.collocation_rows import (
+    BARYCENTRIC,
+    ETA,
+    HB,
+    HC,
+    HC_LO,
+    LAST,
+    NODES,
+    REST,
+    WEIGHTS,
+    combine,
+    is_close,
+    layers,
+    registers,
+)
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.binding import (
     OPTIONS,
@@ -54,7 +70,6 @@ from orbits.kernels.iteration import (
 )
 from orbits.kernels.lanes import (
     WIDTH,
-    any_lane,
     fma,
     full,
     largest,
@@ -68,15 +83,9 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
-from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
+from orbits.kernels.summation import add_compensated, two_product, two_sum
 from orbits.tableaux import SymplecticTableau
 from orbits.tableaux.symplectic import FAR
-
-# Rows of the table of one register of stages, the stages in the lanes. ETA is the first of 8 R rows: row j holds column
-# j of the matrix; START follows, in the same form. NODES and WEIGHTS are c and b, BARYCENTRIC the weights of the
-# polynomial through the stages, LAST those of its last Legendre coefficient.
-HC, HC_LO, HB, REST, NODES, WEIGHTS, BARYCENTRIC, LAST, ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
-
 
 RESOLVED = 3e-10
 """The last Legendre coefficient of the forces, times h, as a fraction of the position of a body, up to which their
@@ -89,33 +98,6 @@ CANCELLED = 1e-6
 """The share of the attractions on a body below which their sum does not count as its force."""
 
 
-def registers(method):
-    """Return R, a constant of the form."""
-    raise NotImplementedError("registers() is for compiled code only")
-
-
-@overload(registers, jit_options=OPTIONS)
-def _registers(method):
-    count = kernel_of(method.types[0], "registers")
-    return lambda method: count
-
-
-def _is_close(method):
-    """Return whether the positions of stages have low parts, from the Numba type of a method."""
-    return bool(kernel_of(method.types[0], "close"))
-
-
-def layers(method):
-    """Return the number of rows of stages for each coordinate: 2 if their positions have low parts, else 1."""
-    raise NotImplementedError("layers() is for compiled code only")
-
-
-@overload(layers, jit_options=OPTIONS)
-def _layers(method):
-    count = 2 if _is_close(method) else 1
-    return lambda method: count
-
-
 def place(method, Q, at, lows, x, increment):
     """Write the position x + increment of eight stages into row `at`, and its low part, if any, `lows` rows later."""
     raise NotImplementedError("place() is for compiled code only")
@@ -123,7 +105,7 @@ def place(method, Q, at, lows, x, increment):
 
 @overload(place, jit_options=OPTIONS)
 def _place(method, Q, at, lows, x, increment):
-    if not _is_close(method):
+    if not is_close(method):
         return lambda method, Q, at, lows, x, increment: store(Q, at, x + increment)
 
     def with_low_part(method, Q, at, lows, x, increment):
@@ -141,7 +123,7 @@ def attract(method, model, Q, r, block, lows, out):
 
 @overload(attract, jit_options=OPTIONS)
 def _attract(method, model, Q, r, block, lows, out):
-    if _is_close(method):
+    if is_close(method):
         return lambda method, model, Q, r, block, lows, out: accelerate_close(
             model.tag,
             model.parameters,
@@ -167,7 +149,7 @@ def pull(method, model, stages, r, block, lows, Q):
 
 @overload(pull, jit_options=OPTIONS)
 def _pull(method, model, stages, r, block, lows, Q):
-    if not _is_close(method):
+    if not is_close(method):
 
         def plain(method, model, stages, r, block, lows, Q):
             sources = stages if registers(method) == 1 else stages[r * block : (r + 1) * block]
@@ -203,7 +185,7 @@ def is_round_off(method, model, h, stages, lows, Q, change):
 
 @overload(is_round_off, jit_options=OPTIONS)
 def _is_round_off(method, model, h, stages, lows, Q, change):
-    if not _is_close(method):
+    if not is_close(method):
         return lambda method, model, h, stages, lows, Q, change: False
 
     def with_low_parts(method, model, h, stages, lows, Q, change):
@@ -211,25 +193,6 @@ def _is_round_off(method, model, h, stages, lows, Q, change):
         return change <= TIGHT * abs(h) * largest(pulls)
 
     return with_low_parts
-
-
-@kernel(inline=True)
-def combine(R, table, first, rows, block, k):
-    """Return sum_j column_j * rows[.., j] over R registers, whose rows are `block` apart."""
-    even = odd = full(0.0)
-    if R == 1:  # without adding to zero, which would be two more operations in each of many sums
-        even = load(table, first) * rows[k, 0]
-        odd = load(table, first + 1) * rows[k, 1]
-        for j in range(2, WIDTH, 2):
-            even = even + load(table, first + j) * rows[k, j]
-            odd = odd + load(table, first + j + 1) * rows[k, j + 1]
-        return even + odd
-    for r in range(R):
-        at, row = first + WIDTH * r, r * block + k
-        for j in range(0, WIDTH, 2):
-            even = even + load(table, at + j) * rows[row, j]
-            odd = odd + load(table, at + j + 1) * rows[row, j + 1]
-    return even + odd
 
 
 @kernel(inline=True)
@@ -275,15 +238,13 @@ def step(method, model, t, h, state, storage):
                 store(change, k, moved_by if r == 0 else maximum(load(change, k), moved_by))
                 store(L, r * block + k, new)
         evaluations += 1
-        if last:
-            break
         if iteration == 0:
             begin(change, history, blocks)
         elif not falling(change, history, blocks):
             patience -= 1
             last = patience == 0 or settled(history, blocks, NEAR_FLOOR if count > 0 else FLOOR)
         iteration += 1
-        if iteration == LIMIT:
+        if last or iteration == LIMIT:
             break
         for r in range(R):
             table = coefficients[r]
@@ -298,40 +259,7 @@ def step(method, model, t, h, state, storage):
         where = unsettled_coordinate(history, blocks, size, TIGHT, FLOOR)
         if where >= 0:
             return NOT_CONVERGED, where, evaluations
-
-    finite = True
-    for b in range(blocks):
-        first = WIDTH * b
-        stop = min(first + WIDTH, size)
-        kick, kick_lo = compensated_row_sums(L, first)
-        rest = load(coefficients[0], REST)
-        for k in range(first, stop):
-            store(change, k, rest * load(L, k))
-        drift = row_sums(change, first)
-        for r in range(1, R):
-            rest = load(coefficients[r], REST)
-            for k in range(first, stop):
-                store(change, k, rest * load(L, r * block + k))
-            more, more_lo = compensated_row_sums(L, r * block + first)
-            kick, lost = two_sum(kick, more)
-            kick_lo = kick_lo + (lost + more_lo)
-            drift = drift + row_sums(change, first)
-        store(base, b, kick_lo)
-        store(history, b, kick)
-        store(history, blocks + b, drift)
-        finite &= not any_lane(1.0 - (kick * 0.0 == 0.0) * (drift * 0.0 == 0.0))
-    if not finite:
-        return NOT_FINITE, 0, evaluations
-    for b in range(blocks):
-        k = WIDTH * b
-        v_now, v_rest = load(v, k), load(v_lo, k)
-        x, x_rest = moved(h, load(q, k), load(q_lo, k), v_now, v_rest, h * load(history, blocks + b))
-        store(q, k, x)
-        store(q_lo, k, x_rest)
-        v_now, v_rest = add_compensated(v_now, v_rest + load(base, b), load(history, b))
-        store(v, k, v_now)
-        store(v_lo, k, v_rest)
-    return OK, 0, evaluations
+    return finish(method, model, h, state, storage), 0, evaluations + 1
 
 
 @kernel(inline=True)
@@ -604,10 +532,10 @@ class Collocation(Form):
         return 3 * self.registers
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """Increments and changes of each coordinate, and its history of three numbers."""
+        """Increments and changes of each coordinate, its history of three numbers, and low parts for the last sweep."""
         rows, many = padded(size), self.registers > 1
         own = (10 if self.close else 6) * self.registers  # of a particle: increments, stages, low parts and rates
-        return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, own), WIDTH
+        return max((2 * self.registers + 2 + many) * rows + 3 * rows // WIDTH, own), WIDTH
 
 
 SPLITTER = 2.0**27 + 1.0

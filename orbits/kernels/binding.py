@@ -18,6 +18,8 @@ from numba import types
 from numba.core.datamodel.models import OpaqueModel
 from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
 
+from orbits.kernels.lanes import full, store
+
 _KERNELS: dict[str, Mapping[str, Any]] = {}
 
 OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
@@ -313,6 +315,39 @@ def _accelerate_close(lagrangian, parameters, q, q_lo, out):
     if compiled is None:
         return lambda lagrangian, parameters, q, q_lo, out: accelerate(lagrangian, parameters, q, out)
     return lambda lagrangian, parameters, q, q_lo, out: compiled(parameters, q, q_lo, out)
+
+
+def accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
+    """Write the accelerations at rows of eight stages, positions and accelerations being pairs in doubled precision.
+
+    close : whether q_lo is used in all distances, not only in those that matter most
+    Without a kernel for that, q_lo is not used, and out_lo is zero. What other terms of a sum add is rounded once.
+    """
+    raise NotImplementedError("accelerate_finely() is for compiled code only")
+
+
+@overload(accelerate_finely, jit_options=OPTIONS)
+def _accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, q, q_lo, close, out, out_lo):
+            accelerate_finely(first_term(lagrangian), parameters[0], q, q_lo, close, out, out_lo)
+            n = bodies(lagrangian, parameters)
+            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
+
+        return summed
+    compiled = kernel_of(lagrangian, "accelerate_finely")
+    if compiled is None:
+
+        def rounded(lagrangian, parameters, q, q_lo, close, out, out_lo):
+            accelerate(lagrangian, parameters, q, out)
+            for k in range(dimension(lagrangian, parameters)):
+                store(out_lo, k, full(0.0))
+
+        return rounded
+    return lambda lagrangian, parameters, q, q_lo, close, out, out_lo: compiled(
+        parameters, q, q_lo, close, out, out_lo
+    )
 
 
 def dynamical_rate(lagrangian, parameters, q, v):

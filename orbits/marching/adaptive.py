@@ -111,6 +111,9 @@ ROUND_OFF = 1e-9 ** (16 / 7)
 
 TIGHTEST, LOOSEST = 1e-15, 0.1
 
+STRICT = 0.1
+"""The fraction of its default below which a tolerance is far below it."""
+
 FEWEST_STAGES, MOST_STAGES = 3, WIDTH
 
 
@@ -166,6 +169,16 @@ class Adaptive(ChangingSteps):
         """Return the tolerance of the steps of a method: the one given, or its default."""
         stages = integrator.stages
         return ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
+
+    def finer(self, integrator: Any, factor: float) -> Adaptive:
+        """Return the clock of a tolerance that makes steps `factor` < 1 times as long.
+
+        With a tolerance far below the default, at which round-off is all that is left, they are longer by as much:
+        shorter ones would tell no more.
+        """
+        own, usual = self.tolerance_for(integrator), Adaptive().tolerance_for(integrator)
+        change = factor if own > STRICT * usual else 1.0 / factor
+        return Adaptive(own * change ** (integrator.stages - 1)).towards(self.direction)
 
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""

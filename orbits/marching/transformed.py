@@ -133,6 +133,10 @@ class TimeTransformed(ChangingSteps):
         object.__setattr__(clock, "direction", math.copysign(1.0, direction))
         return clock
 
+    def finer(self, integrator: Any, factor: float) -> TimeTransformed:
+        """Return the clock of steps of transformed time of `factor` times this length."""
+        return TimeTransformed(factor * self.step).towards(self.direction)
+
     def check(self, integrator: Integrator) -> None:
         """Raise InputError, naming suitable methods, for a method that cannot march in transformed time."""
         if not isinstance(integrator, VariationalRungeKutta) or integrator.tableau.stages > WIDTH:

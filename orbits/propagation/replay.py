@@ -12,6 +12,7 @@ from orbits.errors import InputError
 if TYPE_CHECKING:
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
+    from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Seen
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
@@ -57,6 +58,13 @@ class Replay:
         found = [k for k, _ in spoiling(run, seen)]
         refine(run, seen, found)
         return [approaches.one(k) for k in found]
+
+    def error_estimate(self, run: Trajectory) -> ErrorBars:
+        """Return the error bars of a run, from two companions."""
+        from orbits.propagation.error_estimate import error_bars
+
+        _refuse_legs(run, "run.error_estimate() marches companions with")
+        return error_bars(run)
 
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive, as listed in its last checkpoint."""

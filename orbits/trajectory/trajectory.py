@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
     from orbits.marching.kept_steps import KeptSteps
+    from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Record
     from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory.again import MarchesAgain
@@ -117,6 +118,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.archive: Archive | None = None
         self.record = record
         self.passages: Any = None
+        self.error_bars: ErrorBars | None = None
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
         self._events: Events | None = None
