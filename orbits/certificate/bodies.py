@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 Array = np.typing.NDArray[np.float64]
 
-OTHER_ENERGY = 1.25
+OTHER_ENERGY = 1.0 + 2.0**-20
+"""E0 as a multiple of the energy: so close to it that the motion is that of the bodies."""
 
 PLACES = 5
 """The number of states of the march at which the step is compared."""

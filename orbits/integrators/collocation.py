@@ -31,7 +31,9 @@ from orbits.kernels.binding import (
     bodies,
     dimension,
     field,
+    field_close,
     gross_attraction,
+    gross_field,
     kernel_of,
 )
 from orbits.kernels.compile import kernel
@@ -152,6 +154,63 @@ def _attract(method, model, Q, r, block, lows, out):
     return lambda method, model, Q, r, block, lows, out: accelerate(
         model.tag, model.parameters, Q[r * block : (r + 1) * block], out
     )
+
+
+def pull(method, model, stages, r, block, lows, Q):
+    """Return the acceleration of a particle at its stages of register r; with low parts, also write their rates into
+    row 6 R + r of Q.
+
+    Q : 3 R rows of positions, and their low parts, if any
+    """
+    raise NotImplementedError("pull() is for compiled code only")
+
+
+@overload(pull, jit_options=OPTIONS)
+def _pull(method, model, stages, r, block, lows, Q):
+    if not _is_close(method):
+
+        def plain(method, model, stages, r, block, lows, Q):
+            sources = stages if registers(method) == 1 else stages[r * block : (r + 1) * block]
+            return field(
+                model.tag, model.parameters, sources, load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)
+            )
+
+        return plain
+
+    def with_low_parts(method, model, stages, r, block, lows, Q):
+        sources, rest = stages[r * block : (r + 1) * block], stages[lows + r * block : lows + (r + 1) * block]
+        low = 3 * registers(method) + 3 * r
+        x, y, z, rate = field_close(
+            model.tag,
+            model.parameters,
+            sources,
+            rest,
+            (load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)),
+            (load(Q, low), load(Q, low + 1), load(Q, low + 2)),
+        )
+        store(Q, 6 * registers(method) + r, rate)
+        return x, y, z
+
+    return with_low_parts
+
+
+def is_round_off(method, model, h, stages, lows, Q, change):
+    """Return whether a change of L is round-off of attractions on a particle that cancel; with low parts only, and for
+    one register.
+    """
+    raise NotImplementedError("is_round_off() is for compiled code only")
+
+
+@overload(is_round_off, jit_options=OPTIONS)
+def _is_round_off(method, model, h, stages, lows, Q, change):
+    if not _is_close(method):
+        return lambda method, model, h, stages, lows, Q, change: False
+
+    def with_low_parts(method, model, h, stages, lows, Q, change):
+        pulls = gross_field(model.tag, model.parameters, stages[:lows], load(Q, 0), load(Q, 1), load(Q, 2))
+        return change <= TIGHT * abs(h) * largest(pulls)
+
+    return with_low_parts
 
 
 @kernel(inline=True)
@@ -285,7 +344,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
     L, scratch, stages = carry, storage.scratch, storage.stages
     block = stages.shape[0] // (R * layers(method))
-    start = ETA + WIDTH * R
+    lows, start = R * block, ETA + WIDTH * R
     base, Q = scratch, scratch[3 * R :]
     for r in range(R):
         table = coefficients[r]
@@ -296,18 +355,15 @@ def step_particles(method, model, t, h, particles, carry, storage):
         store(base, 3 * r, x_base)
         store(base, 3 * r + 1, y_base)
         store(base, 3 * r + 2, z_base)
-        store(Q, 3 * r, x + (x_base + h * combine(R, table, start, L, 3, 0)))
-        store(Q, 3 * r + 1, y + (y_base + h * combine(R, table, start, L, 3, 1)))
-        store(Q, 3 * r + 2, z + (z_base + h * combine(R, table, start, L, 3, 2)))
+        place(method, Q, 3 * r, 3 * R, x, x_base + h * combine(R, table, start, L, 3, 0))
+        place(method, Q, 3 * r + 1, 3 * R, y, y_base + h * combine(R, table, start, L, 3, 1))
+        place(method, Q, 3 * r + 2, 3 * R, z, z_base + h * combine(R, table, start, L, 3, 2))
     least = last_change = scale = 0.0
     iteration, patience, last, evaluations = 0, PATIENCE, False, 0
     while True:
         now = size = 0.0
         for r in range(R):
-            sources = stages if R == 1 else stages[r * block : (r + 1) * block]
-            ax, ay, az = field(
-                model.tag, model.parameters, sources, load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)
-            )
+            ax, ay, az = pull(method, model, stages, r, block, lows, Q)
             hb = load(coefficients[r], HB)
             lx, ly, lz = hb * ax, hb * ay, hb * az
             off = abs(lx - load(L, 3 * r)) + abs(ly - load(L, 3 * r + 1)) + abs(lz - load(L, 3 * r + 2))
@@ -333,10 +389,13 @@ def step_particles(method, model, t, h, particles, carry, storage):
             break
         for r in range(R):
             table = coefficients[r]
-            store(Q, 3 * r, x + (load(base, 3 * r) + h * combine(R, table, ETA, L, 3, 0)))
-            store(Q, 3 * r + 1, y + (load(base, 3 * r + 1) + h * combine(R, table, ETA, L, 3, 1)))
-            store(Q, 3 * r + 2, z + (load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)))
-    if not least <= CONVERGED * scale:
+            moved_by = load(base, 3 * r) + h * combine(R, table, ETA, L, 3, 0)
+            place(method, Q, 3 * r, 3 * R, x, moved_by)
+            moved_by = load(base, 3 * r + 1) + h * combine(R, table, ETA, L, 3, 1)
+            place(method, Q, 3 * r + 1, 3 * R, y, moved_by)
+            moved_by = load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)
+            place(method, Q, 3 * r + 2, 3 * R, z, moved_by)
+    if not (least <= CONVERGED * scale or is_round_off(method, model, h, stages, lows, Q, least)):
         return particles, carry, NOT_CONVERGED, evaluations
     x_kick, x_kick_lo, x_drift = _sums(coefficients, R, L, 0)
     y_kick, y_kick_lo, y_drift = _sums(coefficients, R, L, 1)
@@ -547,7 +606,8 @@ class Collocation(Form):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """Increments and changes of each coordinate, and its history of three numbers."""
         rows, many = padded(size), self.registers > 1
-        return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, 6 * self.registers), WIDTH
+        own = (10 if self.close else 6) * self.registers  # of a particle: increments, stages, low parts and rates
+        return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, own), WIDTH
 
 
 SPLITTER = 2.0**27 + 1.0

@@ -39,9 +39,8 @@ from orbits.kernels.iteration import (
     begin,
     falling,
     settled,
-    unsettled_body,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, full, load, store
+from orbits.kernels.lanes import WIDTH, any_lane, full, load, maximum, store
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_sum
 from orbits.kernels.transformed import energy_of_bodies, transformed_field
@@ -50,6 +49,9 @@ from orbits.tableaux import SymplecticTableau
 # Rows of the table. From MU on, each is the first of eight: row j holds column j of a matrix, one stage in each lane.
 HB, WEIGHTS, MU, MU_BAR, CONTINUATION = 0, 1, 2, 10, 18
 ROWS = 26
+
+CANCELLED = 1e-6
+"""The share of the momenta of all bodies below which a kick does not count as that of a body."""
 
 ROUND_OFF = 2.0**-54
 """The fraction of its time by which a step of a given time may miss it."""
@@ -121,6 +123,27 @@ def place(method, state, work, rows, d):
         store(work.V, k, state.p[k] + (state.p_lo[k] + combine(method.coefficients, MU_BAR, work.moves[rows:], k)))
 
 
+@kernel
+def unsettled(history, blocks, rows, strength, n):
+    """Return the first body whose least change exceeds `CONVERGED` of its own largest one; -1 if none does.
+
+    Where attractions cancel, the kick that remains is round-off: none counts as less than `CANCELLED` of that which the
+    momenta of all bodies would give.
+    """
+    for first in range(0, 2 * rows, rows):
+        momenta = 0.0
+        for k in range(3 * n):
+            momenta += strength[1 + k % n] * history[2 * blocks + (first + k) // WIDTH, (first + k) % WIDTH]
+        for i in range(n):
+            least, scale = 0.0, CANCELLED * momenta / strength[1 + i]
+            for k in range(first + i, first + 3 * n, n):
+                least = maximum(history[k // WIDTH, k % WIDTH], least)
+                scale = maximum(history[2 * blocks + k // WIDTH, k % WIDTH], scale)
+            if not least <= CONVERGED * scale:
+                return i
+    return -1
+
+
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step of h in tau; `storage.carry` holds q' and v' at the stages of the previous step, and E0."""
@@ -130,7 +153,17 @@ def step(method, model, t, h, state, storage):
     for half in range(0, 2 * rows, rows):
         for k in range(half, half + d):
             store(work.moves, k, hb * combine(method.coefficients, CONTINUATION, carry, k))
-    evaluations, patience, last = 0, PATIENCE, False
+    evaluations, patience, last, cold = 0, PATIENCE, False, carry[0, 0] == 0.0
+    for k in range(d):
+        cold &= carry[k, 0] == 0.0 and carry[rows + k, 0] == 0.0
+    if cold:  # from the derivatives at the start: at a single place, forces that cancel would set no scale
+        place(method, state, work, rows, d)
+        transformed_field(
+            model.parameters, energy, work.Q, work.Q_lo, work.V, work.pull, carry[:rows], carry[rows : 2 * rows]
+        )
+        for half in range(0, 2 * rows, rows):
+            for k in range(half, half + d):
+                store(work.moves, k, hb * load(carry, k))
     while True:
         place(method, state, work, rows, d)
         g = transformed_field(
@@ -153,10 +186,9 @@ def step(method, model, t, h, state, storage):
         if evaluations == LIMIT:
             break
     if not settled(work.history, blocks, CONVERGED):
-        for half in range(0, 2 * rows, rows):
-            body = unsettled_body(work.history[half // WIDTH :], blocks, count, CONVERGED)
-            if body >= 0:
-                return NOT_CONVERGED, body, evaluations
+        body = unsettled(work.history, blocks, rows, model.parameters, count)
+        if body >= 0:
+            return NOT_CONVERGED, body, evaluations
     hours, hours_lo = compensated_row_sums(work.hours, 0)
     store(work.hours, 1, hours)
     store(work.hours, 2, hours_lo)

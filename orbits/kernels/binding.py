@@ -380,6 +380,55 @@ def _field(lagrangian, parameters, sources, x, y, z):
     return compiled and (lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z))
 
 
+def field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
+    """As `field`, for positions in doubled precision, with the square of the dynamical rate there: (ax, ay, az, S);
+    without a kernel for that, only the high parts are used, and S is 0.
+    """
+    raise NotImplementedError("field_close() is for compiled code only")
+
+
+@overload(field_close, jit_options=OPTIONS)
+def _field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, sources, sources_lo, place, place_lo):
+            first = first_term(lagrangian)
+            ax, ay, az, rate = field_close(first, parameters[0], sources, sources_lo, place, place_lo)
+            x, y, z = place
+            more = total_field(other_terms(lagrangian), parameters[0], parameters[1:], sources, x, y, z)
+            return ax + more[0], ay + more[1], az + more[2], rate
+
+        return summed
+    compiled = kernel_of(lagrangian, "field_close")
+    if compiled is None:
+
+        def plain(lagrangian, parameters, sources, sources_lo, place, place_lo):
+            ax, ay, az = field(lagrangian, parameters, sources, place[0], place[1], place[2])
+            return ax, ay, az, ax * 0.0
+
+        return plain
+    return lambda lagrangian, parameters, sources, sources_lo, place, place_lo: compiled(
+        parameters, sources, sources_lo, place, place_lo
+    )
+
+
+def gross_field(lagrangian, parameters, sources, x, y, z):
+    """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel."""
+    raise NotImplementedError("gross_field() is for compiled code only")
+
+
+@overload(gross_field, jit_options=OPTIONS)
+def _gross_field(lagrangian, parameters, sources, x, y, z):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters, sources, x, y, z: gross_field(
+            first_term(lagrangian), parameters[0], sources, x, y, z
+        )
+    compiled = kernel_of(lagrangian, "gross_field")
+    if compiled is None:
+        return lambda lagrangian, parameters, sources, x, y, z: x * 0.0
+    return lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z)
+
+
 def particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):
     """Return (dL/dx, dL/dv), six numbers, of the Lagrangian of a massless particle per unit mass.
 

@@ -99,6 +99,20 @@ def weights(table, first, rows, theta):
     return once, twice
 
 
+@kernel(inline=True)
+def double_integrals(theta, rows, out):
+    """Write J_k at eight fractions theta, in lanes, into row k of `out`, for k = 0 ... rows - 1."""
+    x = 2.0 * theta - 1.0
+    following, now = integral(0, x, full(-1.0), full(1.0))
+    legendre, before, double = full(1.0), full(0.0), 0.5 * theta * theta
+    for k in range(rows):
+        after, ahead = integral(k + 1, x, legendre, following)
+        if k > 0:
+            double = (ahead - before) * (0.5 / (2.0 * k + 1.0))
+        store(out, k, double)
+        before, now, legendre, following = now, ahead, following, after
+
+
 @kernel
 def motion_within(form, coefficients, lengths, path, kicks, steps, fractions, q, v, done):
     """Write the states at fractions of recorded steps that their polynomials resolve.

@@ -103,6 +103,36 @@ def attraction(strength, sources, x, y, z):
 
 
 @kernel
+def close_attraction(strength, sources, sources_lo, place, place_lo):
+    """As `attraction`, for positions in doubled precision, with the rate: (ax, ay, az, S), S = sum_j GM_j / r_j^3.
+
+    sources_lo : the low parts, with the shape of sources, or None; place, place_lo : (x, y, z) and their low parts
+    """
+    n = strength.shape[0] - 1
+    softening2 = strength[0]
+    (x, y, z), (x_lo, y_lo, z_lo) = place, place_lo
+    ax, ay, az, rate = x * 0.0, x * 0.0, x * 0.0, x * 0.0
+    for j in range(n):
+        dx = _apart(sources, sources_lo, j, x, x_lo)
+        dy = _apart(sources, sources_lo, n + j, y, y_lo)
+        dz = _apart(sources, sources_lo, 2 * n + j, z, z_lo)
+        w = rsqrt_cubed(softening2 + dx * dx + dy * dy + dz * dz) * strength[1 + j]
+        ax, ay, az, rate = ax + w * dx, ay + w * dy, az + w * dz, rate + w
+    return ax, ay, az, rate
+
+
+@kernel
+def gross_field(strength, sources, x, y, z):
+    """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel; as for `attraction`."""
+    n = strength.shape[0] - 1
+    gross = x * 0.0
+    for j in range(n):
+        dx, dy, dz = get(sources, j) - x, get(sources, n + j) - y, get(sources, 2 * n + j) - z
+        gross = gross + strength[1 + j] / (dx * dx + dy * dy + dz * dz + strength[0])
+    return gross
+
+
+@kernel
 def body_accelerations(strength, q, out):
     """Write the accelerations of n mutually attracting bodies into `out`, bodies in lanes.
 

@@ -35,7 +35,7 @@ A kernel reads them as attributes of `watch_at(context)`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -207,6 +207,14 @@ class Contexts:
         for row, array in zip(self._words, arrays, strict=True):
             row[at : at + 1 + array.ndim] = _described(name, array)
         self._kept[name] = list(arrays)
+
+    def follow(self, others: Contexts, own: Sequence[Mapping[str, NDArray[Any]]]) -> None:
+        """Copy the last of other contexts into these, one into each, except for arrays of their own."""
+        self._words[:] = others._words[len(others._words) - len(self._words) :]
+        for row, arrays in zip(self._words, own, strict=True):
+            for name, array in arrays.items():
+                row[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = _described(name, array)
+        self._kept = {**others._kept, "own": own}
 
     def share(self, others: Contexts, own: Sequence[str]) -> None:
         """Copy the first of other contexts into all of these, except for the fields `own`."""

@@ -24,9 +24,11 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import (
     attraction,
     body_accelerations,
+    close_attraction,
     close_pair_accelerations,
     dynamical_rate,
     gross_attraction,
+    gross_field,
     pair_accelerations,
     pair_potential,
     share_of_accelerations,
@@ -119,6 +121,8 @@ def _compiled() -> Compiled:
         "dynamical_rate": dynamical_rate,
         "gross_attraction": gross_attraction,
         "field": attraction,
+        "field_close": close_attraction,
+        "gross_field": gross_field,
         "particle_gradients": particle_gradients,
     }
     return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS}))

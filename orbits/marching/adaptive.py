@@ -41,8 +41,11 @@ from orbits.marching.changing import (
     step_of,
 )
 
-THETA, TOLERANCE, POWER = 3, 4, 5
-"""The own numbers of this clock: theta, the tolerance and the power 1 / (s - 1)."""
+THETA, TOLERANCE, POWER, LONGEST = 3, 4, 5, NUMBERS
+"""The own numbers of this clock: theta, the tolerance, the power 1 / (s - 1), and the longest step (0: any length)."""
+
+ALONE = 64.0
+"""The longest step of a massive body alone, whose motion sets none, among particles, in units of time."""
 
 FIRST_THETA = 0.2
 
@@ -67,9 +70,11 @@ def take_step(clock, method, model, k, state, storage):
     if rate > 0.0:
         scale = 1.0 / math.sqrt(rate)
         slope = -0.5 * direction * change * scale * scale * scale
+    longest = numbers[LONGEST] if numbers[LONGEST] > 0.0 else math.inf
     status, where, evaluations = TOO_SHORT, 0, 0
     for attempt in range(ATTEMPTS):
         h = direction * theta * scale * math.exp(min(max(0.5 * theta * slope, -1.0), 1.0))
+        h = min(max(h, -longest), longest)
         if not direction * (h - left) <= 0.0:
             if numbers[EXACT] == 0.0:
                 numbers[NEXT] = min(max(numbers[TIME] + h, -FARTHEST), FARTHEST)
@@ -164,7 +169,7 @@ class Adaptive(ChangingSteps):
 
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
-        numbers = np.zeros(NUMBERS)
+        numbers = np.zeros(NUMBERS + 1)
         power = 1.0 / (integrator.stages - 1)
         numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, self.tolerance_for(integrator), power
         numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)

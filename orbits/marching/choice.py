@@ -48,8 +48,8 @@ def form_of_bodies(
     if isinstance(clock, TimeTransformed):
         return _transformed(integrator, lagrangian, with_particles=with_particles, forces=forces)
     if clock.changes:
-        return _changing(integrator, lagrangian, with_particles=with_particles, forces=forces)
-    if SEPARABLE in lagrangian.traits and not forces:
+        form = _changing(integrator, lagrangian, forces=forces)
+    elif SEPARABLE in lagrangian.traits and not forces:
         form = form_for(integrator, lagrangian)
     else:
         form = _form_with(integrator, lagrangian, forces)
@@ -68,18 +68,13 @@ def form_of_bodies(
     return form
 
 
-def _changing(
-    integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[str]
-) -> Form:
+def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[str]) -> Form:
     """Return the form for steps of different lengths, with distances accurate in close encounters."""
     if SEPARABLE not in lagrangian.traits or forces:
         what = f"the force of {forces[0]}" if forces else f"'{lagrangian.name}', which is not separable"
         raise InputError(f"steps are chosen only if forces depend on positions alone, not with {what}: give dt=...")
     form = form_for(integrator, lagrangian)
-    if with_particles or not isinstance(form, Collocation):
-        raise InputError(
-            "massless particles are marched with constant steps only, so far: give dt=..., or give them a small mass"
-        )
+    assert isinstance(form, Collocation)  # as `Adaptive.check` takes no other method
     return replace(form, close=True)
 
 

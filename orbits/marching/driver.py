@@ -16,7 +16,7 @@ from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_carry, record_particles, record_strip
+from orbits.kernels.paths import record_carry, record_one, record_particles, record_strip
 from orbits.kernels.state import (
     Columns,
     all_finite,
@@ -222,10 +222,10 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
         particle, carry, done = load_particle(columns, p), storage.carry[p], 0
         if retired[p, 0] != OK:
             for k in range(steps + 1):
-                _record_one(track, k, lane_of_p, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
+                record_one(track, k, lane_of_p, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
         else:
             while done < steps:
-                _record_one(
+                record_one(
                     track, done, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
                 (t, h), now = step_of(clock, done), _at(storage, done, p, p + 1)
@@ -236,7 +236,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
                     break
                 done += 1
             for k in range(done, steps + 1):
-                _record_one(
+                record_one(
                     track, k, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
             store_particle(columns, p, particle)
@@ -249,14 +249,6 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
 def _at(storage, k, start, stop):
     """Return the storage for particles start ... stop - 1 in step k, with the stages of that step."""
     return Storage(storage.carry, storage.scratch, storage.stages[k], Share(start, stop, None))
-
-
-@kernel(inline=True)
-def _record_one(track, k, slot, x, y, z, vx, vy, vz):
-    """Write the state of one particle at the beginning of step k."""
-    row = 6 * k
-    track[row, slot], track[row + 1, slot], track[row + 2, slot] = x, y, z
-    track[row + 3, slot], track[row + 4, slot], track[row + 5, slot] = vx, vy, vz
 
 
 @kernel

@@ -25,7 +25,7 @@ from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing
-from orbits.marching.adaptive import Adaptive
+from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
 from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.choice import form_of_bodies
@@ -118,6 +118,8 @@ class Marcher:
         self._state = self._loops.state
         if isinstance(self.clock, ChangingSteps):
             self._state["clock"] = self.clock.numbers_for(integrator)
+        if isinstance(self.clock, Adaptive) and n == 1 and m:
+            self._state["clock"][LONGEST] = ALONE
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
         self._dense = dense
@@ -189,9 +191,9 @@ class Marcher:
             known = isinstance(failure, ConvergenceError)
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
-        lost = self._retired.lost()
+        lost, reached = self._retired.lost(), {}
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
-            count = lost.steps
+            count, reached = lost.steps, self._reached(lost)
             self._replay(count)
         if self._overflowed and count > 1:  # more passages than the list of a block holds: repeat in shorter blocks
             self._replay(0)
@@ -201,7 +203,7 @@ class Marcher:
             return None
         self.step += count
         if lost is not None:
-            return self._lose(lost)
+            return self._lose(lost, reached)
         if failure is None:
             return None
         try:  # to find the number and the time of the step that failed
@@ -238,11 +240,24 @@ class Marcher:
             q, v = self.state()
             self._keep(times[-1:], q[None], v[None])
 
-    def _lose(self, lost: Lost) -> IntegrationError | None:
-        """Retire particles; or return the error for the first one, if `retire` is not set."""
+    def _reached(self, lost: Lost) -> dict[str, Array]:
+        """Return where lost particles have got to by steps of their own, within a step of the bodies."""
+        if not self.clock.changes:
+            return {}
+        reached = {f"particle_{name}": lost.particles for name in ("q", "q_lo", "v", "v_lo")}
+        state = {name: self._state[name][:, which] for name, which in reached.items()}
+        return {**state, "particle_clock": self._state["particle_clock"][lost.particles]}
+
+    def _lose(self, lost: Lost, reached: Mapping[str, Array]) -> IntegrationError | None:
+        """Retire particles where they have got to; or return the error for the first one, if `retire` is not set."""
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         self._retired.add(lost, self.step)
+        for name, values in reached.items():
+            if name == "particle_clock":
+                self._state[name][lost.particles] = values
+            else:
+                self._state[name][:, lost.particles] = values
         return None
 
     def _stop(self, count: int) -> bool:
@@ -341,13 +356,15 @@ class Marcher:
         """
         if not self.clock.changes:
             return self.state_after(place.rest)
-        copy, before = self._copied(), self.evaluations
+        copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
         copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
+        self._retired.begin()
         try:
-            while self._march_block(copy, self.clock, self.block) == self.block:
+            while self._march_block(copy, self.clock, self.block, goes_on=True) == self.block:
                 pass
+            self._raise_for_lost()
         finally:
-            self.evaluations = before
+            self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
 
     def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
@@ -363,11 +380,20 @@ class Marcher:
                 return [(self._in_order(q, self._nothing), self._in_order(v, self._nothing)) for q, v in found]
         return [self.state_at(self.clock.place(times[0]))]
 
+    def _raise_for_lost(self) -> None:
+        """Raise the error for a particle that was lost on a copy of the state, if `retire` is not set."""
+        lost = self._retired.lost()
+        failure = None if lost is None or self._retire else self._lose(lost, {})
+        if failure is not None:
+            raise failure
+
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
-        massive = np.ones(len(self._massive), dtype=bool)
+        massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
+        massive[self._massive] = True
         q, v = self.state()
         options: dict[str, Any] = {"names": self.names, "stops": self._stops, "energy_bound": self._energy_bound}
+        options["retire"] = self._retire
         end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, **options)
         end.restore(self.checkpoint())
         end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
@@ -412,10 +438,7 @@ class Marcher:
         before = self.evaluations, self.particle_evaluations
         try:
             self._march_block(copy, ConstantSteps(offset), 1)
-            lost = self._retired.lost()
-            failure = None if lost is None or self._retire else self._lose(lost)
-            if failure is not None:
-                raise failure
+            self._raise_for_lost()
         finally:
             self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
@@ -469,7 +492,7 @@ class Marcher:
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
         q, v = self._state["particle_q"], self._state["particle_v"]
-        return retirements(self._retired.table(), q, v, self._particles)
+        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"))
 
     def retire(self, body: int, status: int, step: int, q: Array, v: Array) -> None:
         """Retire a massless particle, numbered as by the caller, after `step` steps, with its last q and v, (3,)."""
@@ -558,8 +581,11 @@ class Marcher:
         """Release the threads."""
         self._loops.close()
 
-    def _march_block(self, state: dict[str, Array], clock: Clock, count: int) -> int:
-        """March `count` steps, or those before the goal of the clock; return their number."""
+    def _march_block(self, state: dict[str, Array], clock: Clock, count: int, *, goes_on: bool = False) -> int:
+        """March `count` steps, or those before the goal of the clock; return their number.
+
+        goes_on : without the particles that were lost in the block before
+        """
         usual = clock == self.clock
         now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
         bound = self._loops.bound(clock, now)
@@ -586,7 +612,8 @@ class Marcher:
             self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
         if self._loops.tasks:
-            self._retired.begin()
+            if not goes_on:
+                self._retired.begin()
             watcher = None if record is None else self._watcher
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None and count:

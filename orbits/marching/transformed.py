@@ -180,18 +180,19 @@ class TimeTransformed(ChangingSteps):
 def rounding_amplified(strength: Array, q: Array, v: Array) -> Array:
     """Return, for each body, the rounding error of (H - E0) grad g / m as a multiple of that of g a, (n,).
 
-    The rounding error of H is that of its terms, which is divided by the mass of a body that may have no part in them.
+    The rounding error of H is that of its terms, which is divided by the mass of a body that may have no part in them;
+    that of g a is that of the attractions, which may cancel.
     """
     gm, n = strength[1:], len(q)
     apart = q[None] - q[:, None]
     r2 = np.sum(apart**2, axis=2) + strength[0] + np.eye(n)
     away = 1.0 - np.eye(n)
-    pulls = away / r2**1.5
-    rates = pulls * (gm[:, None] + gm[None])
-    steep = np.linalg.norm(np.einsum("ij,ijk->ik", 3.0 * rates / r2, apart), axis=1)
-    force = np.linalg.norm(np.einsum("ij,j,ijk->ik", pulls, gm, apart), axis=1)
-    energy = 0.5 * float(gm @ np.sum(v**2, axis=1)) + 0.5 * float(np.sum(away * np.outer(gm, gm) / np.sqrt(r2)))
-    rate = 0.5 * float(np.sum(rates))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        amplified = 0.5 * steep / rate * energy / (gm * force)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        pulls = away / r2**1.5
+        rates = pulls * (gm[:, None] + gm[None])
+        steep = np.linalg.norm(np.einsum("ij,ijk->ik", 3.0 * rates / r2, apart), axis=1)
+        gross = (pulls * np.linalg.norm(apart, axis=2)) @ gm
+        energy = 0.5 * float(gm @ np.sum(v**2, axis=1)) + 0.5 * float(np.sum(away * np.outer(gm, gm) / np.sqrt(r2)))
+        rate = 0.5 * float(np.sum(rates))
+        amplified = 0.5 * steep / rate * energy / (gm * gross)
     return np.where(np.isfinite(amplified), amplified, 0.0)

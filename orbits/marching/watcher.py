@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -84,6 +85,7 @@ class Watcher:
     tasks : the number of tasks that march particles at the same time
 
     contexts, lists : of the massive bodies, then of each task
+    own_steps : the contexts of tasks for particles that take steps of their own
     """
 
     def __init__(
@@ -121,7 +123,7 @@ class Watcher:
             self.listed_within[: len(massive)] = self._annuli[:, REACH]
         self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
         self.lists = [BlockList.empty(listed) for listed in self._listed]
-        self.contexts = Contexts(1 + tasks)
+        self.contexts, self.own_steps = Contexts(1 + tasks), Contexts(tasks)
         self.contexts.enter(
             path=self._path,
             stride=self._stride,
@@ -208,6 +210,10 @@ class Watcher:
             positions = self.recorded(steps)[:, 0, : 3 * n].reshape(-1, 3, n)
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
+
+    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]]) -> None:
+        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task."""
+        self.own_steps.follow(self.contexts, arrays)
 
     def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
         """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,

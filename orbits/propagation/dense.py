@@ -155,4 +155,6 @@ def _marched(
     whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)
+        if clock.changes:
+            later = np.abs(times) > abs(particle.time.value)
         q[later, body] = v[later, body] = np.nan

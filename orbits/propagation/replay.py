@@ -69,7 +69,8 @@ class Replay:
         from orbits.marching.retirement import retirements
 
         particles = np.flatnonzero(~run.system.massive)
-        rows = retirements(listed, checkpoint["particle_q"], checkpoint["particle_v"], particles)
+        q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
+        rows = retirements(listed, q, v, particles, clocks)
         return RetiredParticles.of(run.system, run.clock, rows)
 
 

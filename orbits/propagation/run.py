@@ -63,11 +63,11 @@ def propagate(
     integrator : a method such as `Gauss(stages=8)`, the default, or its name as on the command line: "gauss",
         "gauss(stages=4)"
     dt : None or `orbits.Adaptive()` chooses steps one by one, also through encounters, with errors at the level of
-        round-off, for massive bodies and Gauss; `orbits.TimeTransformed(step=0.3)` takes constant steps of transformed
-        time, symplectic through near-collisions, for a few massive bodies of comparable masses. Or the length of a
-        step: a quantity, a number in the system's time unit, or a text such as "6 d", or "P/20" for a fraction of the
-        shortest orbital period; it is rounded to 24 significant bits (`run.dt` is the step used), and its sign does not
-        matter
+        round-off, for Gauss; massless particles take steps of their own where they need to;
+        `orbits.TimeTransformed(step=0.3)` takes constant steps of transformed time, symplectic through near-collisions,
+        for a few massive bodies of comparable masses. Or the length of a step: a quantity, a number in the system's
+        time unit, or a text such as "6 d", or "P/20" for a fraction of the shortest orbital period; it is rounded to 24
+        significant bits (`run.dt` is the step used), and its sign does not matter
     duration : the length of the run: a quantity, a number or a text ("10 yr"); negative for backwards in time
     until : instead, its end: a date (a Time, "2030-01-01", a datetime64; TDB if no scale is given), or a time since
         the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time

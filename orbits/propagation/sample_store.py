@@ -115,10 +115,12 @@ class SampleStore:
         if self._writer is not None:
             if self._events is not None:
                 self._events.flush()
-            steps = () if self.steps is None else self.steps.pieces()
             checkpoint = checkpoint_of(marcher, self._accounts, self._events)
-            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint, steps)
-            if self.steps is not None:
+            new = self._q[: self._count], self._v[: self._count], checkpoint
+            if self.steps is None:
+                self._writer.commit(*new)
+            else:
+                self._writer.commit(*new, self.steps.pieces())
                 self.steps.written()
             self._count = 0
             self._committed_at = time.perf_counter()

@@ -188,7 +188,7 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
 def _refuse_retired(run: Trajectory, wanted: Sequence[str]) -> None:
     """Refuse bodies that were retired before the last sample: a segment covers the whole run."""
     ends = run.times[0], run.times[-1]
-    lost = [p for p in run.retired if p.name in wanted and abs(run.clock.time(p.step)) < max(map(abs, ends))]
+    lost = [p for p in run.retired if p.name in wanted and abs(p.time.value) < max(map(abs, ends))]
     if lost:
         raise InputError(
             f"{lost[0].name!r} was retired at t = {lost[0].time:.10g}, before the end of the run"

@@ -2,12 +2,13 @@
 
 from orbits.time_grid.grid import MOST_STEPS, TimeGrid
 from orbits.time_grid.reading import snapped, times_since
-from orbits.time_grid.step_length import dynamical_time, fastest_passage_of, rounded_step
+from orbits.time_grid.step_length import dynamical_time, dynamical_time_of, fastest_passage_of, rounded_step
 
 __all__ = [
     "MOST_STEPS",
     "TimeGrid",
     "dynamical_time",
+    "dynamical_time_of",
     "fastest_passage_of",
     "rounded_step",
     "snapped",

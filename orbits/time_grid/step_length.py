@@ -10,6 +10,7 @@ import numpy as np
 
 from orbits.checks import single_number
 from orbits.errors import InputError, shown
+from orbits.point_masses import PointMasses
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -42,7 +43,12 @@ def dynamical_time(system: System) -> float:
     """Return the shortest dynamical time, (sum G (m + m') / r^3)^(-1/2) over all pairs, at the start; infinite for a
     single body.
     """
-    gm, q, _, softening = system.values
+    return dynamical_time_of(system.values)
+
+
+def dynamical_time_of(start: PointMasses) -> float:
+    """Return the dynamical time of a start in floats."""
+    gm, q, _, softening = start
     rate = 0.0
     with np.errstate(all="ignore"):
         for i in range(len(gm)):

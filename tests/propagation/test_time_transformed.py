@@ -18,7 +18,7 @@ from orbits.marching.marcher import Marcher
 from orbits.propagation.marchers import bound
 
 from .. import kepler_truth
-from ..problems import three_bodies
+from ..problems import FIGURE_EIGHT, three_bodies
 from .test_adaptive import BURRAU, falling, system
 
 MASSES = np.array([0.7, 0.3])
@@ -272,6 +272,15 @@ def test_a_star_and_giant_planets_are_not_too_light():
     run = propagate(giants, 30 * u.yr, samples=2)
     other = orbits.propagate(giants, duration=30 * u.yr, samples=2, progress=False)
     np.testing.assert_allclose(run.q.value[-1], other.q.value[-1], rtol=0, atol=2e-13)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-16, 1e-12])
+def test_forces_that_cancel_make_no_body_too_light(offset):
+    """The middle one of the figure eight begins where the attractions of the others cancel."""
+    q = FIGURE_EIGHT.values.q.copy()
+    q[2, 0] = offset
+    run = propagate(FIGURE_EIGHT.replaced(q=q), 6.32591398, samples=2)
+    np.testing.assert_allclose(run.q.value[-1], q, rtol=0, atol=1e-7)  # start and period are rounded to 8 digits
 
 
 def test_a_clock_that_no_run_has_is_refused_by_the_archive(tmp_path):
