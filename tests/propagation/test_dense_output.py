@@ -53,7 +53,7 @@ def test_the_state_at_any_time_is_what_a_sample_there_would_be(case, where, tmp_
     order = np.random.default_rng(4).permutation(len(asked))
     found = run.at(asked[order])
     assert np.array_equal(found.times, asked[order])
-    assert np.abs(found.q - sampled.q[order]).max() < 1e-15  # 4.4e-16 was reached
+    assert np.abs(found.q - sampled.q[order]).max() < 2e-15  # 1.6e-15 was reached: kept states are rounded
     assert np.abs(found.v - sampled.v[order]).max() < 3e-15  # 6.7e-16
     assert np.array_equal(run.at(float(asked[7])).q, run.at(asked[:9]).q[7])
     assert np.array_equal(run.at(run.times).q, run.q)
