@@ -32,7 +32,7 @@ from orbits.kernels.gravity import (
     share_of_accelerations,
 )
 from orbits.kernels.lanes import get, put, sqrt
-from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Compiled, Lagrangian, Motion
+from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, NEWTONIAN, SEPARABLE, Compiled, Lagrangian, Motion
 from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
 from orbits.lagrangians.terms.base import Summand, SumOfTerms, compiled_sum, kept
 
@@ -121,7 +121,7 @@ def _compiled() -> Compiled:
         "field": attraction,
         "particle_gradients": particle_gradients,
     }
-    return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS}))
+    return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS, NEWTONIAN}))
 
 
 def parameters(gm: NDArray[np.float64], softening: float = 0.0) -> NDArray[np.float64]:

@@ -116,6 +116,18 @@ class BoundLoops:
         status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
 
+    def enter(self, state: dict[str, Array], clock: Clock) -> None:
+        """Compute what is marched with this clock from what is seen, for a form that `transforms`."""
+        driver.enter_march(*self._transformation(state, clock))
+
+    def leave(self, state: dict[str, Array], clock: Clock) -> None:
+        """Compute what is seen from what is marched with this clock, in a copy of a state that is not marched on."""
+        driver.leave_march(*self._transformation(state, clock))
+
+    def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        return *self.bound(clock, self.times)[:4], clock.h, *vectors, self._scratch, self._stages
+
     def march_particles(
         self,
         state: dict[str, Array],

@@ -36,7 +36,10 @@ from orbits.kernels.steps import (
     Storage,
     begin,
     begin_particles,
+    enter,
     lanes_of,
+    leave,
+    show,
     step_particles,
 )
 
@@ -69,6 +72,8 @@ def march(
     evaluations, slot, left, row = 0, 0, 0, 0
     for k in range(steps):
         if left == 0:
+            if path.shape[0]:
+                show(method, model, state, Storage(carry, scratch, stages[slot], share))
             record_strip(path, row, q, p, 0, size)
             left, row = every, row + 1
         left -= 1
@@ -80,7 +85,22 @@ def march(
         if k < kicks.shape[0]:
             record_carry(kicks, k, carry)
         slot = slot + 1 if slot + 1 < stages.shape[0] else 0
+    show(method, model, state, Storage(carry, scratch, stages[slot], share))
     return (OK if all_finite(q, p, size) else NOT_FINITE), steps, 0, evaluations
+
+
+@kernel
+def enter_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages):
+    """Compute what is marched from what is seen, for a form with `enter`; the arguments are those of `march`."""
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    enter(method, model, h, state, Storage(carry, scratch, stages[0], Share(0, dimension(tag, parameters), None)))
+
+
+@kernel
+def leave_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages):
+    """Compute what is seen from what is marched, which is changed: `carry` must be a copy."""
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    leave(method, model, h, state, Storage(carry, scratch, stages[0], Share(0, dimension(tag, parameters), None)))
 
 
 @kernel

@@ -105,6 +105,9 @@ class Marcher:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense)
         self._loops.begin(q, v, self._massive, self._particles)
+        if self._form.transforms:
+            self._form.check_start(self.parameters, q[self._massive], v[self._massive])
+            self._loops.enter(self._loops.state, self.clock)
         self.block = self._loops.steps
         self._state = self._loops.state
         if isinstance(self.clock, Adaptive):
@@ -303,7 +306,15 @@ class Marcher:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self._retired.begin()
         self._seen = self._state["memory"]
-        return self._gather(self._state)
+        return self._gather(self._as_seen())
+
+    def _as_seen(self) -> dict[str, Array]:
+        """Return the state as it is seen: a copy, unless it is what is marched."""
+        if not (self._form.transforms and self.step):
+            return self._state
+        copy = self._copied()
+        self._loops.leave(copy, self.clock)
+        return copy
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) after a partial step of `offset`; computed on a copy, without changing the march."""
@@ -311,20 +322,25 @@ class Marcher:
             return self.state()
         if self.clock.changes:
             return self.state_at(Place(0, self.time + offset))
-        copy = self._copied()
+        copy, part = {name: array.copy() for name, array in self._as_seen().items()}, ConstantSteps(offset)
+        copy.pop("approaches", None)
         # The carry belongs to steps of h; a partial step has a cold start.
         self._form.forget(copy["memory"])
         copy["particle_memory"][:] = 0.0
+        if self._form.transforms:
+            self._loops.enter(copy, part)
         self._seen = copy["memory"]
         before = self.evaluations, self.particle_evaluations
         try:
-            self._march_block(copy, ConstantSteps(offset), 1)
+            self._march_block(copy, part, 1)
             lost = self._retired.lost()
             failure = None if lost is None or self._retire else self._lose(lost)
             if failure is not None:
                 raise failure
         finally:
             self.evaluations, self.particle_evaluations = before
+        if self._form.transforms:
+            self._loops.leave(copy, part)
         return self._gather(copy)
 
     def part_of_a_step(self, offset: float) -> Marcher:

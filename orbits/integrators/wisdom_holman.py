@@ -1,0 +1,245 @@
+"""Wisdom–Holman maps: planets about a dominant body, on exact Kepler orbits between kicks by their interaction.
+
+With the Hamiltonian in Jacobi coordinates (`orbits.kernels.jacobi`) as A + B, A the free centre of mass and the Kepler
+motions and B the interaction, whose potential is V, a step is half a kick, Kepler motions, half a kick. It is the
+variational integrator of
+
+    L_d(q, q+; h) = M |Q+ - Q|^2 / (2h) + sum_i m'_i S_i(q_i, q_i+; h) - h/2 [V(q) + V(q+)]
+
+with S_i the exact discrete Lagrangian of Kepler's problem. Its error is of the order of (mass of the planets) h^2.
+A corrector is a change of variables, applied once at the start and undone for outputs on a copy, that removes this
+error up to a power of h: what remains is of the second order in the masses. The lazy kick, by the interaction at
+q + h^2/12 times the interaction, removes the largest part of that: it is symplectic up to the third order in the masses
+only. State and corrected state are in doubled precision.
+
+Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom
+(2006), AJ 131, 2294; Rein, Tamayo & Brown (2019), MNRAS 489, 4632.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from orbits.errors import InputError, shown
+from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
+from orbits.integrators.forms import Array, Form, padded
+from orbits.kernels.compile import kernel
+from orbits.kernels.jacobi import (
+    ROWS,
+    STATE_ROWS,
+    displace,
+    enter_planets,
+    finish_velocities,
+    interact,
+    kick_planets,
+    leave_planets,
+    move_planets,
+    prepare_room,
+    show_planets,
+)
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.steps import OK
+from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
+from orbits.tableaux.correctors import PAIRS, corrector_lengths
+
+HALF, WHOLE, SHIFT = 0, 1, 2
+"""Columns of the first row of the coefficients: half a kick, the Kepler motion, h^2/12 for the lazy kick. The other
+rows are the corrector: a Kepler motion and a kick each."""
+
+DOMINANT = 0.9
+"""Fraction of the total mass that the dominant body must have."""
+
+
+@kernel
+def _kick_of_a_step(coefficients, planets, room, count):
+    """Write the interaction for the kick: at the planets' positions, or displaced."""
+    interact(planets, room, count, False)
+    if coefficients[0, SHIFT] != 0.0:
+        displace(planets, room, coefficients[0, SHIFT])
+        interact(planets, room, count, True)
+
+
+@kernel
+def _correct(coefficients, planets, room, count, sign):
+    """Apply the corrector, or its inverse for sign = -1."""
+    stages = coefficients.shape[0] - 1
+    for i in range(stages):
+        row = 1 + i if sign > 0.0 else stages - i
+        move_planets(planets, room, sign * coefficients[row, 0], 0.0)
+        finish_velocities(planets, room, 0.0)
+        # Backwards, the kick before a Kepler motion follows it.
+        other = row if sign > 0.0 else row - 1
+        length = coefficients[other, 1] if other > 0 else 0.0
+        if length != 0.0:
+            interact(planets, room, count, False)
+            kick_planets(planets, room, sign * length)
+
+
+@kernel
+def enter(method, model, h, state, storage):
+    """Change to corrected Jacobi coordinates."""
+    strength, planets, room = model.parameters, storage.carry, storage.scratch
+    enter_planets(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
+    _correct(method.coefficients, planets, room, strength.shape[0] - 2, 1.0)
+
+
+@kernel
+def leave(method, model, h, state, storage):
+    """Change back; the marched state is lost."""
+    strength, planets, room = model.parameters, storage.carry, storage.scratch
+    prepare_room(strength, planets, room)
+    _correct(method.coefficients, planets, room, strength.shape[0] - 2, -1.0)
+    leave_planets(strength, planets, room, state.q, state.q_lo, state.p, state.p_lo)
+
+
+@kernel
+def show(method, model, state, storage):
+    """Write the state of the bodies, uncorrected."""
+    show_planets(model.parameters, storage.carry, storage.scratch, state.q, state.p)
+
+
+@kernel
+def begin(method, model, t, h, state, storage):
+    """Compute the interaction of the first half of a kick, which later steps take over."""
+    prepare_room(model.parameters, storage.carry, storage.scratch)
+    _kick_of_a_step(method.coefficients, storage.carry, storage.scratch, model.parameters.shape[0] - 2)
+
+
+@kernel
+def step(method, model, t, h, state, storage):
+    """Take one step: half a kick, Kepler motions, half a kick."""
+    coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
+    half = coefficients[0, HALF]
+    move_planets(planets, room, coefficients[0, WHOLE], half)
+    _kick_of_a_step(coefficients, planets, room, model.parameters.shape[0] - 2)
+    finish_velocities(planets, room, half)
+    return OK, 0, 1
+
+
+@dataclass(frozen=True)
+class KeplerSplitting(Form):
+    """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
+
+    lazy : whether the kick is that at displaced positions; corrector : its order
+    """
+
+    lazy: bool
+    corrector: int
+
+    kernels: ClassVar[Mapping[str, Any]] = {"enter": enter, "leave": leave, "show": show, "begin": begin, "step": step}
+
+    def coefficients(self, h: float, before: float) -> Array:
+        """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
+        stages = h * corrector_lengths(self.corrector) if self.corrector else np.zeros((0, 2))
+        rows = np.zeros((1 + len(stages), WIDTH))
+        rows[0, [HALF, WHOLE, SHIFT]] = h / 2, h, h * h / 12 if self.lazy else 0.0
+        rows[1:, :2] = stages
+        return rows
+
+    def carry_rows(self, size: int) -> int:
+        """The planets, eight in a register, with low parts; their centre of mass; their order."""
+        return (STATE_ROWS + 1) * _registers(size) + 2
+
+    def stages_shape(self, size: int) -> tuple[int, int]:
+        """No stages are kept."""
+        return 1, padded(size)
+
+    def scratch_shape(self, size: int) -> tuple[int, int]:
+        """The rows of `orbits.kernels.jacobi`."""
+        return ROWS * _registers(size), WIDTH
+
+    def forget(self, carry: Array) -> None:
+        """Nothing in the carry depends on the length of the steps."""
+
+    def check_start(self, parameters: Any, q: Array, v: Array) -> None:
+        """Raise InputError for softened gravity, and if no body dominates the others."""
+        gm = parameters[1:]
+        if parameters[0] > 0.0:
+            raise InputError(
+                "a Wisdom–Holman step moves the planets on Kepler orbits about point masses; got a softening. Use "
+                "softening = 0, or a method such as Gauss(stages=8)."
+            )
+        if len(gm) < 2 or not gm.max() > DOMINANT * gm.sum():
+            share = gm.max() / gm.sum()
+            got = "a single body" if len(gm) < 2 else f"the heaviest of {len(gm)} bodies has {100 * share:.3g} %"
+            raise InputError(
+                f"a Wisdom–Holman step needs a body that dominates the others, with more than {100 * DOMINANT:.0f} % "
+                f"of the mass; got {got}. Use a method such as Gauss(stages=8)."
+            )
+
+
+def _registers(size: int) -> int:
+    """Return the number of registers of eight planets of `size` coordinates of bodies."""
+    return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)
+
+
+@dataclass(frozen=True)
+class WisdomHolman(Integrator):
+    """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
+
+    coordinates : "jacobi"
+    kernel : "lazy", with the kick evaluated at displaced positions, or "standard"
+    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
+
+    For massive bodies by Newton's gravity alone, on orbits that do not come close to each other, elliptic or
+    hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
+    bodies. With the standard kernel it is symplectic; without a corrector it is also symmetric. The lazy kick is
+    symplectic up to the third order in the planets' masses, which cannot be seen in the Solar System.
+
+    Take at least 20 steps in a full turn at the fastest pericentre, 25 for 17 digits: for Mercury, 3 days.
+    """
+
+    coordinates: str = "jacobi"
+    kernel: str = "lazy"
+    corrector: int = 17
+
+    name: ClassVar[str] = "wisdom-holman"
+    summary: ClassVar[str] = "Wisdom–Holman: planets about a dominant body, corrected Kepler orbits and kicks"
+    requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE, NEWTONIAN})
+    source: ClassVar[str] = (
+        "Wisdom & Holman (1991); Wisdom, Holman & Touma (1996); Wisdom (2006); Rein, Tamayo & Brown (2019)"
+    )
+
+    def __post_init__(self) -> None:
+        if self.coordinates != "jacobi":
+            raise InputError(f"coordinates is {shown(self.coordinates)}; expected 'jacobi'")
+        if self.kernel not in ("lazy", "standard"):
+            raise InputError(f"kernel is {shown(self.kernel)}; expected 'lazy' or 'standard'")
+        if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
+            known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
+            raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
+        object.__setattr__(self, "corrector", int(self.corrector))
+        if self.kernel == "lazy" and not self.corrector:
+            raise InputError(
+                "kernel='lazy' removes an error that only a corrector brings to light, and makes it larger without "
+                "one; use corrector=17, or kernel='standard'"
+            )
+
+    @property
+    def order(self) -> int:
+        """Order of convergence for fixed masses: 2, and 4 with the lazy kick."""
+        return 4 if self.kernel == "lazy" and self.corrector > 3 else 2
+
+    @property
+    def declares(self) -> frozenset[str]:  # type: ignore[override]
+        """Symplectic with the standard kernel; symmetric without a corrector."""
+        if self.kernel == "lazy":
+            return frozenset({MOMENTUM_MAPS})
+        return frozenset({SYMPLECTIC, MOMENTUM_MAPS} | (set() if self.corrector else {SYMMETRIC}))
+
+    @property
+    def second_order(self) -> KeplerSplitting:
+        """Kepler motions and kicks."""
+        return KeplerSplitting(lazy=self.kernel == "lazy", corrector=self.corrector)
+
+    @classmethod
+    def examples(cls) -> tuple[WisdomHolman, ...]:
+        """Return the default and the plain map."""
+        return cls(), cls(kernel="standard", corrector=0)
+
+
+__all__ = ["KeplerSplitting", "WisdomHolman"]

@@ -1,0 +1,341 @@
+"""Planets about a dominant body in Jacobi coordinates, one in each lane: the Kepler motions, and the interaction.
+
+The bodies are numbered outwards, 0 the dominant one, and m stands for GM. With M_i = m_0 + ... + m_i and the centre of
+mass R_i of the bodies 0 ... i, the coordinates of planet i and its position relative to the dominant body are
+
+    r'_i = r_i - R_(i-1),     R_i = R_(i-1) + w_i r'_i,  w_i = m_i / M_i,     u_i = r'_i + sum_(j<i) w_j r'_j
+
+Each planet moves about M_i in the Kepler part. The interaction is the rest; with the accelerations f by the other
+planets, and F = f - m_0 u / u^3 with the pull of the dominant body,
+
+    r''_i = M_i/M_(i-1) f_i + sum_(k>i) m_k F_k / M_(i-1) + M_i [r'_i / r'_i^3 - (m_0 / M_(i-1)) u_i / u_i^3]
+
+in which the bracket is exactly 0 for the first planet.
+
+Arrays are (rows, 8). `planets`, the state, has for each register of eight planets 12 rows: r' and its velocity, then
+their low parts; then two rows of the centre of mass, its position and velocity and their low parts, with the number
+of the dominant body in lane 6 and a 1 in lane 7 once the planets have been numbered; then a row of the body in each
+lane, -1 for none, for each register. `room` has for each register the rows of `ROWS` below.
+
+Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 376.
+"""
+
+from __future__ import annotations
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.kepler import kepler_increments
+from orbits.kernels.lanes import (
+    WIDTH,
+    exact_mul,
+    exact_sub,
+    fma,
+    full,
+    lane,
+    load,
+    rsqrt_cubed,
+    store,
+    sums_after,
+    sums_before,
+    total,
+    unit,
+)
+from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
+
+STATE_ROWS, ROWS = 12, 18
+"""Rows of a register in `planets` and in `room`."""
+
+FORCE, PLACE, SHIFTED, CHANGE = 0, 3, 6, 9
+"""Rows of `room`: the interaction; u; r' displaced along the interaction; the change of velocity by the Kepler motion
+and the kick before it."""
+
+ATTRACTING, MASS, SHARE, OUTER, INNER, CENTRAL = 12, 13, 14, 15, 16, 17
+"""Rows of `room`: M_i; m_i; w_i; M_i / M_(i-1); 1 / M_(i-1); m_0 / M_(i-1); all 0 in lanes without a planet."""
+
+
+@kernel
+def prepare_room(strength, planets, room):
+    """Write the constants of the planets in their order; strength : (1 + n,), with GM from its second element on."""
+    registers = room.shape[0] // ROWS
+    numbers = STATE_ROWS * registers
+    central = strength[1 + int(planets[numbers, 6])]
+    inside = central
+    for register in range(registers):
+        first = ROWS * register
+        for k in range(WIDTH):
+            body = int(planets[numbers + 2 + register, k])
+            gm = strength[1 + body] if body >= 0 else 0.0
+            here = 1.0 if body >= 0 else 0.0
+            all_in = inside + gm
+            room[first + ATTRACTING, k] = here * all_in
+            room[first + MASS, k] = gm
+            room[first + SHARE, k] = gm / all_in
+            room[first + OUTER, k] = here * (all_in / inside)
+            room[first + INNER, k] = here / inside
+            room[first + CENTRAL, k] = here * (central / inside)
+            inside = all_in
+
+
+@kernel(inline=True, exact=True)
+def _difference(a, b, c, d):
+    """Return a b - c d, which is exactly 0 for equal products."""
+    return exact_sub(exact_mul(a, b), exact_mul(c, d))
+
+
+@kernel
+def interact(planets, room, count, shifted):
+    """Write the interaction of `count` planets into the rows FORCE; shifted : whether at the displaced positions."""
+    registers = room.shape[0] // ROWS
+    bx, by, bz = 0.0, 0.0, 0.0
+    for register in range(registers):
+        first = ROWS * register
+        x, y, z = _coordinates(planets, room, register, shifted)
+        share = load(room, first + SHARE)
+        wx, wy, wz = share * x, share * y, share * z
+        store(room, first + PLACE, x + (bx + sums_before(wx)))
+        store(room, first + PLACE + 1, y + (by + sums_before(wy)))
+        store(room, first + PLACE + 2, z + (bz + sums_before(wz)))
+        if registers > 1:
+            bx, by, bz = bx + total(wx), by + total(wy), bz + total(wz)
+    # From outside inwards, for the sums over the planets further out.
+    bx, by, bz = 0.0, 0.0, 0.0
+    for k in range(registers):
+        register = registers - 1 - k
+        first = ROWS * register
+        ux, uy, uz = load(room, first + PLACE), load(room, first + PLACE + 1), load(room, first + PLACE + 2)
+        fx, fy, fz = full(0.0), full(0.0), full(0.0)
+        for j in range(count):
+            other, slot = ROWS * (j // WIDTH), j % WIDTH
+            dx = room[other + PLACE, slot] - ux
+            dy = room[other + PLACE + 1, slot] - uy
+            dz = room[other + PLACE + 2, slot] - uz
+            r2 = fma(dx, dx, fma(dy, dy, dz * dz))
+            if j // WIDTH == register:
+                # At distance 1 from itself, in the direction 0, a body feels nothing of itself.
+                r2 = r2 + unit(slot)
+            w = rsqrt_cubed(r2) * room[other + MASS, slot]
+            fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
+        x, y, z = _coordinates(planets, room, register, shifted)
+        near = rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
+        pull = load(room, first + CENTRAL) * near
+        kepler = rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
+        outer, inner, mass = load(room, first + OUTER), load(room, first + INNER), load(room, first + MASS)
+        attracting = load(room, first + ATTRACTING)
+        # m_0 = (m_0 / M_(i-1)) / (1 / M_(i-1)); lanes without a planet have mass 0.
+        central = room[CENTRAL, 0] / room[INNER, 0]
+        sx, sy, sz = (
+            mass * fma(-central * near, ux, fx),
+            mass * fma(-central * near, uy, fy),
+            mass * fma(-central * near, uz, fz),
+        )
+        store(room, first + FORCE, _whole(outer, fx, inner, bx + sums_after(sx), attracting, x, kepler, ux, pull))
+        store(room, first + FORCE + 1, _whole(outer, fy, inner, by + sums_after(sy), attracting, y, kepler, uy, pull))
+        store(room, first + FORCE + 2, _whole(outer, fz, inner, bz + sums_after(sz), attracting, z, kepler, uz, pull))
+        if registers > 1:
+            bx, by, bz = bx + total(sx), by + total(sy), bz + total(sz)
+
+
+@kernel(inline=True)
+def _whole(outer, own, inner, further, attracting, x, kepler, u, pull):
+    """Return a component of the interaction from its three parts."""
+    return fma(attracting, _difference(x, kepler, u, pull), fma(outer, own, inner * further))
+
+
+@kernel(inline=True)
+def _coordinates(planets, room, register, shifted):
+    """Return r' of a register, or the displaced one."""
+    first, other = STATE_ROWS * register, ROWS * register + SHIFTED
+    if shifted:
+        return load(room, other), load(room, other + 1), load(room, other + 2)
+    return load(planets, first), load(planets, first + 1), load(planets, first + 2)
+
+
+@kernel
+def kick_planets(planets, room, h):
+    """Advance the velocities by h times the interaction."""
+    for register in range(room.shape[0] // ROWS):
+        first, force = STATE_ROWS * register, ROWS * register + FORCE
+        for k in range(3):
+            hi, lo = load(planets, first + 3 + k), load(planets, first + 9 + k)
+            hi, lo = accumulate(hi, lo, h * load(room, force + k))
+            store(planets, first + 3 + k, hi)
+            store(planets, first + 9 + k, lo)
+
+
+@kernel
+def displace(planets, room, shift):
+    """Write r' displaced by `shift` times the interaction."""
+    for register in range(room.shape[0] // ROWS):
+        first, other = STATE_ROWS * register, ROWS * register
+        for k in range(3):
+            store(room, other + SHIFTED + k, fma(full(shift), load(room, other + FORCE + k), load(planets, first + k)))
+
+
+@kernel
+def move_planets(planets, room, h, kick):
+    """Advance the planets on their Kepler orbits by h, from velocities changed by `kick` times the interaction.
+
+    The velocities are not changed: the rows CHANGE receive the change, that by the kick included.
+    """
+    registers = room.shape[0] // ROWS
+    for register in range(registers):
+        first, other = STATE_ROWS * register, ROWS * register
+        x, y, z = load(planets, first), load(planets, first + 1), load(planets, first + 2)
+        kx, ky, kz = (
+            kick * load(room, other + FORCE),
+            kick * load(room, other + FORCE + 1),
+            kick * load(room, other + FORCE + 2),
+        )
+        vx, vy, vz = load(planets, first + 3) + kx, load(planets, first + 4) + ky, load(planets, first + 5) + kz
+        attracting = load(room, other + ATTRACTING)
+        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, attracting, full(h))
+        _advance(planets, first, dx)
+        _advance(planets, first + 1, dy)
+        _advance(planets, first + 2, dz)
+        store(room, other + CHANGE, dvx + kx)
+        store(room, other + CHANGE + 1, dvy + ky)
+        store(room, other + CHANGE + 2, dvz + kz)
+    centre = STATE_ROWS * registers
+    for k in range(3):
+        planets[centre, k], planets[centre + 1, k] = add_product(
+            planets[centre, k], planets[centre + 1, k], h, planets[centre, 3 + k], planets[centre + 1, 3 + k]
+        )
+
+
+@kernel(inline=True)
+def _advance(planets, row, change):
+    hi, lo = accumulate(load(planets, row), load(planets, row + 6), change)
+    store(planets, row, hi)
+    store(planets, row + 6, lo)
+
+
+@kernel
+def finish_velocities(planets, room, kick):
+    """Add the rows CHANGE, and `kick` times the interaction, to the velocities, rounded once."""
+    for register in range(room.shape[0] // ROWS):
+        first, other = STATE_ROWS * register, ROWS * register
+        for k in range(3):
+            change = fma(full(kick), load(room, other + FORCE + k), load(room, other + CHANGE + k))
+            _advance(planets, first + 3 + k, change)
+
+
+@kernel
+def number_planets(strength, q, p, planets):
+    """Number the planets outwards: by the energy of their orbits about the heaviest body.
+
+    q, p : (3n,) positions and velocities, all x, then all y, then all z
+    """
+    n = strength.shape[0] - 1
+    registers = (planets.shape[0] - 2) // (STATE_ROWS + 1)
+    centre = STATE_ROWS * registers
+    sun = 0
+    for body in range(n):
+        if strength[1 + body] > strength[1 + sun]:
+            sun = body
+    planets[centre, 6], planets[centre, 7] = sun, 1.0
+    for register in range(registers):
+        for k in range(WIDTH):
+            planets[centre + 2 + register, k] = -1.0
+    placed = 0
+    for body in range(n):
+        if body == sun:
+            continue
+        # Insertion into the sorted bodies, tightest orbit first; equal ones keep their order.
+        place = placed
+        while place > 0:
+            before = int(planets[centre + 2 + (place - 1) // WIDTH, (place - 1) % WIDTH])
+            if not _tightness(strength, q, p, sun, body) > _tightness(strength, q, p, sun, before):
+                break
+            planets[centre + 2 + place // WIDTH, place % WIDTH] = before
+            place -= 1
+        planets[centre + 2 + place // WIDTH, place % WIDTH] = body
+        placed += 1
+
+
+@kernel
+def _tightness(strength, q, p, sun, body):
+    """Return 1/a of a body's orbit about the dominant one."""
+    n = strength.shape[0] - 1
+    r2, v2 = 0.0, 0.0
+    for k in range(3):
+        r2 += (q[k * n + body] - q[k * n + sun]) ** 2
+        v2 += (p[k * n + body] - p[k * n + sun]) ** 2
+    return 2.0 / r2**0.5 - v2 / (strength[1 + sun] + strength[1 + body])
+
+
+@kernel
+def enter_planets(strength, q, q_lo, p, p_lo, planets, room):
+    """Write the planets of a state (q, q_lo), (p, p_lo) of bodies, and the constants into `room`; numbers the planets
+    unless they are numbered already.
+    """
+    n = strength.shape[0] - 1
+    registers = room.shape[0] // ROWS
+    centre = STATE_ROWS * registers
+    if planets[centre, 7] == 0.0:
+        number_planets(strength, q, p, planets)
+    prepare_room(strength, planets, room)
+    sun = int(planets[centre, 6])
+    furthest = 0.0
+    for component in range(6):
+        x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
+        axis = component % 3 * n
+        hi, lo = x[axis + sun], x_lo[axis + sun]
+        for i in range(n - 1):
+            register, k = i // WIDTH, i % WIDTH
+            body = int(planets[centre + 2 + register, k])
+            d, e = two_sum(x[axis + body], -hi)
+            d, e = quick_two_sum(d, e + (x_lo[axis + body] - lo))
+            planets[STATE_ROWS * register + component, k] = d
+            planets[STATE_ROWS * register + 6 + component, k] = e
+            if component < 3:
+                furthest = max(furthest, abs(d))
+            hi, lo = add_product(hi, lo, room[ROWS * register + SHARE, k], d, e)
+        planets[centre, component], planets[centre + 1, component] = hi, lo
+    # Lanes without a planet rest at different places.
+    for i in range(n - 1, WIDTH * registers):
+        register, k = i // WIDTH, i % WIDTH
+        for row in range(STATE_ROWS):
+            planets[STATE_ROWS * register + row, k] = 0.0
+        planets[STATE_ROWS * register, k] = (2.0 + i) * (furthest + 1.0)
+
+
+@kernel
+def leave_planets(strength, planets, room, q, q_lo, p, p_lo):
+    """Write the state of the bodies, in doubled precision."""
+    n = strength.shape[0] - 1
+    centre = STATE_ROWS * (room.shape[0] // ROWS)
+    sun = int(planets[centre, 6])
+    for component in range(6):
+        x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
+        axis = component % 3 * n
+        hi, lo = planets[centre, component], planets[centre + 1, component]
+        for j in range(n - 1):
+            i = n - 2 - j
+            register, k = i // WIDTH, i % WIDTH
+            body = int(planets[centre + 2 + register, k])
+            d, e = planets[STATE_ROWS * register + component, k], planets[STATE_ROWS * register + 6 + component, k]
+            hi, lo = add_product(hi, lo, -room[ROWS * register + SHARE, k], d, e)
+            s, f = two_sum(hi, d)
+            x[axis + body], x_lo[axis + body] = quick_two_sum(s, f + (lo + e))
+        x[axis + sun], x_lo[axis + sun] = hi, lo
+
+
+@kernel
+def show_planets(strength, planets, room, q, p):
+    """Write the state of the bodies, rounded: for observers, at every step."""
+    n = strength.shape[0] - 1
+    registers = room.shape[0] // ROWS
+    centre = STATE_ROWS * registers
+    sun = int(planets[centre, 6])
+    for component in range(6):
+        x = q if component < 3 else p
+        axis = component % 3 * n
+        inside = planets[centre, component]
+        for j in range(registers):
+            register = registers - 1 - j
+            own = load(planets, STATE_ROWS * register + component)
+            weighted = load(room, ROWS * register + SHARE) * own
+            place = own + (inside - (weighted + sums_after(weighted)))
+            inside = inside - total(weighted)
+            for k in range(min(WIDTH, n - 1 - WIDTH * register)):
+                x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
+        x[axis + sun] = inside
