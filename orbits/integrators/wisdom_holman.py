@@ -200,6 +200,7 @@ class WisdomHolman(Integrator):
     name: ClassVar[str] = "wisdom-holman"
     summary: ClassVar[str] = "Wisdom–Holman: planets about a dominant body, corrected Kepler orbits and kicks"
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE, NEWTONIAN})
+    follows_kepler: ClassVar[bool] = True
     source: ClassVar[str] = (
         "Wisdom & Holman (1991); Wisdom, Holman & Touma (1996); Wisdom (2006); Rein, Tamayo & Brown (2019)"
     )

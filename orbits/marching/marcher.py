@@ -119,10 +119,16 @@ class Marcher:
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
         self._retire, self._retired = retire, Retired(m)
+        if energy_bound is not None and self._form.transforms:
+            raise InputError(
+                f"{integrator.label} marches other coordinates than those seen, whose energy oscillates: the condition "
+                "EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at run.drift()."
+            )
         self._stops, self._energy_bound = stops, energy_bound
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
-        limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
+        resolved = self.clock.changes or integrator.follows_kepler
+        limits = (math.inf, 1.0, math.inf) if resolved else thresholds(integrator.order)
         self._watcher = Watcher(
             self.parameters,
             self._massive,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWarning, StepWarning, StorageError
 from orbits.integrators.base import Integrator
-from orbits.propagation import judgement
+from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.progress import Progress
 from orbits.propagation.replay import REPLAY, seen_by
@@ -125,7 +125,8 @@ def march(
             judgement.warn_of_retired(trajectory)
         if watch.check_step and len(trajectory.record.listed):
             with StopRequest() as late:
-                judgement.warn_of(trajectory, seen_by(trajectory))
+                warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of
+                warn(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
     except (RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost

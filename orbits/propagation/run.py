@@ -11,7 +11,7 @@ from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
-from orbits.propagation import step_check
+from orbits.propagation import kepler_splitting, step_check
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import bound, differences, provenance, restore
 from orbits.propagation.replay import REPLAY
@@ -126,7 +126,8 @@ def propagated(
     if grid.clock.changes:
         _refuse_endless(system, grid)
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
-        step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
+        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
+        check(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step)
     accounts = no_accounts(len(grid), len(system.forces))
     if archive is None:
