@@ -41,12 +41,12 @@ from orbits.kernels.lanes import (
 )
 from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
 
-STATE_ROWS, ROWS = 12, 18
+STATE_ROWS, ROWS = 12, 21
 """Rows of a register in `planets` and in `room`."""
 
-FORCE, PLACE, SHIFTED, CHANGE = 0, 3, 6, 9
-"""Rows of `room`: the interaction; u; r' displaced along the interaction; the change of velocity by the Kepler motion
-and the kick before it."""
+FORCE, PLACE, SHIFTED, CHANGE, MOVED = 0, 3, 6, 9, 18
+"""Rows of `room`: the interaction; u; r' displaced along the interaction, or the displacement; the change of velocity
+by the Kepler motion and the kick before it; the displacement of u."""
 
 ATTRACTING, MASS, SHARE, OUTER, INNER, CENTRAL = 12, 13, 14, 15, 16, 17
 """Rows of `room`: M_i; m_i; w_i; M_i / M_(i-1); 1 / M_(i-1); m_0 / M_(i-1); all 0 in lanes without a planet."""
@@ -168,6 +168,87 @@ def displace(planets, room, shift):
         first, other = STATE_ROWS * register, ROWS * register
         for k in range(3):
             store(room, other + SHIFTED + k, fma(full(shift), load(room, other + FORCE + k), load(planets, first + k)))
+
+
+@kernel
+def modify(planets, room, count, shift):
+    """Add `shift` times the derivative of the interaction along itself to the rows FORCE.
+
+    The sum is the acceleration by the potential V - shift/2 sum of m'_i |r''_i|^2, with the masses m'_i of Jacobi's
+    coordinates. `interact` must have been called.
+    """
+    registers = room.shape[0] // ROWS
+    bx, by, bz = 0.0, 0.0, 0.0
+    for register in range(registers):
+        first = ROWS * register
+        x, y, z = (
+            shift * load(room, first + FORCE),
+            shift * load(room, first + FORCE + 1),
+            shift * load(room, first + FORCE + 2),
+        )
+        store(room, first + SHIFTED, x)
+        store(room, first + SHIFTED + 1, y)
+        store(room, first + SHIFTED + 2, z)
+        share = load(room, first + SHARE)
+        wx, wy, wz = share * x, share * y, share * z
+        store(room, first + MOVED, x + (bx + sums_before(wx)))
+        store(room, first + MOVED + 1, y + (by + sums_before(wy)))
+        store(room, first + MOVED + 2, z + (bz + sums_before(wz)))
+        if registers > 1:
+            bx, by, bz = bx + total(wx), by + total(wy), bz + total(wz)
+    bx, by, bz = 0.0, 0.0, 0.0
+    for k in range(registers):
+        register = registers - 1 - k
+        first = ROWS * register
+        ux, uy, uz = load(room, first + PLACE), load(room, first + PLACE + 1), load(room, first + PLACE + 2)
+        ex, ey, ez = load(room, first + MOVED), load(room, first + MOVED + 1), load(room, first + MOVED + 2)
+        fx, fy, fz = full(0.0), full(0.0), full(0.0)
+        for j in range(count):
+            other, slot = ROWS * (j // WIDTH), j % WIDTH
+            dx = room[other + PLACE, slot] - ux
+            dy = room[other + PLACE + 1, slot] - uy
+            dz = room[other + PLACE + 2, slot] - uz
+            r2 = fma(dx, dx, fma(dy, dy, dz * dz))
+            if j // WIDTH == register:
+                r2 = r2 + unit(slot)
+            tx, ty, tz = _tide(
+                dx, dy, dz, r2,
+                room[other + MOVED, slot] - ex, room[other + MOVED + 1, slot] - ey, room[other + MOVED + 2, slot] - ez,
+            )  # fmt: skip
+            mass = room[other + MASS, slot]
+            fx, fy, fz = fma(mass, tx, fx), fma(mass, ty, fy), fma(mass, tz, fz)
+        x, y, z = load(planets, STATE_ROWS * register), load(planets, STATE_ROWS * register + 1), load(
+            planets, STATE_ROWS * register + 2
+        )
+        sx, sy, sz = load(room, first + SHIFTED), load(room, first + SHIFTED + 1), load(room, first + SHIFTED + 2)
+        kx, ky, kz = _tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
+        cx, cy, cz = _tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
+        outer, inner, mass = load(room, first + OUTER), load(room, first + INNER), load(room, first + MASS)
+        attracting, pull = load(room, first + ATTRACTING), load(room, first + CENTRAL)
+        central = room[CENTRAL, 0] / room[INNER, 0]
+        gx, gy, gz = (
+            mass * fma(-central, cx, fx),
+            mass * fma(-central, cy, fy),
+            mass * fma(-central, cz, fz),
+        )
+        _add(room, first + FORCE, fma(attracting, kx - pull * cx, fma(outer, fx, inner * (bx + sums_after(gx)))))
+        _add(room, first + FORCE + 1, fma(attracting, ky - pull * cy, fma(outer, fy, inner * (by + sums_after(gy)))))
+        _add(room, first + FORCE + 2, fma(attracting, kz - pull * cz, fma(outer, fz, inner * (bz + sums_after(gz)))))
+        if registers > 1:
+            bx, by, bz = bx + total(gx), by + total(gy), bz + total(gz)
+
+
+@kernel(inline=True)
+def _tide(x, y, z, r2, ex, ey, ez):
+    """Return the change of (x, y, z) / r^3 with (x, y, z) along (ex, ey, ez); r2 : r^2."""
+    w = rsqrt_cubed(r2)
+    along = -3.0 * fma(x, ex, fma(y, ey, z * ez)) / r2
+    return w * fma(along, x, ex), w * fma(along, y, ey), w * fma(along, z, ez)
+
+
+@kernel(inline=True)
+def _add(room, row, change):
+    store(room, row, load(room, row) + change)
 
 
 @kernel
