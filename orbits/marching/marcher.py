@@ -374,15 +374,21 @@ class Marcher:
         now = self.time if self.clock.changes else 0.0
         return self._watcher.approaches(self._state["approaches"], self.step, now, self._loops.tracks[0], state)
 
-    def checkpoint(self) -> dict[str, NDArray[np.generic]]:
-        """Return all that is needed to resume bit for bit; the arrays are copies."""
+    def checkpoint(self, *, seen: bool = False) -> dict[str, NDArray[np.generic]]:
+        """Return all that is needed to resume bit for bit; the arrays are copies.
+
+        seen : with q, v and their low parts as they are seen, for methods that march other variables
+        """
         counts = np.array([self.step, self.evaluations, self.particle_evaluations], dtype=np.int64)
-        state = {name: array.copy() for name, array in self._state.items()}
+        whole = {**self._state, **self._as_seen()} if seen else self._state
+        state = {name: array.copy() for name, array in whole.items()}
         return {"counts": counts, **state, **self._passages.checkpoint(), **self._retired.checkpoint()}
 
-    def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[np.generic]], *, seen: bool = False) -> None:
         """Restore a checkpoint of a marcher bound in the same way. Raises InputError if it belongs to another
         problem.
+
+        seen : whether to go on from q, v and their low parts as they are seen, whatever was marched
         """
         for name, array in self._state.items():
             if name not in checkpoint or checkpoint[name].shape != array.shape:
@@ -394,6 +400,8 @@ class Marcher:
         self.step, self.evaluations, self.particle_evaluations = (int(x) for x in checkpoint["counts"])
         self._passages.restore(checkpoint)
         self._retired.restore(checkpoint.get("retired"), self.step)
+        if seen and self._form.transforms:
+            self._loops.enter(self._state, self.clock)
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""

@@ -48,7 +48,7 @@ def corrector_lengths(order: int) -> NDArray[np.float64]:
     terms of second order in Y. The last kick is 0. Reversed with the opposite signs, the stages are the inverse.
     """
     forth = [(sign * a, sign * b / 2) for a, b in corrector(order) for sign in (1, -1)]
-    drifts, kicks = [Fraction(0)], []
+    drifts, kicks = [Fraction(0)], list[Fraction]()
     at = Fraction(0)
     for a, b in [*forth, *reversed(forth)]:
         if a == at:
