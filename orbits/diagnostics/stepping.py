@@ -83,7 +83,8 @@ class StepMap:
 
     def __init__(self, bodies: Bodies, integrator: Integrator, dt: float, *, particles: bool) -> None:
         self._marcher = bodies.marcher(integrator, dt)
-        self._start: dict[str, Floats] = {name: np.asarray(x) for name, x in self._marcher.checkpoint(seen=True).items()}
+        start = self._marcher.checkpoint(seen=True)
+        self._start: dict[str, Floats] = {name: np.asarray(x) for name, x in start.items()}
         n, self._names = int(np.sum(bodies.massive)), ("q", "v")
         if particles:
             n, self._names = int(np.sum(~bodies.massive)), ("particle_q", "particle_v")

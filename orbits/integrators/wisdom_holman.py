@@ -201,7 +201,8 @@ class WisdomHolman(Integrator):
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
     are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
 
-    Take at least 20 steps in a full turn at the fastest pericentre, 25 for 17 digits: for Mercury, 3 days.
+    Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Raises InputError
+    for other coordinates, kernels and correctors, and for a modified or lazy kick without a corrector.
     """
 
     coordinates: str = "jacobi"

@@ -70,14 +70,15 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     units, centre = system.units, system.names[_dominant(system)]
     angles = [(abs(h) * orbit.speed / orbit.pericentre, orbit) for orbit in orbits if _is_ahead(system, orbit, span)]
     angle, fastest = max(angles, default=(0.0, None), key=lambda pair: pair[0])
-    if fastest is not None and angle > 2.0 * math.pi / LEAST_STEPS:
+    # The motion of a single planet is exact.
+    if fastest is not None and len(orbits) > 1 and angle > 2.0 * math.pi / LEAST_STEPS:
         enough = abs(h) * 2.0 * math.pi / LEAST_STEPS / angle
+        body, passed = system.names[fastest.row], _said(fastest.pericentre, units.length)
         warnings.warn(
-            f"dt = {_said(abs(h), units.time, 6)} is too long for {integrator.label}: where {system.names[fastest.row]} "
-            f"passes {centre}, at {_said(fastest.pericentre, units.length)}, a full turn would take "
-            f"{2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} they are in resonance with it; dt <= "
-            f"{_said(enough, units.time, 2)} resolves it, or leave dt and the method away: steps are then chosen one by "
-            "one.",
+            f"dt = {_said(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes {centre}, at "
+            f"{passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} they are in "
+            f"resonance with it; dt <= {_said(enough, units.time, 2)} resolves it, or leave dt and the method away: "
+            "steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
         )
