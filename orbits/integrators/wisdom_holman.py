@@ -157,7 +157,7 @@ class KeplerSplitting(Form):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
-        return ROWS * _registers(size), WIDTH
+        return ROWS * _registers(size) + WIDTH, WIDTH
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""

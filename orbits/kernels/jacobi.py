@@ -13,9 +13,10 @@ planets, and F = f - m_0 u / u^3 with the pull of the dominant body,
 in which the bracket is exactly 0 for the first planet.
 
 Arrays are (rows, 8). `planets`, the state, has for each register of eight planets 12 rows: r' and its velocity, then
-their low parts; then two rows of the centre of mass, its position and velocity and their low parts, with the number
-of the dominant body in lane 6 and a 1 in lane 7 once the planets have been numbered; then a row of the body in each
-lane, -1 for none, for each register. `room` has for each register the rows of `ROWS` below.
+their low parts; then two rows of the centre of mass, its position and velocity and their low parts, with the number of
+the dominant body in lane 6, and in lane 7 whether the planets have been numbered, 1 or `IN_ORDER`; then a row of the
+body in each lane, -1 for none, for each register. `room` has for each register the rows named below, and then eight of
+the unit matrix.
 
 Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 376.
 """
@@ -34,6 +35,7 @@ from orbits.kernels.lanes import (
     load,
     rsqrt_cubed,
     store,
+    store_some,
     sums_after,
     sums_before,
     total,
@@ -48,6 +50,9 @@ FORCE, PLACE, SHIFTED, CHANGE, MOVED = 0, 3, 6, 9, 18
 """Rows of `room`: the interaction; u; r' displaced along the interaction, or the displacement; the change of velocity
 by the Kepler motion and the kick before it; the displacement of u."""
 
+IN_ORDER = 2.0
+"""The planets are numbered as the bodies, and the dominant body is the first."""
+
 ATTRACTING, MASS, SHARE, OUTER, INNER, CENTRAL = 12, 13, 14, 15, 16, 17
 """Rows of `room`: M_i; m_i; w_i; M_i / M_(i-1); 1 / M_(i-1); m_0 / M_(i-1); all 0 in lanes without a planet."""
 
@@ -59,6 +64,8 @@ def prepare_room(strength, planets, room):
     numbers = STATE_ROWS * registers
     central = strength[1 + int(planets[numbers, 6])]
     inside = central
+    for k in range(WIDTH):
+        store(room, ROWS * registers + k, unit(k))
     for register in range(registers):
         first = ROWS * register
         for k in range(WIDTH):
@@ -103,17 +110,17 @@ def interact(planets, room, count, shifted):
         first = ROWS * register
         ux, uy, uz = load(room, first + PLACE), load(room, first + PLACE + 1), load(room, first + PLACE + 2)
         fx, fy, fz = full(0.0), full(0.0), full(0.0)
-        for j in range(count):
-            other, slot = ROWS * (j // WIDTH), j % WIDTH
-            dx = room[other + PLACE, slot] - ux
-            dy = room[other + PLACE + 1, slot] - uy
-            dz = room[other + PLACE + 2, slot] - uz
-            r2 = fma(dx, dx, fma(dy, dy, dz * dz))
-            if j // WIDTH == register:
-                # At distance 1 from itself, in the direction 0, a body feels nothing of itself.
-                r2 = r2 + unit(slot)
-            w = rsqrt_cubed(r2) * room[other + MASS, slot]
-            fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
+        for source in range(registers):
+            other = ROWS * source
+            # At distance 1 from itself, in the direction 0, a body feels nothing of itself.
+            own = 1.0 if source == register else 0.0
+            for slot in range(min(WIDTH, count - WIDTH * source)):
+                dx = room[other + PLACE, slot] - ux
+                dy = room[other + PLACE + 1, slot] - uy
+                dz = room[other + PLACE + 2, slot] - uz
+                apart = fma(full(own), load(room, ROWS * registers + slot), dx * dx)
+                w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, apart))) * room[other + MASS, slot]
+                fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
         x, y, z = _coordinates(planets, room, register, shifted)
         near = rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
         pull = load(room, first + CENTRAL) * near
@@ -203,23 +210,20 @@ def modify(planets, room, count, shift):
         ux, uy, uz = load(room, first + PLACE), load(room, first + PLACE + 1), load(room, first + PLACE + 2)
         ex, ey, ez = load(room, first + MOVED), load(room, first + MOVED + 1), load(room, first + MOVED + 2)
         fx, fy, fz = full(0.0), full(0.0), full(0.0)
-        for j in range(count):
-            other, slot = ROWS * (j // WIDTH), j % WIDTH
-            dx = room[other + PLACE, slot] - ux
-            dy = room[other + PLACE + 1, slot] - uy
-            dz = room[other + PLACE + 2, slot] - uz
-            r2 = fma(dx, dx, fma(dy, dy, dz * dz))
-            if j // WIDTH == register:
-                r2 = r2 + unit(slot)
-            tx, ty, tz = _tide(
-                dx, dy, dz, r2,
-                room[other + MOVED, slot] - ex, room[other + MOVED + 1, slot] - ey, room[other + MOVED + 2, slot] - ez,
-            )  # fmt: skip
-            mass = room[other + MASS, slot]
-            fx, fy, fz = fma(mass, tx, fx), fma(mass, ty, fy), fma(mass, tz, fz)
-        x, y, z = load(planets, STATE_ROWS * register), load(planets, STATE_ROWS * register + 1), load(
-            planets, STATE_ROWS * register + 2
-        )
+        for source in range(registers):
+            other, own = ROWS * source, 1.0 if source == register else 0.0
+            for slot in range(min(WIDTH, count - WIDTH * source)):
+                dx = room[other + PLACE, slot] - ux
+                dy = room[other + PLACE + 1, slot] - uy
+                dz = room[other + PLACE + 2, slot] - uz
+                r2 = fma(dz, dz, fma(dy, dy, fma(full(own), load(room, ROWS * registers + slot), dx * dx)))
+                tx, ty, tz = _tide(
+                    dx, dy, dz, r2, room[other + MOVED, slot] - ex,
+                    room[other + MOVED + 1, slot] - ey, room[other + MOVED + 2, slot] - ez,
+                )  # fmt: skip
+                mass = room[other + MASS, slot]
+                fx, fy, fz = fma(mass, tx, fx), fma(mass, ty, fy), fma(mass, tz, fz)
+        x, y, z = _coordinates(planets, room, register, False)
         sx, sy, sz = load(room, first + SHIFTED), load(room, first + SHIFTED + 1), load(room, first + SHIFTED + 2)
         kx, ky, kz = _tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
         cx, cy, cz = _tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
@@ -242,7 +246,8 @@ def modify(planets, room, count, shift):
 def _tide(x, y, z, r2, ex, ey, ez):
     """Return the change of (x, y, z) / r^3 with (x, y, z) along (ex, ey, ez); r2 : r^2."""
     w = rsqrt_cubed(r2)
-    along = -3.0 * fma(x, ex, fma(y, ey, z * ez)) / r2
+    near = w * r2  # 1/r
+    along = -3.0 * fma(x, ex, fma(y, ey, z * ez)) * near * near
     return w * fma(along, x, ex), w * fma(along, y, ey), w * fma(along, z, ez)
 
 
@@ -330,6 +335,11 @@ def number_planets(strength, q, p, planets):
             place -= 1
         planets[centre + 2 + place // WIDTH, place % WIDTH] = body
         placed += 1
+    in_order = sun == 0
+    for i in range(n - 1):
+        in_order = in_order and planets[centre + 2 + i // WIDTH, i % WIDTH] == i + 1
+    if in_order:
+        planets[centre, 7] = IN_ORDER
 
 
 @kernel
@@ -417,6 +427,10 @@ def show_planets(strength, planets, room, q, p):
             weighted = load(room, ROWS * register + SHARE) * own
             place = own + (inside - (weighted + sums_after(weighted)))
             inside = inside - total(weighted)
-            for k in range(min(WIDTH, n - 1 - WIDTH * register)):
-                x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
+            count = n - 1 - WIDTH * register
+            if planets[centre, 7] == IN_ORDER:
+                store_some(x, axis + 1 + WIDTH * register, place, count)
+            else:
+                for k in range(min(WIDTH, count)):
+                    x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
         x[axis + sun] = inside
