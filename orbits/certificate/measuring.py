@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from orbits import discrete
 from orbits.diagnostics import loops
 from orbits.diagnostics.convergence import Slope, slope
+from orbits.diagnostics.symplecticity import symplecticity
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
@@ -183,8 +184,15 @@ class Problem:
             yield symmetry.name, Measured(drift, 4.0 * EPS * math.sqrt(len(self.path)), "relative")
 
     def symplecticity(self) -> Measured:
-        """The largest |M^T J M - J| of three steps, M being the exact derivative of a step."""
+        """The largest |M^T J M - J| of three steps, M being the exact derivative of a step; for a method without a
+        tableau, of the step from the start, by differences.
+        """
         worst = 0.0
+        if self.integrator.follows_kepler:
+            gm, v = self.lagrangian.parameter_vector[1:], self.lagrangian.velocity(self.q, self.p, self.t)
+            found = symplecticity(gm, self.q.reshape(-1, 3), v.reshape(-1, 3), self.integrator, self.dt)
+            bound = 32.0 * EPS * (2 * len(self.q)) ** 0.5 + 4.0 * found.noise
+            return Measured(found.massive, bound, "", "derivative of the step by differences")
         for k in (0, len(self.path) // 3, 2 * len(self.path) // 3):
             step = plain_step(
                 self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
@@ -235,11 +243,9 @@ class Problem:
             float(np.max(np.abs(q - self.q) * self.weights)) / self.size,
             float(np.max(np.abs(p - self.p) / self.weights)) / self.momentum_size,
         )
-        grown = 1.0
+        grown, tableau = 1.0, (Gauss() if self.integrator.follows_kepler else self.integrator).tableau
         for k in range(steps):
-            at = plain_step(
-                self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
-            )
+            at = plain_step(self.lagrangian, tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k])
             grown = max(grown, float(np.max(np.abs(at.derivative * self.scaling))))
         # The low parts are dropped at the turn; the motion amplifies that rounding by at most this much.
         return Measured(off / EPS, 8.0 * steps * grown, "x 2^-53")
