@@ -23,6 +23,7 @@ from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
+from orbits.integrators.wisdom_holman import outwards
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.flow import DiscretePath, Flow
 
@@ -122,7 +123,11 @@ class Problem:
         return scaled
 
     def has_discrete_lagrangian(self) -> bool:
-        """Whether the method's tableau is a symplectic pair, and so has an L_d."""
+        """Whether the method's tableau is a symplectic pair, and so has an L_d; or it is one on Kepler orbits that has
+        one.
+        """
+        if self.integrator.follows_kepler:
+            return self.integrator.variational
         tableau = self.integrator.tableau
         defect = tableau.b[:, None] * tableau.a_bar + (tableau.b[:, None] * tableau.a).T
         return bool(np.max(np.abs(defect - np.outer(tableau.b, tableau.b))) < 1e-14)
@@ -149,6 +154,10 @@ class Problem:
     @cached_property
     def discrete_lagrangian(self) -> discrete.DiscreteLagrangian:
         """The method's own discrete Lagrangian."""
+        if self.integrator.follows_kepler:
+            gm, v = self.lagrangian.parameter_vector[1:], self.lagrangian.velocity(self.q, self.p, self.t)
+            order = outwards(gm, self.q.reshape(-1, 3), v.reshape(-1, 3))
+            return discrete.kepler_splitting(self.lagrangian, order)
         return discrete.vprk(self.lagrangian, self.integrator.tableau)
 
     def _in_ulps(self, residual: Array) -> tuple[float, float]:

@@ -40,6 +40,7 @@ from orbits.kernels.jacobi import (
     leave_planets,
     modify,
     move_planets,
+    number_planets,
     prepare_room,
     show_planets,
 )
@@ -179,6 +180,18 @@ class KeplerSplitting(Form):
             )
 
 
+def outwards(gm: Array, q: Array, v: Array) -> list[int]:
+    """Return the numbers of the bodies in the order of the method: the dominant one, then the planets outwards.
+
+    gm : (n,); q, v : (n, 3)
+    """
+    form = KeplerSplitting("standard", 0)
+    planets = np.zeros((form.carry_rows(q.size), WIDTH))
+    number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
+    first = STATE_ROWS * _registers(q.size)
+    return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
+
+
 def _registers(size: int) -> int:
     """Return the number of registers of eight planets of `size` coordinates of bodies."""
     return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)
@@ -245,6 +258,11 @@ class WisdomHolman(Integrator):
         return frozenset({SYMPLECTIC, MOMENTUM_MAPS} | (set() if self.corrector else {SYMMETRIC}))
 
     @property
+    def variational(self) -> bool:  # type: ignore[override]
+        """Whether the step is that of L_d: without a corrector, which changes variables."""
+        return self.corrector == 0
+
+    @property
     def second_order(self) -> KeplerSplitting:
         """Kepler motions and kicks."""
         return KeplerSplitting(self.kernel, self.corrector)
@@ -255,4 +273,4 @@ class WisdomHolman(Integrator):
         return cls(), cls(kernel="standard", corrector=0)
 
 
-__all__ = ["KeplerSplitting", "WisdomHolman"]
+__all__ = ["KeplerSplitting", "WisdomHolman", "outwards"]
