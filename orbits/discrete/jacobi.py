@@ -86,7 +86,7 @@ class KeplerSplittingLagrangian(DiscreteLagrangian):
             d2 = float(r[i] @ r[i])
             blocks[i] = part.mass * part.gm * (3.0 * np.outer(r[i], r[i]) / d2 - np.eye(3)) / d2**1.5
         whole = np.einsum("ia,ixy,ib->axby", self.change, blocks, self.change).reshape(3 * n, 3 * n)
-        return whole - self.lagrangian.hessians(q, np.zeros_like(q))[0]
+        return np.asarray(whole - self.lagrangian.hessians(q, np.zeros_like(q))[0])
 
 
 def kepler_splitting(lagrangian: Mechanics, order: list[int]) -> KeplerSplittingLagrangian:
