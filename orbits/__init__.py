@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         ArchiveError,
         ConvergenceError,
         EpochError,
+        EventError,
         InputError,
         IntegrationError,
         Interrupted,
@@ -58,7 +59,16 @@ if TYPE_CHECKING:
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
+    from orbits.marching.transformed import TimeTransformed
     from orbits.propagation import Trajectory, propagate, resume
+    from orbits.propagation.acting import Bounce, Merge
+    from orbits.propagation.events.base import Action, Happening
+    from orbits.propagation.events.collision import Collision
+    from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
+    from orbits.propagation.events.orbital import Ejection, ElementCrossing
+    from orbits.propagation.events.own import Event
+    from orbits.propagation.events.planes import NodeCrossing, PlaneCrossing
+    from orbits.propagation.events.seen import Conjunction, Occultation, Opposition, Transit
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
@@ -69,22 +79,33 @@ __all__ = [
     "DIMENSIONLESS",
     "SOLAR",
     "VPRK",
+    "Action",
     "Adaptive",
+    "Apocentre",
     "Archive",
     "ArchiveError",
+    "Bounce",
     "Certificate",
     "Check",
+    "CloseApproach",
     "CloserThan",
+    "Collision",
     "Composition",
+    "Conjunction",
     "ConvergenceError",
     "DiscretePath",
     "Drag",
+    "Ejection",
+    "ElementCrossing",
     "EnergyErrorAbove",
     "EpochError",
+    "Event",
+    "EventError",
     "ExplicitEuler",
     "FartherThan",
     "Flow",
     "Gauss",
+    "Happening",
     "ImplicitMidpoint",
     "InputError",
     "IntegrationError",
@@ -93,10 +114,16 @@ __all__ = [
     "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
+    "Merge",
     "MissingPackageError",
     "Motion",
+    "NodeCrossing",
+    "Occultation",
+    "Opposition",
     "OrbitsError",
     "OrbitsWarning",
+    "Pericentre",
+    "PlaneCrossing",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -110,7 +137,9 @@ __all__ = [
     "SymplecticEuler",
     "System",
     "Table",
+    "TimeTransformed",
     "Trajectory",
+    "Transit",
     "UnitSystem",
     "UnknownNameError",
     "WallTimeOver",
@@ -141,6 +170,7 @@ _HOME = {
         "ArchiveError",
         "ConvergenceError",
         "EpochError",
+        "EventError",
         "InputError",
         "IntegrationError",
         "Interrupted",
@@ -158,6 +188,7 @@ _HOME = {
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
+    "marching.transformed": ["TimeTransformed"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
@@ -172,6 +203,14 @@ _HOME = {
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
+    "propagation.acting": ["Bounce", "Merge"],
+    "propagation.events.collision": ["Collision"],
+    "propagation.events.base": ["Action", "Happening"],
+    "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
+    "propagation.events.orbital": ["Ejection", "ElementCrossing"],
+    "propagation.events.own": ["Event"],
+    "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
+    "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],

@@ -101,6 +101,12 @@ class SingularityError(IntegrationError):
     """The state became infinite or undefined: two bodies met, or the step was far too long."""
 
 
+class EventError(IntegrationError):
+    """An event cannot be sought any further: its function is not finite, it happens too often, or what it does cannot
+    be done. Everything computed before it remains valid.
+    """
+
+
 class Interrupted(KeyboardInterrupt):
     """A run was stopped by a signal, at the end of a chunk of steps.
 

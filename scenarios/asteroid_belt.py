@@ -120,9 +120,10 @@ def belt_figure(outcome):
         "groups are named after; bands: 2⁻⁵³, a float64's rounding"
     )
     plotting.below(figure, [], [], told)
+    steps = "adaptive steps" if run.clock.changes else f"dt = {run.dt:.3g}"
     figure.suptitle(
         f"{len(a):,} asteroids over {abs(years[-1]):.0f} years and Kirkwood's gaps: "
-        f"{plotting.method_words(run.integrator.label)}, dt = {run.dt:.3g}",
+        f"{plotting.method_words(run.integrator.label)}, {steps}",
         fontsize=21, fontweight="bold",
     )  # fmt: skip
     return figure

@@ -39,10 +39,10 @@ def checks(outcome):
 def draw(outcome):
     """The orbits that each method draws at e = 0.6, and its errors; then the position errors at every eccentricity."""
     case = outcome.cases.get(f"e = {SHOWN:g}") or outcome.case
-    return {"kepler": orbits_and_errors(case), "kepler_eccentricities": eccentricities(outcome)}
+    return {"kepler": orbits_and_errors(case, outcome.scenario.dt), "kepler_eccentricities": eccentricities(outcome)}
 
 
-def orbits_and_errors(case):
+def orbits_and_errors(case, dt):
     """One panel for each method: three orbits as a line, the samples of all as dots; below, what it keeps."""
     from orbits import plotting
 
@@ -54,7 +54,7 @@ def orbits_and_errors(case):
     exact = exact_ellipse(case.system)
     for k, run in enumerate(runs):
         panel = axes[f"orbit {k}"]
-        options = {"dt": run.dt, "duration": 3 * PERIOD, "samples": 1201, "check_step": False}
+        options = {"dt": dt, "duration": 3 * PERIOD, "samples": 1201, "check_step": False}
         first = orbits.propagate(case.system, run.integrator, **options)
         panel.plot(exact[:, 0], exact[:, 1], color=plotting.style.GREY, lw=0.8)
         for part, look in ((run, {"ls": "", "marker": ".", "ms": 2.2, "alpha": 0.6}), (first, {"ls": "-", "lw": 1.2})):
@@ -66,8 +66,9 @@ def orbits_and_errors(case):
             side.set_visible(False)
         panel.set_title(plotting.method_words(run.integrator.label), fontsize=17, loc="center")
     error_panels(axes, case)
+    steps = "adaptive steps" if runs[0].clock.changes else f"{PERIOD / abs(runs[0].step):.0f} steps each"
     figure.suptitle(
-        f"{abs(runs[0].times[-1]) / PERIOD:.4g} orbits with {case.name}, {PERIOD / abs(runs[0].step):.0f} steps each: "
+        f"{abs(runs[0].times[-1]) / PERIOD:.4g} orbits with {case.name}, {steps}: "
         "what is kept, what is lost",
         fontsize=21,
         fontweight="bold",

@@ -29,6 +29,7 @@ from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.marching.marcher import available_threads
 
 ROOT = Path(__file__).resolve().parent.parent
+FIGURES = ROOT / "docs" / "figures"
 
 
 BY_HAND = "## How close to the machine"
@@ -88,6 +89,8 @@ def markdown(results: dict[str, Any]) -> str:
     lines = ["# Benchmarks", "", f"Made by `make bench` on {results['machine']['processor']}; {facts}.", ""]
     for name, part in results["parts"].items():
         lines += [f"## {name.replace('_', ' ').capitalize()}", "", " ".join(str(PARTS[name].__doc__).split()), ""]
+        if "picture" in part:
+            lines += [f"![{name.replace('_', ' ').capitalize()}](figures/{name}.png)", ""]
         rows = [
             {
                 **{k: x for k, x in row.items() if k != "rms_km"},
@@ -95,10 +98,10 @@ def markdown(results: dict[str, Any]) -> str:
             }
             for row in part["rows"]
         ]
-        head = list(rows[0])
+        head = list(dict.fromkeys(key for row in rows for key in row))
         lines += ["| " + " | ".join(h.replace("_", " ") for h in head) + " |", "|" + " --- |" * len(head)]
         lines += ["| " + " | ".join(_cell(row.get(h)) for h in head) + " |" for row in rows]
-        notes = {k: x for k, x in part.items() if k != "rows"}
+        notes = {k: x for k, x in part.items() if k not in ("rows", "picture")}
         if notes:
             lines += ["", "; ".join(f"{k.replace('_', ' ')}: {_cell(x)}" for k, x in notes.items()) + "."]
         lines.append("")
@@ -129,7 +132,14 @@ def main() -> None:
     results: dict[str, Any] = {"machine": machine(), "parts": {}}
     for name in options.parts or PARTS:
         print(f"{name} ...", file=sys.stderr, flush=True)
-        results["parts"][name] = PARTS[name](options.repetitions)
+        part = PARTS[name](options.repetitions)
+        draw = part.pop("picture", None)
+        if draw is not None:
+            folder = FIGURES if options.docs else options.out
+            folder.mkdir(parents=True, exist_ok=True)
+            draw(part["rows"], folder / f"{name}.png")
+            part["picture"] = f"{name}.png"
+        results["parts"][name] = part
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n")
     page = markdown(results)

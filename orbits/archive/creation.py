@@ -96,6 +96,10 @@ def _clear(partial: Path, path: Path) -> None:
         return
     if not stat.S_ISREG(kind):
         raise ArchiveError(f"{partial} is in the way: {path} is made there first. Remove it, or choose another path.")
+    with suppress(OSError):
+        if os.path.samefile(partial, path):  # a second name of the archive, left by a run that was killed
+            partial.unlink()
+            return
     with suppress(FileNotFoundError):
         # Never write to it: it may be a second name of a finished archive.
         stale = Storage(partial, os.O_RDWR | getattr(os, "O_NOFOLLOW", 0))

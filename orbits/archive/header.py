@@ -19,14 +19,22 @@ from numpy.typing import NDArray
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.marching.adaptive import Adaptive
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import ConstantSteps
+from orbits.marching.transformed import TimeTransformed
 from orbits.system.model import from_json, to_json
-from orbits.time_grid import TimeGrid
+from orbits.time_grid import MOST_STEPS, TimeGrid
 
 if TYPE_CHECKING:
     from orbits.system import System
 
 Item = str | float | list[str] | NDArray[np.float64]
+
+_CLOCKS: dict[str, tuple[Any, str]] = {
+    "adaptive": (Adaptive, "tolerance"),
+    "transformed time": (TimeTransformed, "step"),
+}
+"""The clocks of steps that differ in length, by the names that archives have for them, each with its parameter."""
 
 _KINDS = {str: "a text", float: "a number", list: "a list of names", np.ndarray: "an array of numbers"}
 _MOST_DAYS = 1e9  # far beyond any ephemeris; a Time cannot have more days
@@ -41,6 +49,8 @@ class Header:
     grid : the step and the times of the samples, in the system's unit of time
     provenance : versions and processor, as text
     certificate : the certificate of the integrator on this system, measured before the run, as JSON; "" without one
+    events : what was sought in the run, as JSON; "" without events
+    steps : for how many states at the beginnings of steps there is room, for dense output; 0 for none
 
     Raises ArchiveError for values that no run has.
     """
@@ -50,11 +60,15 @@ class Header:
     grid: TimeGrid
     provenance: Mapping[str, str]
     certificate: str = ""
+    events: str = ""
+    steps: int = 0
 
     def __post_init__(self) -> None:
         _check_integrator(self.integrator)
         if self.certificate and not isinstance(_from_json(self.certificate, "the certificate"), dict):
             raise ArchiveError(f"the certificate is {shown(self.certificate)}; expected a JSON object.")
+        if self.events and not isinstance(_from_json(self.events, "the description of events"), list):
+            raise ArchiveError(f"the description of events is {shown(self.events)}; expected a JSON array.")
 
 
 def to_items(header: Header) -> dict[str, Item]:
@@ -92,8 +106,9 @@ def to_items(header: Header) -> dict[str, Item]:
     }
     for name, value in dict(header.integrator.get("parameters", {})).items():
         items[f"integrator/parameters@{name}"] = json.dumps(value, sort_keys=True)
-    if isinstance(header.grid.clock, Adaptive):
-        items["@clock"] = json.dumps({"kind": "adaptive", **asdict(header.grid.clock)}, sort_keys=True)
+    for kind, (clock, _) in _CLOCKS.items():
+        if isinstance(header.grid.clock, clock):
+            items["@clock"] = json.dumps({"kind": kind, **asdict(header.grid.clock)}, sort_keys=True)
     if system.radii is not None:
         items["system/radii"] = np.asarray(units.length_value(system.radii, "radii"))
         items["system/radii@unit"] = _unit_text(units.length)
@@ -105,6 +120,10 @@ def to_items(header: Header) -> dict[str, Item]:
         items["system@epoch_jd2"] = float(system.epoch.jd2)
     if header.certificate:
         items["@certificate"] = header.certificate
+    if header.events:
+        items["@events"] = header.events
+    if header.steps:
+        items["steps@room"] = float(header.steps)
     for name, text in header.provenance.items():
         items[f"provenance@{name}"] = str(text)
     for name, item in items.items():
@@ -153,18 +172,30 @@ def from_items(items: Mapping[str, Any]) -> Header:
         grid,
         {name.partition("@")[2]: _item(items, name, str) for name in items if name.startswith("provenance@")},
         _item(items, "@certificate", str) if "@certificate" in items else "",
+        _item(items, "@events", str) if "@events" in items else "",
+        _room(items) if "steps@room" in items else 0,
     )
 
 
-def _clock(items: Mapping[str, Any]) -> Adaptive:
-    """Return the clock of adaptive steps. Raises ArchiveError for one that no run has."""
+def _room(items: Mapping[str, Any]) -> int:
+    """Return for how many steps there is room. Raises ArchiveError for a number that no run has."""
+    room = _item(items, "steps@room", float)
+    if not (room.is_integer() and 0 < room <= MOST_STEPS):
+        raise ArchiveError(f"steps@room is {room}; expected a number of steps.")
+    return int(room)
+
+
+def _clock(items: Mapping[str, Any]) -> ChangingSteps:
+    """Return the clock of steps that differ in length. Raises ArchiveError for one that no run has."""
     known = _from_json(_item(items, "@clock", str), "@clock")
-    fits = isinstance(known, dict) and known.pop("kind", None) == "adaptive"
-    if not fits or known.keys() != {"tolerance", "direction"}:
-        raise ArchiveError(f"@clock is {shown(items['@clock'])}; expected the clock of adaptive steps.")
+    kind = known.pop("kind", None) if isinstance(known, dict) else None
+    clock, parameter = _CLOCKS.get(kind, (None, "")) if isinstance(kind, str) else (None, "")
+    if clock is None or known.keys() != {parameter, "direction"}:
+        raise ArchiveError(f"@clock is {shown(items['@clock'])}; expected a clock of adaptive or transformed steps.")
     if known["direction"] not in (1.0, -1.0):
         raise ArchiveError(f"the direction of its clock is {shown(known['direction'])}; expected 1 or -1.")
-    return Adaptive(known["tolerance"]).towards(known["direction"])
+    made: ChangingSteps = clock(known[parameter]).towards(known["direction"])
+    return made
 
 
 def checksum(items: Mapping[str, Item]) -> str:

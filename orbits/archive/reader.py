@@ -20,6 +20,7 @@ from orbits.archive.creation import busy
 from orbits.archive.header import Header
 from orbits.archive.samples import Samples
 from orbits.archive.schema import Layout
+from orbits.archive.steps import KEPT, ArchivedSteps
 from orbits.archive.storage import Storage, raw_bytes
 from orbits.errors import ArchiveError
 from orbits.time_grid import TimeGrid
@@ -45,6 +46,7 @@ class Archive:
 
     times : (n,) float64, since the epoch; all requested samples, of which `committed` are stored
     q, v : (committed, bodies, 3) float64, read when indexed, and checked when first read
+    steps : the states at the beginnings of steps, for dense output (see `orbits.archive.steps`), or None
     dt : the signed step; grid : step and times together
 
     All of these are in the units of `system`, the state at the start.
@@ -60,6 +62,7 @@ class Archive:
         checkpoint: Checkpoint | None,
         commit: Commit | None,
     ) -> None:
+        encoded = None if checkpoint is None else checkpoint.pop(KEPT, None)
         self._storage = storage
         self._header = header
         self._chunks = chunks
@@ -70,6 +73,7 @@ class Archive:
         self.committed = chunks.samples
         self.q = Samples(storage, layout.q, chunks)
         self.v = Samples(storage, layout.v, chunks)
+        self.steps = None if layout.steps is None or encoded is None else ArchivedSteps(storage, layout.steps, encoded)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, salvage: bool = False) -> Self:
@@ -178,6 +182,11 @@ class Archive:
         return self._header.certificate
 
     @property
+    def events_text(self) -> str:
+        """What was sought in the run, as JSON; "" without events."""
+        return self._header.events
+
+    @property
     def complete(self) -> bool:
         """Whether all samples of the run are stored."""
         return self.committed == len(self.times)
@@ -191,6 +200,8 @@ class Archive:
     def verify(self) -> None:
         """Read and check all committed data. Raises ArchiveError, naming the damaged samples."""
         self._chunks.check_all()
+        if self.steps is not None:
+            self.steps.check_all()
 
     @property
     def chunks(self) -> NDArray[Any]:

@@ -7,6 +7,7 @@
     /chunks           (samples,)                   checksums of the chunks of samples
     /commits          (2,)                         the last two commits: see `commits.py`
     /checkpoints/0, /checkpoints/1                 the state from which to resume, after each of these two
+    /steps            with dense output alone: the states at the beginnings of steps, see `steps.py`
 
 The arrays that change during a run are contiguous and allocated at creation, so they have fixed places in the file.
 """
@@ -16,7 +17,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -29,6 +30,7 @@ from orbits.archive import header as headers
 from orbits.archive.commits import CHUNK, ROW, SLOTS
 from orbits.archive.header import Header, Item
 from orbits.archive.sparse import SparseFile, StoredFile
+from orbits.archive.steps import KEPT, NOTHING_KEPT, STEP_CHUNK, StepPlaces, bytes_per_step, chunk_rows
 from orbits.archive.storage import Storage
 from orbits.errors import ArchiveError, StorageError, shown
 
@@ -66,13 +68,15 @@ class Layout:
     chunks: Place
     commits: Place
     checkpoints: tuple[dict[str, Place], ...]
+    steps: StepPlaces | None = None
 
 
 def bytes_needed(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> int:
     """Return the approximate size of the file: that of the arrays, without the overhead of HDF5."""
     samples, bodies = len(header.grid), len(header.system)
     per_sample = 2 * 24 * bodies + CHUNK.itemsize + 8
-    return samples * per_sample + SLOTS * (ROW.itemsize + sum(array.nbytes for array in checkpoint.values()))
+    kept = header.steps * bytes_per_step(bodies)
+    return samples * per_sample + kept + SLOTS * (ROW.itemsize + sum(array.nbytes for array in checkpoint.values()))
 
 
 def image(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> SparseFile:
@@ -96,14 +100,26 @@ def image(header: Header, checkpoint: Mapping[str, NDArray[Any]]) -> SparseFile:
             _write_item(file, name, item)
         for slot in range(SLOTS):
             group = file.create_group(f"checkpoints/{slot}")
-            for name, array in checkpoint.items():
+            for name, array in {**checkpoint, **({KEPT: NOTHING_KEPT} if header.steps else {})}.items():
                 _preallocate(group, name, array.shape, array.dtype)
         _preallocate(file, "commits", (SLOTS,), ROW)
         _preallocate(file, "chunks", shape[:1], CHUNK)
         for name, unit in (("q", "system/q@unit"), ("v", "system/v@unit")):
             _preallocate(file, name, shape, np.dtype("<f8"))
             _write_item(file, f"{name}@unit", items[unit])
+        if header.steps:
+            for name, (steps, kind) in _step_shapes(header.steps, shape[1]).items():
+                _preallocate(file, f"steps/{name}", steps, kind)
+            for name, unit in (("t", "times@unit"), ("q", "system/q@unit"), ("v", "system/v@unit")):
+                _write_item(file, f"steps/{name}@unit", items[unit])
     return made
+
+
+def _step_shapes(room: int, bodies: int) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
+    """Return the shapes and types of the arrays of /steps."""
+    floats, states = np.dtype("<f8"), (room, bodies, 3)
+    chunks = (room + chunk_rows(bodies) - 1) // chunk_rows(bodies)
+    return {"t": ((room, 2), floats), "q": (states, floats), "v": (states, floats), "chunks": ((chunks,), STEP_CHUNK)}
 
 
 def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
@@ -128,7 +144,7 @@ def read(storage: Storage, path: Path) -> tuple[Header, Layout]:
                 found = headers.from_items(items)
             except ArchiveError as error:
                 raise ArchiveError(f"{path} is not as a run writes it: {error} Restore it from a copy.") from error
-            layout = _layout(file, (len(found.grid), len(found.system), 3), path)
+            layout = _layout(file, (len(found.grid), len(found.system), 3), found.steps, path)
     except (ArchiveError, StorageError):
         raise
     # HDF5 reports damage as OSError, KeyError, ValueError, RuntimeError and more, depending on where it is.
@@ -144,6 +160,8 @@ def _check_places(layout: Layout, size: int, path: Path) -> None:
     """Refuse arrays that are not within the file, or that overlap: writing one would change the other."""
     places = [layout.q, layout.v, layout.chunks, layout.commits]
     places += [place for slot in layout.checkpoints for place in slot.values()]
+    if layout.steps is not None:
+        places += [layout.steps.t, layout.steps.q, layout.steps.v, layout.steps.chunks]
     taken = sorted((place.offset, place.offset + place.size) for place in places if place.size)
     end = taken[-1][1]
     if end > size:
@@ -178,7 +196,7 @@ def _preallocate(group: Any, name: str, shape: tuple[int, ...], dtype: np.dtype[
     return h5py.Dataset(h5py.h5d.create(group.id, name.encode(), kind, space, creation))
 
 
-def _layout(file: Any, shape: tuple[int, int, int], path: Path) -> Layout:
+def _layout(file: Any, shape: tuple[int, int, int], steps: int, path: Path) -> Layout:
     def place(name: str, shape: tuple[int, ...] | None, dtype: np.dtype[Any] | None) -> Place:
         dataset = _own(file, name)
         if shape is not None and dataset.shape != shape:
@@ -206,7 +224,18 @@ def _layout(file: Any, shape: tuple[int, int, int], path: Path) -> Layout:
         chunks=place("chunks", shape[:1], CHUNK),
         commits=place("commits", (SLOTS,), ROW),
         checkpoints=checkpoints,
+        steps=_steps(place, steps, shape[1], checkpoints) if steps else None,
     )
+
+
+def _steps(
+    place: Callable[..., Place], room: int, bodies: int, checkpoints: tuple[dict[str, Place], ...]
+) -> StepPlaces:
+    """Return the places of the states at the beginnings of steps."""
+    for slot in checkpoints:
+        if KEPT not in slot or (slot[KEPT].shape, slot[KEPT].dtype) != (NOTHING_KEPT.shape, NOTHING_KEPT.dtype):
+            raise ValueError(f"the checkpoint does not tell how many steps are kept: it has no {KEPT}")
+    return StepPlaces(**{name: place(f"steps/{name}", *kind) for name, kind in _step_shapes(room, bodies).items()})
 
 
 def _write_item(file: Any, name: str, item: Item) -> None:

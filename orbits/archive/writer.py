@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -25,10 +25,14 @@ from orbits.archive.creation import built, check_target, discarded_on_failure, p
 from orbits.archive.header import Header
 from orbits.archive.reader import Archive
 from orbits.archive.schema import Layout
+from orbits.archive.steps import KEPT, ArchivedSteps, Kept, Piece, write_steps
 from orbits.archive.storage import BLOCK, Storage, raw_bytes
 from orbits.errors import ArchiveError, StorageError
 from orbits.system import System
 from orbits.time_grid import TimeGrid
+
+SPARE, GROWTH = 1.1, 8.0
+"""The room for steps in a larger file, as a multiple of those expected; and at most, of those to be stored."""
 
 
 class ArchiveWriter:
@@ -38,8 +42,10 @@ class ArchiveWriter:
     committed : number of committed samples; capacity : number of samples that fit
     """
 
-    def __init__(self, storage: Storage, path: Path, header: Header, layout: Layout, commit: Commit) -> None:
-        self._storage = storage
+    def __init__(
+        self, storage: Storage, path: Path, header: Header, layout: Layout, commit: Commit, kept: Kept | None = None
+    ) -> None:
+        self._storage, self._kept = storage, kept or Kept()
         self._header = header
         self._layout = layout
         self._last = commit
@@ -58,6 +64,8 @@ class ArchiveWriter:
         checkpoint: Mapping[str, NDArray[Any]],
         provenance: Mapping[str, str],
         certificate: str = "",
+        events: str = "",
+        steps: int = 0,
         overwrite: bool = False,
     ) -> Self:
         """Create the file, with all of its space reserved and the start of the run committed.
@@ -68,12 +76,14 @@ class ArchiveWriter:
             of the same names, shapes and types
         provenance : versions and processor, as text
         certificate : the certificate measured before the run, as JSON
+        events : what is sought in the run, as JSON
+        steps : room for so many states at the beginnings of steps, for dense output; it grows as needed
         overwrite : whether a file at `path` may be replaced; it is kept until the new one is complete
 
         Raises ArchiveError for a path that exists, that cannot be written, or that another run is writing;
         StorageError, with the required and the free space, if the device has not enough.
         """
-        header = Header(system, dict(integrator), grid, dict(provenance), certificate)
+        header = Header(system, dict(integrator), grid, dict(provenance), certificate, events, steps)
         place = schema.resolved(path)
         check_target(place, overwrite)
         nothing = np.empty((0, len(system), 3))
@@ -91,7 +101,8 @@ class ArchiveWriter:
     def going_on(cls, archive: Archive) -> Self:
         """Continue after the last commit of a claimed archive, whose file is taken over by this writer."""
         storage, header, layout = archive.parts()
-        return cls(storage, archive.path, header, layout, archive.last)
+        kept = None if archive.steps is None else archive.steps.kept
+        return cls(storage, archive.path, header, layout, archive.last, kept)
 
     @classmethod
     @contextmanager
@@ -109,18 +120,28 @@ class ArchiveWriter:
         """The number of committed samples in the file."""
         return self._last.samples
 
-    def commit(self, q: ArrayLike, v: ArrayLike, checkpoint: Mapping[str, NDArray[Any]]) -> None:
+    def commit(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        checkpoint: Mapping[str, NDArray[Any]],
+        steps: Iterable[Piece] = (),
+    ) -> None:
         """Add the next k samples, k >= 0, and the state from which to resume; on return they survive any interruption.
 
         q, v : (k, bodies, 3) float64; checkpoint : names, shapes and types as at creation
+        steps : for dense output, the states at the beginnings of the next steps: times (m, 2), q and v (m, bodies, 3).
+            If there is no room for them, the archive is copied into a larger file, which then replaces it
         Raises ArchiveError for arrays of the wrong shape or type; StorageError if the device fails: all earlier commits
         then stay readable, and `reopen` continues from there. Raises StorageError also if the file was deleted, moved
         or replaced: the samples are then in it nevertheless, and `to_archive` reads them.
         """
         q_new, v_new = (np.ascontiguousarray(x, dtype="<f8") for x in (q, v))
         self._check(q_new, v_new, checkpoint)
+        pieces = list(steps)
+        self._make_room(pieces, checkpoint)
         try:
-            self._write(q_new, v_new, checkpoint)
+            self._write(q_new, v_new, checkpoint, pieces)
         except OSError as error:
             raise StorageError(
                 f"{self.path} could not be written ({error.strerror}); its {self.committed} committed samples stay "
@@ -185,14 +206,44 @@ class ArchiveWriter:
             "with it."
         )
 
-    def _write(self, q: NDArray[Any], v: NDArray[Any], checkpoint: Mapping[str, NDArray[Any]]) -> None:
+    def _make_room(self, pieces: Sequence[Piece], checkpoint: Mapping[str, NDArray[Any]]) -> None:
+        """If there is no room for these states, continue in a larger file."""
+        needed = self._kept.rows + sum(len(times) for times, _, _ in pieces)
+        places = self._layout.steps
+        if places is None and pieces:
+            raise ArchiveError(f"{self.path} was created without room for steps; it keeps samples only.")
+        if places is None or needed <= places.room:
+            return
+        if not self.in_place:
+            raise StorageError(self._lost())
+        old = self._storage
+        archive = Archive.after(old, self.path, self._header, self._layout, self._last)
+        header = replace(self._header, steps=_room_for(needed, float(pieces[-1][0][-1, 0]), self._header.grid.end))
+        with ArchiveWriter._made(self.path, header, checkpoint) as larger:
+            _copy(archive, larger, archive.checkpoint())
+            take_name(larger._storage, self.path, overwrite=True)
+        self._storage, self._header, self._layout = larger._storage, header, larger._layout
+        self._last, self._kept = larger._last, larger._kept
+        old.close()
+
+    def _write(
+        self,
+        q: NDArray[Any],
+        v: NDArray[Any],
+        checkpoint: Mapping[str, NDArray[Any]],
+        steps: Iterable[Piece] = (),
+    ) -> None:
         """Commit; the caller handles OSError, which leaves the file at the previous commit."""
         self._unsure = True
+        kept = self._kept
+        if self._layout.steps is not None:
+            kept = write_steps(self._storage, self._layout.steps, kept, steps)
+            checkpoint = {**checkpoint, KEPT: kept.encoded()}
         commit = self._write_contents(q, v, checkpoint)
         self._storage.sync()
         self._write_row(commit)
         self._storage.sync()
-        self._last, self._unsure = commit, False
+        self._last, self._kept, self._unsure = commit, kept, False
 
     def _write_contents(self, q: NDArray[Any], v: NDArray[Any], checkpoint: Mapping[str, NDArray[Any]]) -> Commit:
         """Write all data to which the next commit row will refer, without changing those of earlier rows."""
@@ -218,6 +269,13 @@ class ArchiveWriter:
         self._storage.write(self._layout.commits.offset + commit.slot * ROW.itemsize, commit.encoded())
 
 
+def _room_for(needed: int, reached: float, end: float) -> int:
+    """Return the number of states to make room for, if `needed` lead up to the time `reached` of a run to `end`."""
+    most = GROWTH * needed
+    expected = SPARE * needed * end / reached if reached else most
+    return int(min(max(expected, SPARE * needed), most)) + 1
+
+
 def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[Any]] | None = None) -> ArchiveWriter:
     """Make room for more samples: copy the archive into a larger one, replace it, and continue with the copy.
 
@@ -234,7 +292,10 @@ def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[
                 f"step and times of {place} cannot change: its {done} committed samples have to come first, as they "
                 "are."
             )
-        header = replace(archive.parts()[1], grid=grid)
+        header = archive.parts()[1]
+        if archive.steps is not None:
+            header = replace(header, steps=_room_in(archive.steps, header, grid))
+        header = replace(header, grid=grid)
         checkpoint = archive.checkpoint() if checkpoint is None else checkpoint
         with ArchiveWriter._made(place, header, checkpoint) as writer:
             _copy(archive, writer, checkpoint)
@@ -244,17 +305,26 @@ def extended(archive: Archive, grid: TimeGrid, checkpoint: Mapping[str, NDArray[
         return writer
 
 
+def _room_in(kept: ArchivedSteps, header: Header, grid: TimeGrid) -> int:
+    """Return the number of steps to make room for in a run that is extended to another grid."""
+    if not grid.clock.changes:
+        return grid.whole_steps + 1
+    return max(header.steps, _room_for(max(1, len(kept)), header.grid.end, grid.end))
+
+
 def _copy(archive: Archive, writer: ArchiveWriter, checkpoint: Mapping[str, NDArray[Any]]) -> None:
     """Commit all chunks of an archive unchanged to a new writer, in blocks."""
     per_sample = 48 * archive.layout.q.shape[1]
-    step = max(1, BLOCK // per_sample)
+    step, nothing = max(1, BLOCK // per_sample), archive.q[:0]
+    if archive.steps is not None:
+        writer._write(nothing, nothing, checkpoint, archive.steps.pieces())
     for first in range(0, max(1, archive.committed), step):
         end = min(first + step, archive.committed)
         writer._write(archive.q[first:end], archive.v[first:end], checkpoint)
 
 
 def _check_checkpoint(checkpoint: Mapping[str, NDArray[Any]], layout: Layout) -> None:
-    places = layout.checkpoints[0]
+    places = {name: place for name, place in layout.checkpoints[0].items() if name != KEPT}
     if set(checkpoint) != set(places):
         raise ArchiveError(f"the checkpoint has {sorted(checkpoint)}; expected {sorted(places)}, as at creation.")
     for name, place in places.items():

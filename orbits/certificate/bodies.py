@@ -14,6 +14,7 @@ import numpy as np
 
 from orbits.certificate.measuring import EPS, STEPS, Measured, Problem
 from orbits.diagnostics.tangent import plain_step
+from orbits.integrators.transformed_bodies import ENERGY, KNOWN
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.marcher import Marcher
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from orbits.system.model import Model
 
 Array = np.typing.NDArray[np.float64]
+
+OTHER_ENERGY = 1.0 + 2.0**-20
+"""E0 as a multiple of the energy: so close to it that the motion is that of the bodies."""
 
 PLACES = 5
 """The number of states of the march at which the step is compared."""
@@ -39,6 +43,42 @@ def step_of_bodies(problem: Problem, acting: Model) -> Measured:
         worst = max(worst, off / EPS, more / EPS)
         grown = max(grown, float(np.max(np.abs(plain.derivative * problem.scaling))))
     return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies against plain solutions")
+
+
+def steps_in_transformed_time(problem: Problem, marcher: Marcher) -> Measured:
+    """Compare steps of a march of bodies in transformed time, and the time that they take, with plain solutions for its
+    Lagrangian; in units of 2^-53 of the state.
+
+    E0 is not the energy of the march: the terms with H - E0, which make a step symplectic, would otherwise be lost in
+    round-off.
+    """
+    h, worst, grown = problem.dt, 0.0, 1.0
+    start = marcher.checkpoint()
+    start["memory"][-1, [ENERGY, KNOWN]] = OTHER_ENERGY * problem.lagrangian.parameters["E0"], 1.0
+    marcher.restore(start)
+    lagrangian = problem.lagrangian.with_parameters(E0=float(start["memory"][-1, ENERGY]))
+    n = len(problem.q) // 3
+    gm = np.repeat(np.array(list(lagrangian.parameters.values())[1 : 1 + n]), 3)
+    for _ in range(PLACES):
+        q, v = (x.ravel() for x in marcher.state())
+        begun = marcher.time
+        plain = plain_step(lagrangian, problem.integrator.tableau, q, gm * v, h)
+        marcher.advance(1)
+        one, other = (x.ravel() for x in marcher.state())
+        took = h * float(problem.integrator.tableau.b @ [_rate(lagrangian, Q) for Q in plain.Q])
+        off = float(np.max(np.abs(one - plain.q) * problem.weights)) / problem.size
+        more = float(np.max(np.abs(gm * other - plain.p) / problem.weights)) / problem.momentum_size
+        late = abs(marcher.time - begun - took) / max(abs(marcher.time), abs(took))
+        worst = max(worst, off / EPS, more / EPS, late / EPS)
+        grown = max(grown, float(np.max(np.abs(plain.derivative * problem.scaling))))
+        marcher.advance(max(0, len(problem.path) // PLACES - 1))
+    return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies, and their times, against plain solutions")
+
+
+def _rate(lagrangian: Lagrangian, q: Array) -> float:
+    """Return the monitor g at q, by which the masses in the kinetic energy are divided."""
+    mass = lagrangian.hessians(q, np.zeros_like(q))[2]
+    return float(lagrangian.parameters["GM1"] / mass[0, 0])
 
 
 def balances(problem: Problem, acting: Model) -> Iterator[tuple[str, Measured]]:

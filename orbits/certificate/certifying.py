@@ -19,7 +19,9 @@ from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.flow import starting_state
+from orbits.marching.transformed import TimeTransformed
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -46,7 +48,8 @@ def certify(
 
     problem : a `System`, or a `Lagrangian` with initial q, v of shape (d,) (its own example by default)
     integrator : a method, or its name as on the command line: "gauss(stages=4)"
-    dt : the step; a Quantity, or a number in the problem's unit of time
+    dt : the step; a Quantity, or a number in the problem's unit of time; for a `System` also a clock of constant steps
+        in transformed time, `TimeTransformed(step=0.3)`
     t : initial time, for a Lagrangian that depends on time
 
     Measured are
@@ -70,6 +73,11 @@ def certify(
     """
     integrator = named(integrator)
     if isinstance(problem, Lagrangian):
+        if isinstance(dt, ChangingSteps):
+            raise InputError(
+                f"dt is {shown(dt)}, a clock for bodies; a Lagrangian is certified with steps of one length: dt=0.1. "
+                "In transformed time it is another Lagrangian: orbits.lagrangians.time_transformed(L, monitor=...)."
+            )
         start, p = starting_state(problem, q, v, None, t)
         step = _without_units(dt)
         bound = Problem(problem, integrator, step, start, p, float(t))
@@ -80,6 +88,13 @@ def certify(
         raise InputError(f"certify needs a System or a Lagrangian, got {type(problem).__name__}")
     if q is not None or v is not None:
         raise InputError("a System has initial positions and velocities of its own: leave out q and v")
+    if isinstance(dt, TimeTransformed):
+        return _in_transformed_time(problem, integrator, dt)
+    if isinstance(dt, ChangingSteps):
+        raise InputError(
+            f"dt is {shown(dt)}: steps that are chosen one by one depend on the state, so that no method is symplectic "
+            "with them. Certify with a length, dt=..., or with dt=orbits.TimeTransformed()."
+        )
     return _of_system(problem, integrator, dt)
 
 
@@ -111,6 +126,34 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
         more.append(_finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True))
     taken = f"; what {few(sorted(set(names)))} takes is left out but for the balances" if names else ""
     return _certificate(bound, f"{int(np.sum(massive))} bodies{many}{taken}", unit, particles, more)
+
+
+def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTransformed) -> Certificate:
+    from orbits.certificate.bodies import steps_in_transformed_time
+    from orbits.lagrangians.bodies_in_transformed_time import bodies_in_transformed_time
+    from orbits.marching.marcher import Marcher
+    from orbits.system.model import lagrangian_of, model
+
+    values, massive = system.values, np.flatnonzero(system.massive)
+    acting = model(system, massive)
+    # What cannot be marched in transformed time is refused here.
+    marcher = Marcher(
+        acting.lagrangian,
+        integrator,
+        acting.vectors,
+        system.massive,
+        values.q,
+        values.v,
+        clock,
+        forces=acting.forces,
+    )
+    clock.check_bodies(marcher.parameters, values.q, values.v, system.names)
+    q, v = values.q.ravel(), values.v.ravel()
+    newton = lagrangian_of(system)
+    transformed = bodies_in_transformed_time(values.gm, newton.energy(q, v), values.softening)
+    problem = Problem(transformed, integrator, clock.step, q, newton.momentum(q, v), 0.0)
+    more = [_finding("steps of bodies", steps_in_transformed_time(problem, marcher), None, needed=True)]
+    return _certificate(problem, f"{len(values.gm)} bodies", "in transformed time", [], more)
 
 
 def _certificate(

@@ -47,6 +47,11 @@ def plain_step(
     V = np.tile(lagrangian.velocity(x, y, t), (s, 1))
     F, qq, qv, vv = np.empty((s, d)), np.empty((s, d, d)), np.empty((s, d, d)), np.empty((s, d, d))
     previous, floor = np.inf, False
+    failure = ConvergenceError(
+        f"'{lagrangian.name}': Newton's method fails for one step of {h:.6g} from q = {show(x)}, p = {show(y)}; use a "
+        "smaller dt.",
+        time=t,
+    )
     for _ in range(60):
         Q = x + h * a @ V
         P = np.empty((s, d))
@@ -57,17 +62,16 @@ def plain_step(
         if floor:
             break
         residual = y + h * a_bar @ F - P
-        change = np.linalg.solve(matrix, residual.ravel()).reshape(s, d)
+        try:
+            change = np.linalg.solve(matrix, residual.ravel()).reshape(s, d)
+        except np.linalg.LinAlgError:  # far from any solution
+            raise failure from None
         V = V + change
         size = float(np.max(np.abs(change)))
         floor = size == 0.0 or (size >= 0.5 * previous and size <= 1e-8 * float(np.max(np.abs(V))))
         previous = size
     else:
-        raise ConvergenceError(
-            f"'{lagrangian.name}': Newton's method fails for one step of {h:.6g} from q = {show(x)}, p = {show(y)}; "
-            "use a smaller dt.",
-            time=t,
-        )
+        raise failure
     moved = h * np.einsum("ij,jb->ib", a, V) + x
     # dP_i = L_vq dQ_i + L_vv dV_i,   dQ_i = dq + h sum a_ij dV_j,   dP_i = dp + h sum a_bar_ij dF_j
     right = np.zeros((s, d, 2 * d))

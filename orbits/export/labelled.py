@@ -91,7 +91,7 @@ class Labelled:
 
         Units are in `.attrs["units"]`. A run with an epoch has a column `date`.
         """
-        package: Any = _package("pandas", "to_pandas")
+        package: Any = imported("pandas", "to_pandas")
         columns = self._columns()
         index = [name for name in ("time", "body") if name in columns]
         values = {name: values for name, (values, _) in columns.items()}
@@ -108,7 +108,7 @@ class Labelled:
 
         Units are in each variable's `.attrs["units"]`. With an epoch there is a coordinate `date` along time.
         """
-        package: Any = _package("xarray", "to_xarray")
+        package: Any = imported("xarray", "to_xarray")
         coordinates: dict[str, Any] = {}
         if self.times is not None:
             coordinates["time"] = ("time", self.times.value, {"units": str(self.times.unit)})
@@ -145,7 +145,7 @@ class Labelled:
         return columns
 
 
-def _package(name: str, caller: str) -> ModuleType:
+def imported(name: str, caller: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -29,10 +29,9 @@ def registry() -> dict[str, type[Integrator]]:
 
 def describe(integrator: Integrator) -> dict[str, Any]:
     """Return {"name": ..., "parameters": {...}}, the argument of `build` for an equal integrator."""
-    values = {f.name: getattr(integrator, f.name) for f in dataclasses.fields(integrator)}
     return {
         "name": integrator.name,
-        "parameters": {k: describe(v) if isinstance(v, Integrator) else v for k, v in values.items()},
+        "parameters": {k: describe(v) if isinstance(v, Integrator) else v for k, v in integrator.parameters().items()},
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from orbits.errors import InputError
 from orbits.integrators.forms import Form
@@ -20,6 +20,16 @@ SYMMETRIC = "symmetric"
 
 MOMENTUM_MAPS = "momentum maps"
 """Property: the step conserves the charges of translations and rotations: momentum, angular momentum."""
+
+
+OPTION = "option"
+
+
+def option(default: Any) -> Any:
+    """Return a field of a method that labels and archives name only where it differs from its default: those made
+    before there was such a field stay as they are.
+    """
+    return dataclasses.field(default=default, metadata={OPTION: True})
 
 
 @dataclass(frozen=True)
@@ -85,10 +95,15 @@ class Integrator:
             return self.second_order
         return self.canonical if GRADIENTS in lagrangian.traits else None
 
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters by name, without options (`option`) that are not used."""
+        values = {f: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return {f.name: value for f, value in values.items() if OPTION not in f.metadata or value != f.default}
+
     @property
     def label(self) -> str:
         """The name with parameters, as in code: "Gauss(stages=8)"."""
-        values = ", ".join(f"{f.name}={getattr(self, f.name)!r}" for f in dataclasses.fields(self))
+        values = ", ".join(f"{name}={value!r}" for name, value in self.parameters().items())
         return f"{type(self).__name__}({values})"
 
     def serves(self, lagrangian: Lagrangian) -> bool:

@@ -211,6 +211,17 @@ def finish(method, model, t, h, state, stages, work, d):
     return -1 if now <= SETTLED else body
 
 
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """Write the coefficients of steps `factor` times as long, for a cold start."""
+    table, base = method.coefficients, unit.coefficients
+    c, hc = load(base, HC), factor * load(base, HC)
+    store(table, HC, hc)
+    store(table, HC_LO, fma(c, full(factor), -hc) + factor * load(base, HC_LO))
+    store(table, HB, factor * load(base, HB))
+    store(table, HOURS, factor * load(base, HOURS))
+
+
 @dataclass(frozen=True)
 class CanonicalBodies(Form):
     """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies with terms of any kind
@@ -227,6 +238,7 @@ class CanonicalBodies(Form):
         "step": step,
         "step_particles": step_particles,
         "width": 1,
+        "stretch": stretch,
     }
 
     def coefficients(self, h: float, before: float) -> Array:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.integrators.forms import Array, Form
-from orbits.kernels import steps
+from orbits.kernels import dense, steps
 from orbits.kernels.compile import kernel
 from orbits.kernels.steps import OK, Method, Storage
 
@@ -65,11 +65,22 @@ def begin_particles(method, model, particles, storage):
     return steps.begin_particles(Method(tag, tables[0]), model, particles, _substep(storage, 0, lengths.shape[0]))
 
 
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """Write the coefficients of the substeps, and their lengths."""
+    tag, tables, lengths, offsets = method.coefficients
+    _, unit_tables, unit_lengths, unit_offsets = unit.coefficients
+    for i in range(lengths.shape[0]):
+        dense.stretch(Method(tag, tables[i]), Method(tag, unit_tables[i]), factor)
+        lengths[i], offsets[i] = factor * unit_lengths[i], factor * unit_offsets[i]
+
+
 @dataclass(frozen=True)
 class Chain(Form):
     """The composition of a form of a method.
 
-    base : the form; lengths : a function of h that returns the lengths of the substeps; substeps : their number
+    base : the form
+    lengths : a function of h, proportional to it, that returns the lengths of the substeps; substeps : their number
     """
 
     base: Form
@@ -80,14 +91,16 @@ class Chain(Form):
         "step": step,
         "step_particles": step_particles,
         "begin_particles": begin_particles,
+        "stretch": stretch,
     }
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels; the layout of particles, if the base supports them, is that of the base."""
         base = self.base.own_kernels()
-        if "step_particles" not in base:
-            return {"step": step}
-        return {**self.kernels, "width": base.get("width", 8)}
+        of_particles = ("step_particles", "begin_particles") if "step_particles" not in base else ()
+        without = (*of_particles, *(("stretch",) if "stretch" not in base else ()))
+        own = {name: kernel for name, kernel in self.kernels.items() if name not in without}
+        return own if of_particles else {**own, "width": base.get("width", 8)}
 
     def coefficients(self, h: float, before: float) -> Any:
         """Return the coefficients; the first substep follows the last one of a step of `before`."""

@@ -14,14 +14,31 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & W
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 from numba.extending import overload
 
+from orbits.integrators.collocation_end import finish
+from orbits.integrators.collocation_rows import (
+    BARYCENTRIC,
+    ETA,
+    HB,
+    HC,
+    HC_LO,
+    LAST,
+    NODES,
+    REST,
+    WEIGHTS,
+    combine,
+    is_close,
+    layers,
+    registers,
+)
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.binding import (
     OPTIONS,
@@ -30,7 +47,9 @@ from orbits.kernels.binding import (
     bodies,
     dimension,
     field,
+    field_close,
     gross_attraction,
+    gross_field,
     kernel_of,
 )
 from orbits.kernels.compile import kernel
@@ -51,7 +70,6 @@ from orbits.kernels.iteration import (
 )
 from orbits.kernels.lanes import (
     WIDTH,
-    any_lane,
     fma,
     full,
     largest,
@@ -65,45 +83,19 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
-from orbits.kernels.summation import add_compensated, compensated_row_sums, two_product, two_sum
+from orbits.kernels.summation import add_compensated, two_product, two_sum
 from orbits.tableaux import SymplecticTableau
 from orbits.tableaux.symplectic import FAR
 
-# Rows of the table of one register of stages, the stages in the lanes. ETA is the first of 8 R rows: row j holds column
-# j of the matrix; START follows, in the same form. NODES and WEIGHTS are c and b, BARYCENTRIC the weights of the
-# polynomial through the stages, LAST those of its last Legendre coefficient.
-HC, HC_LO, HB, REST, NODES, WEIGHTS, BARYCENTRIC, LAST, ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
+RESOLVED = 3e-10
+"""The last Legendre coefficient of the forces, times h, as a fraction of the position of a body, up to which their
+polynomial serves for dense output; it leaves errors of 2e-14 of the position."""
 
+ROUNDED = 1e-12
+"""The rounding errors of integrals of up to 32 Lagrange polynomials, which are below 1."""
 
 CANCELLED = 1e-6
 """The share of the attractions on a body below which their sum does not count as its force."""
-
-
-def registers(method):
-    """Return R, a constant of the form."""
-    raise NotImplementedError("registers() is for compiled code only")
-
-
-@overload(registers, jit_options=OPTIONS)
-def _registers(method):
-    count = kernel_of(method.types[0], "registers")
-    return lambda method: count
-
-
-def _is_close(method):
-    """Return whether the positions of stages have low parts, from the Numba type of a method."""
-    return bool(kernel_of(method.types[0], "close"))
-
-
-def layers(method):
-    """Return the number of rows of stages for each coordinate: 2 if their positions have low parts, else 1."""
-    raise NotImplementedError("layers() is for compiled code only")
-
-
-@overload(layers, jit_options=OPTIONS)
-def _layers(method):
-    count = 2 if _is_close(method) else 1
-    return lambda method: count
 
 
 def place(method, Q, at, lows, x, increment):
@@ -113,7 +105,7 @@ def place(method, Q, at, lows, x, increment):
 
 @overload(place, jit_options=OPTIONS)
 def _place(method, Q, at, lows, x, increment):
-    if not _is_close(method):
+    if not is_close(method):
         return lambda method, Q, at, lows, x, increment: store(Q, at, x + increment)
 
     def with_low_part(method, Q, at, lows, x, increment):
@@ -131,7 +123,7 @@ def attract(method, model, Q, r, block, lows, out):
 
 @overload(attract, jit_options=OPTIONS)
 def _attract(method, model, Q, r, block, lows, out):
-    if _is_close(method):
+    if is_close(method):
         return lambda method, model, Q, r, block, lows, out: accelerate_close(
             model.tag,
             model.parameters,
@@ -146,23 +138,61 @@ def _attract(method, model, Q, r, block, lows, out):
     )
 
 
-@kernel(inline=True)
-def combine(R, table, first, rows, block, k):
-    """Return sum_j column_j * rows[.., j] over R registers, whose rows are `block` apart."""
-    even = odd = full(0.0)
-    if R == 1:  # without adding to zero, which would be two more operations in each of many sums
-        even = load(table, first) * rows[k, 0]
-        odd = load(table, first + 1) * rows[k, 1]
-        for j in range(2, WIDTH, 2):
-            even = even + load(table, first + j) * rows[k, j]
-            odd = odd + load(table, first + j + 1) * rows[k, j + 1]
-        return even + odd
-    for r in range(R):
-        at, row = first + WIDTH * r, r * block + k
-        for j in range(0, WIDTH, 2):
-            even = even + load(table, at + j) * rows[row, j]
-            odd = odd + load(table, at + j + 1) * rows[row, j + 1]
-    return even + odd
+def pull(method, model, stages, r, block, lows, Q):
+    """Return the acceleration of a particle at its stages of register r; with low parts, also write their rates into
+    row 6 R + r of Q.
+
+    Q : 3 R rows of positions, and their low parts, if any
+    """
+    raise NotImplementedError("pull() is for compiled code only")
+
+
+@overload(pull, jit_options=OPTIONS)
+def _pull(method, model, stages, r, block, lows, Q):
+    if not is_close(method):
+
+        def plain(method, model, stages, r, block, lows, Q):
+            sources = stages if registers(method) == 1 else stages[r * block : (r + 1) * block]
+            return field(
+                model.tag, model.parameters, sources, load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)
+            )
+
+        return plain
+
+    def with_low_parts(method, model, stages, r, block, lows, Q):
+        sources, rest = stages[r * block : (r + 1) * block], stages[lows + r * block : lows + (r + 1) * block]
+        low = 3 * registers(method) + 3 * r
+        x, y, z, rate = field_close(
+            model.tag,
+            model.parameters,
+            sources,
+            rest,
+            (load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)),
+            (load(Q, low), load(Q, low + 1), load(Q, low + 2)),
+        )
+        store(Q, 6 * registers(method) + r, rate)
+        return x, y, z
+
+    return with_low_parts
+
+
+def is_round_off(method, model, h, stages, lows, Q, change):
+    """Return whether a change of L is round-off of attractions on a particle that cancel; with low parts only, and for
+    one register.
+    """
+    raise NotImplementedError("is_round_off() is for compiled code only")
+
+
+@overload(is_round_off, jit_options=OPTIONS)
+def _is_round_off(method, model, h, stages, lows, Q, change):
+    if not is_close(method):
+        return lambda method, model, h, stages, lows, Q, change: False
+
+    def with_low_parts(method, model, h, stages, lows, Q, change):
+        pulls = gross_field(model.tag, model.parameters, stages[:lows], load(Q, 0), load(Q, 1), load(Q, 2))
+        return change <= TIGHT * abs(h) * largest(pulls)
+
+    return with_low_parts
 
 
 @kernel(inline=True)
@@ -208,15 +238,13 @@ def step(method, model, t, h, state, storage):
                 store(change, k, moved_by if r == 0 else maximum(load(change, k), moved_by))
                 store(L, r * block + k, new)
         evaluations += 1
-        if last:
-            break
         if iteration == 0:
             begin(change, history, blocks)
         elif not falling(change, history, blocks):
             patience -= 1
             last = patience == 0 or settled(history, blocks, NEAR_FLOOR if count > 0 else FLOOR)
         iteration += 1
-        if iteration == LIMIT:
+        if last or iteration == LIMIT:
             break
         for r in range(R):
             table = coefficients[r]
@@ -231,40 +259,7 @@ def step(method, model, t, h, state, storage):
         where = unsettled_coordinate(history, blocks, size, TIGHT, FLOOR)
         if where >= 0:
             return NOT_CONVERGED, where, evaluations
-
-    finite = True
-    for b in range(blocks):
-        first = WIDTH * b
-        stop = min(first + WIDTH, size)
-        kick, kick_lo = compensated_row_sums(L, first)
-        rest = load(coefficients[0], REST)
-        for k in range(first, stop):
-            store(change, k, rest * load(L, k))
-        drift = row_sums(change, first)
-        for r in range(1, R):
-            rest = load(coefficients[r], REST)
-            for k in range(first, stop):
-                store(change, k, rest * load(L, r * block + k))
-            more, more_lo = compensated_row_sums(L, r * block + first)
-            kick, lost = two_sum(kick, more)
-            kick_lo = kick_lo + (lost + more_lo)
-            drift = drift + row_sums(change, first)
-        store(base, b, kick_lo)
-        store(history, b, kick)
-        store(history, blocks + b, drift)
-        finite &= not any_lane(1.0 - (kick * 0.0 == 0.0) * (drift * 0.0 == 0.0))
-    if not finite:
-        return NOT_FINITE, 0, evaluations
-    for b in range(blocks):
-        k = WIDTH * b
-        v_now, v_rest = load(v, k), load(v_lo, k)
-        x, x_rest = moved(h, load(q, k), load(q_lo, k), v_now, v_rest, h * load(history, blocks + b))
-        store(q, k, x)
-        store(q_lo, k, x_rest)
-        v_now, v_rest = add_compensated(v_now, v_rest + load(base, b), load(history, b))
-        store(v, k, v_now)
-        store(v_lo, k, v_rest)
-    return OK, 0, evaluations
+    return finish(method, model, h, state, storage), 0, evaluations + 1
 
 
 @kernel(inline=True)
@@ -277,7 +272,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
     L, scratch, stages = carry, storage.scratch, storage.stages
     block = stages.shape[0] // (R * layers(method))
-    start = ETA + WIDTH * R
+    lows, start = R * block, ETA + WIDTH * R
     base, Q = scratch, scratch[3 * R :]
     for r in range(R):
         table = coefficients[r]
@@ -288,18 +283,15 @@ def step_particles(method, model, t, h, particles, carry, storage):
         store(base, 3 * r, x_base)
         store(base, 3 * r + 1, y_base)
         store(base, 3 * r + 2, z_base)
-        store(Q, 3 * r, x + (x_base + h * combine(R, table, start, L, 3, 0)))
-        store(Q, 3 * r + 1, y + (y_base + h * combine(R, table, start, L, 3, 1)))
-        store(Q, 3 * r + 2, z + (z_base + h * combine(R, table, start, L, 3, 2)))
+        place(method, Q, 3 * r, 3 * R, x, x_base + h * combine(R, table, start, L, 3, 0))
+        place(method, Q, 3 * r + 1, 3 * R, y, y_base + h * combine(R, table, start, L, 3, 1))
+        place(method, Q, 3 * r + 2, 3 * R, z, z_base + h * combine(R, table, start, L, 3, 2))
     least = last_change = scale = 0.0
     iteration, patience, last, evaluations = 0, PATIENCE, False, 0
     while True:
         now = size = 0.0
         for r in range(R):
-            sources = stages if R == 1 else stages[r * block : (r + 1) * block]
-            ax, ay, az = field(
-                model.tag, model.parameters, sources, load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)
-            )
+            ax, ay, az = pull(method, model, stages, r, block, lows, Q)
             hb = load(coefficients[r], HB)
             lx, ly, lz = hb * ax, hb * ay, hb * az
             off = abs(lx - load(L, 3 * r)) + abs(ly - load(L, 3 * r + 1)) + abs(lz - load(L, 3 * r + 2))
@@ -325,10 +317,13 @@ def step_particles(method, model, t, h, particles, carry, storage):
             break
         for r in range(R):
             table = coefficients[r]
-            store(Q, 3 * r, x + (load(base, 3 * r) + h * combine(R, table, ETA, L, 3, 0)))
-            store(Q, 3 * r + 1, y + (load(base, 3 * r + 1) + h * combine(R, table, ETA, L, 3, 1)))
-            store(Q, 3 * r + 2, z + (load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)))
-    if not least <= CONVERGED * scale:
+            moved_by = load(base, 3 * r) + h * combine(R, table, ETA, L, 3, 0)
+            place(method, Q, 3 * r, 3 * R, x, moved_by)
+            moved_by = load(base, 3 * r + 1) + h * combine(R, table, ETA, L, 3, 1)
+            place(method, Q, 3 * r + 1, 3 * R, y, moved_by)
+            moved_by = load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)
+            place(method, Q, 3 * r + 2, 3 * R, z, moved_by)
+    if not (least <= CONVERGED * scale or is_round_off(method, model, h, stages, lows, Q, least)):
         return particles, carry, NOT_CONVERGED, evaluations
     x_kick, x_kick_lo, x_drift = _sums(coefficients, R, L, 0)
     y_kick, y_kick_lo, y_drift = _sums(coefficients, R, L, 1)
@@ -446,6 +441,36 @@ def dense(method, h, q, v, kicks, theta, out_q, out_v):
         out_v[k] += v[k]
 
 
+@kernel(inline=True)
+def resolves(method, h, q, kicks, bodies):
+    """Return whether the polynomial through the forces leaves hardly more than round-off in the position of each body:
+    about 1e-4 of h times their last Legendre coefficient.
+    """
+    R, coefficients = registers(method), method.coefficients
+    block = kicks.shape[0] // R
+    for i in range(bodies):
+        off = size = 0.0
+        for k in range(i, 3 * bodies, bodies):
+            last = 0.0
+            for r in range(R):
+                last += total(load(coefficients[r], LAST) * load(kicks, r * block + k))
+            off, size = max(off, abs(last)), max(size, abs(q[k]))
+        if not abs(h) * off <= RESOLVED * size:
+            return False
+    return True
+
+
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """Write the coefficients of steps `factor` times as long, for a cold start."""
+    for r in range(registers(method)):
+        table, base = method.coefficients[r], unit.coefficients[r]
+        c, hc = load(base, HC), factor * load(base, HC)
+        store(table, HC, hc)
+        store(table, HC_LO, fma(c, full(factor), -hc) + factor * load(base, HC_LO))
+        store(table, HB, factor * load(base, HB))
+
+
 @dataclass(frozen=True)
 class Collocation(Form):
     """The second-order form of a variational partitioned Runge–Kutta method, for separable Lagrangians.
@@ -462,6 +487,8 @@ class Collocation(Form):
         "prepare": prepare,
         "signal": signal,
         "dense": dense,
+        "resolves": resolves,
+        "stretch": stretch,
         "width": 1,
     }
 
@@ -479,39 +506,17 @@ class Collocation(Form):
 
         h c is a pair in doubled precision; eta is not scaled, because h eta would be rounded once more.
         """
-        tableau, s, count, ratio = self.tableau, self.tableau.stages, self.registers, h / before
-        lane = np.minimum(np.arange(WIDTH * count), s - 1)
-        out = np.zeros((count, ETA + 3 * WIDTH * count, WIDTH))
-        hc = h * tableau.nodes
-        rounding = [float(Fraction(h) * Fraction(c) - Fraction(p)) for c, p in zip(tableau.nodes, hc, strict=True)]
-        weights = np.zeros(WIDTH * count)
-        weights[:s] = tableau.b
-        ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
-        start = tableau.eta @ ahead
-        apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
-        with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
-            barycentric = 1.0 / apart.prod(axis=1)
-        legendre = np.zeros((s, s))
-        if np.isfinite(barycentric).all():
-            values = np.polynomial.legendre.legvander(2.0 * tableau.nodes - 1.0, s - 1)
-            legendre = np.linalg.inv(values) / tableau.b
-        last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
-        for r in range(count):
-            own = slice(WIDTH * r, WIDTH * (r + 1))
-            out[r, HC], out[r, HC_LO] = hc[lane[own]], np.array(rounding)[lane[own]]
-            out[r, HB], out[r, REST] = h * weights[own], tableau.one_minus_nodes[lane[own]]
-            out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
-            out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
-            out[r, LAST, : len(last[own])] = last[own]
-            out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
-            out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
-            out[r, ETA + 2 * WIDTH * count : ETA + 2 * WIDTH * count + s, : len(last[own])] = legendre[:, own]
+        out = _table(self.tableau, h / before).copy()
+        out[:, HC], out[:, HC_LO] = _product(h, out[:, NODES])
+        out[:, HB] = h * out[:, WEIGHTS]
         return out
 
     @property
     def is_dense(self) -> bool:
-        """Whether there is a polynomial through the stages, as for all methods with distinct nodes."""
-        return len(set(self.tableau.nodes.tolist())) == self.tableau.stages
+        """Whether the stages are those of collocation, as for Gauss: where the polynomial through their forces resolves
+        the motion, they lie on it.
+        """
+        return _collocates(self.tableau)
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """One row of eight stages for each coordinate and register, and for its low part."""
@@ -527,6 +532,65 @@ class Collocation(Form):
         return 3 * self.registers
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """Increments and changes of each coordinate, and its history of three numbers."""
+        """Increments and changes of each coordinate, its history of three numbers, and low parts for the last sweep."""
         rows, many = padded(size), self.registers > 1
-        return max((self.registers + 1 + many) * rows + 3 * rows // WIDTH, 6 * self.registers), WIDTH
+        own = (10 if self.close else 6) * self.registers  # of a particle: increments, stages, low parts and rates
+        return max((2 * self.registers + 2 + many) * rows + 3 * rows // WIDTH, own), WIDTH
+
+
+SPLITTER = 2.0**27 + 1.0
+"""Splits a float into two of 26 bits."""
+
+
+def _product(h: float, c: Array) -> tuple[Array, Array]:
+    """Return h c and its rounding error, of numbers c in [0, 1]. Source: Dekker (1971)."""
+    part, exponent = math.frexp(h)  # so that nothing overflows
+    product = part * c
+    c_high, part_high = SPLITTER * c - (SPLITTER * c - c), SPLITTER * part - (SPLITTER * part - part)
+    c_low, part_low = c - c_high, part - part_high
+    error = part_low * c_low - (((product - part_high * c_high) - part_low * c_high) - part_high * c_low)
+    return np.ldexp(product, exponent), np.ldexp(error, exponent) + 0.0
+
+
+@lru_cache(maxsize=64)
+def _table(tableau: SymplecticTableau, ratio: float) -> Array:
+    """Return the coefficients of steps `ratio` times as long as the one before, without those that depend on the
+    length itself.
+    """
+    s, count = tableau.stages, (tableau.stages + WIDTH - 1) // WIDTH
+    lane = np.minimum(np.arange(WIDTH * count), s - 1)
+    out = np.zeros((count, ETA + 3 * WIDTH * count, WIDTH))
+    weights = np.zeros(WIDTH * count)
+    weights[:s] = tableau.b
+    ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
+    start = tableau.eta @ ahead
+    apart = tableau.nodes[:, None] - tableau.nodes[None, :] + np.eye(s)
+    with np.errstate(divide="ignore"):  # coinciding nodes, through which there is no polynomial
+        barycentric = 1.0 / apart.prod(axis=1)
+    legendre = np.zeros((s, s))
+    if np.isfinite(barycentric).all():
+        values = np.polynomial.legendre.legvander(2.0 * tableau.nodes - 1.0, s - 1)
+        legendre = np.linalg.inv(values) / tableau.b
+    last = (2 * s - 1) * np.polynomial.legendre.legval(2.0 * tableau.nodes - 1.0, np.eye(s)[-1])
+    for r in range(count):
+        own = slice(WIDTH * r, WIDTH * (r + 1))
+        out[r, REST] = tableau.one_minus_nodes[lane[own]]
+        out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
+        out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
+        out[r, LAST, : len(last[own])] = last[own]
+        out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
+        out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T
+        out[r, ETA + 2 * WIDTH * count : ETA + 2 * WIDTH * count + s, : len(last[own])] = legendre[:, own]
+    return out
+
+
+@lru_cache(maxsize=256)
+def _collocates(tableau: SymplecticTableau) -> bool:
+    """Return whether eta b = a a, where a_ij is the integral up to c_i of the Lagrange polynomial of c_j."""
+    s, x = tableau.stages, 2.0 * tableau.nodes - 1.0
+    if len(set(x.tolist())) < s:
+        return False
+    integrals = np.stack([np.polynomial.legendre.legint(one, lbnd=-1, scl=0.5) for one in np.eye(s)], axis=1)
+    values = np.polynomial.legendre.legvander(x, s - 1)
+    a = np.polynomial.legendre.legval(x, integrals).T @ np.linalg.inv(values)
+    return bool(np.abs(tableau.eta * tableau.b - a @ a).max() < ROUNDED)

@@ -45,6 +45,12 @@ def begin_particles(method, model, particles, storage):
     return OK
 
 
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """There are no coefficients that depend on the length of a step."""
+    return OK
+
+
 class _Euler(Form):
     """A step of positions and velocities, both from their values before it."""
 
@@ -52,6 +58,7 @@ class _Euler(Form):
         "step": step,
         "step_particles": step_particles,
         "begin_particles": begin_particles,
+        "stretch": stretch,
     }
 
     def stages_shape(self, size: int) -> tuple[int, int]:

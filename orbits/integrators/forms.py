@@ -71,6 +71,13 @@ class Form:
         """Raise InputError if bodies in this state cannot be marched; q, v : (n, 3), with the vector of parameters."""
 
     @property
+    def is_dense(self) -> bool:
+        """Whether the carry after a step defines the motion within it: then the form has the kernels `dense` and
+        `resolves`.
+        """
+        return False
+
+    @property
     def shared(self) -> bool:
         """Whether threads can divide the step of thousands of bodies: then it always succeeds, and the results of
         `begin` depend on the positions alone.

@@ -12,7 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from orbits.checks import checked_flag
 from orbits.errors import InputError, shown
+from orbits.integrators.base import option
+from orbits.integrators.collocation import Collocation
+from orbits.integrators.forms import Form
 from orbits.integrators.variational import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, gauss
 
@@ -28,6 +32,10 @@ class Gauss(VariationalRungeKutta):
     stages : s; 8 stages (order 16) fill one register. Fewer save nothing: eight lanes are evaluated anyway, and the
         iteration starts from a poorer prediction. More need several registers, for long steps of separable Lagrangians
 
+    close_pairs : whether the distances of all massive bodies keep their digits where they are small beside those from
+        the origin, as with moons. Without it, those of the heaviest body and of up to 4 bodies do, and all in runs
+        without dt. For forces that depend on positions alone
+
     Implicit, symplectic, symmetric; conserves linear and angular momentum to round-off. With 8 stages, 15 steps per
     period leave only round-off for a nearly circular orbit; eccentric orbits need more. A step whose iteration does not
     converge is always an error.
@@ -35,6 +43,7 @@ class Gauss(VariationalRungeKutta):
     """
 
     stages: int = 8
+    close_pairs: bool = option(False)
 
     name: ClassVar[str] = "gauss"
     summary: ClassVar[str] = "Gauss collocation: variational, implicit, order 2s, to the round-off floor"
@@ -45,11 +54,26 @@ class Gauss(VariationalRungeKutta):
             raise InputError(
                 f"Gauss needs stages between 1 and {MOST}, got {shown(self.stages)}; use e.g. Gauss(stages=8)"
             )
+        checked_flag(self.close_pairs, "close_pairs")
 
     @property
     def tableau(self) -> SymplecticTableau:
         """Collocation at the zeros of a Legendre polynomial."""
         return gauss(self.stages)
+
+    @property
+    def second_order(self) -> Form:
+        """All stages at once, to the round-off floor."""
+        return Collocation(self.tableau, close=self.close_pairs)
+
+    def form_with(self, forces: int) -> Form | None:
+        """As for all methods of this family; with `close_pairs` there is none."""
+        if self.close_pairs:
+            raise InputError(
+                f"{self.label}: close_pairs=True is for forces that depend on positions alone, which is not so here; "
+                f"use Gauss(stages={self.stages})."
+            )
+        return super().form_with(forces)
 
     @classmethod
     def examples(cls) -> tuple[Gauss, ...]:

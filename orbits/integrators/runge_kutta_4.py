@@ -95,6 +95,12 @@ def begin_particles(method, model, particles, storage):
     return OK
 
 
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """There are no coefficients that depend on the length of a step."""
+    return OK
+
+
 class _FourStages(Form):
     """Four explicit stages."""
 
@@ -102,6 +108,7 @@ class _FourStages(Form):
         "step": step,
         "step_particles": step_particles,
         "begin_particles": begin_particles,
+        "stretch": stretch,
     }
 
     def stages_shape(self, size: int) -> tuple[int, int]:

@@ -81,11 +81,19 @@ def step_particles(method, model, t, h, particles, carry, storage):
     return particles, carry, OK, evaluations
 
 
+@kernel(inline=True)
+def stretch(method, unit, factor):
+    """Write the kicks and drifts of steps `factor` times as long."""
+    for i in range(unit.coefficients.shape[1]):
+        method.coefficients[0, i] = factor * unit.coefficients[0, i]
+        method.coefficients[1, i] = factor * unit.coefficients[1, i]
+
+
 @dataclass(frozen=True)
 class Splitting(Form):
     """A method of kicks and drifts for separable Lagrangians.
 
-    lengths : a function of h that returns the s + 1 kicks and the s drifts between them
+    lengths : a function of h, proportional to it, that returns the s + 1 kicks and the s drifts between them
     drifts : s
     """
 
@@ -97,6 +105,7 @@ class Splitting(Form):
         "step": step,
         "begin_particles": begin_particles,
         "step_particles": step_particles,
+        "stretch": stretch,
     }
 
     @property

@@ -231,7 +231,7 @@ def follow_row(context, h, steps, way, i):
 @kernel
 def follow_particles(context, track, h, steps, start, stop):
     """Search for closest approaches of particles start ... start + 7, if below `stop`, whose states are in `track`;
-    those whose x is NaN are skipped. Then call the observer of conditions, if there is one.
+    those whose x is NaN are skipped. Then call the observers of conditions and of collisions, if there are any.
 
     track : (6 (steps + 1), 8), x, y, z and their velocities at the beginning of each step and at the end
     """
@@ -256,6 +256,7 @@ def follow_particles(context, track, h, steps, start, stop):
                 continue
         call_search(watch.search, context, track, h, steps, j, n + start, valid)
     call_observer(watch.then, context, track, h, steps, start, stop)
+    call_observer(watch.collide, context, track, h, steps, start, stop)
 
 
 @kernel(inline=True)

@@ -18,6 +18,8 @@ from numba import types
 from numba.core.datamodel.models import OpaqueModel
 from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
 
+from orbits.kernels.lanes import full, store
+
 _KERNELS: dict[str, Mapping[str, Any]] = {}
 
 OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
@@ -315,6 +317,39 @@ def _accelerate_close(lagrangian, parameters, q, q_lo, out):
     return lambda lagrangian, parameters, q, q_lo, out: compiled(parameters, q, q_lo, out)
 
 
+def accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
+    """Write the accelerations at rows of eight stages, positions and accelerations being pairs in doubled precision.
+
+    close : whether q_lo is used in all distances, not only in those that matter most
+    Without a kernel for that, q_lo is not used, and out_lo is zero. What other terms of a sum add is rounded once.
+    """
+    raise NotImplementedError("accelerate_finely() is for compiled code only")
+
+
+@overload(accelerate_finely, jit_options=OPTIONS)
+def _accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, q, q_lo, close, out, out_lo):
+            accelerate_finely(first_term(lagrangian), parameters[0], q, q_lo, close, out, out_lo)
+            n = bodies(lagrangian, parameters)
+            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
+
+        return summed
+    compiled = kernel_of(lagrangian, "accelerate_finely")
+    if compiled is None:
+
+        def rounded(lagrangian, parameters, q, q_lo, close, out, out_lo):
+            accelerate(lagrangian, parameters, q, out)
+            for k in range(dimension(lagrangian, parameters)):
+                store(out_lo, k, full(0.0))
+
+        return rounded
+    return lambda lagrangian, parameters, q, q_lo, close, out, out_lo: compiled(
+        parameters, q, q_lo, close, out, out_lo
+    )
+
+
 def dynamical_rate(lagrangian, parameters, q, v):
     """Return the square of the largest dynamical rate, 1 / (dynamical time)^2, and its time derivative."""
     raise NotImplementedError("dynamical_rate() is for compiled code only")
@@ -378,6 +413,55 @@ def _field(lagrangian, parameters, sources, x, y, z):
         return summed
     compiled = kernel_of(lagrangian, "field")
     return compiled and (lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z))
+
+
+def field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
+    """As `field`, for positions in doubled precision, with the square of the dynamical rate there: (ax, ay, az, S);
+    without a kernel for that, only the high parts are used, and S is 0.
+    """
+    raise NotImplementedError("field_close() is for compiled code only")
+
+
+@overload(field_close, jit_options=OPTIONS)
+def _field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
+    if isinstance(lagrangian, SumType):
+
+        def summed(lagrangian, parameters, sources, sources_lo, place, place_lo):
+            first = first_term(lagrangian)
+            ax, ay, az, rate = field_close(first, parameters[0], sources, sources_lo, place, place_lo)
+            x, y, z = place
+            more = total_field(other_terms(lagrangian), parameters[0], parameters[1:], sources, x, y, z)
+            return ax + more[0], ay + more[1], az + more[2], rate
+
+        return summed
+    compiled = kernel_of(lagrangian, "field_close")
+    if compiled is None:
+
+        def plain(lagrangian, parameters, sources, sources_lo, place, place_lo):
+            ax, ay, az = field(lagrangian, parameters, sources, place[0], place[1], place[2])
+            return ax, ay, az, ax * 0.0
+
+        return plain
+    return lambda lagrangian, parameters, sources, sources_lo, place, place_lo: compiled(
+        parameters, sources, sources_lo, place, place_lo
+    )
+
+
+def gross_field(lagrangian, parameters, sources, x, y, z):
+    """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel."""
+    raise NotImplementedError("gross_field() is for compiled code only")
+
+
+@overload(gross_field, jit_options=OPTIONS)
+def _gross_field(lagrangian, parameters, sources, x, y, z):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters, sources, x, y, z: gross_field(
+            first_term(lagrangian), parameters[0], sources, x, y, z
+        )
+    compiled = kernel_of(lagrangian, "gross_field")
+    if compiled is None:
+        return lambda lagrangian, parameters, sources, x, y, z: x * 0.0
+    return lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z)
 
 
 def particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):

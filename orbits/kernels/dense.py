@@ -7,16 +7,28 @@ With L_j = h b_j g(Q_j) and shifted Legendre polynomials P_k, at the fraction th
 
 c_kj b_j is the k-th Legendre coefficient of the j-th Lagrange polynomial of the nodes: for Gauss,
 c_kj = (2k + 1) P_k(c_j).
+
+Where no polynomial resolves the motion, it is that of partial steps: steps of theta h from the beginning of the step,
+by the method itself. Their coefficients are those of a step of unit length, stretched; they start cold, so that each
+state depends on its own step alone. `stretch`, `dense` and `resolves` are optional functions of a method:
+
+    stretch(method, unit, factor)
+        writes the coefficients of steps `factor` times as long as those of `unit`, a method of the same form
+    dense(method, h, q, v, kicks, theta, out_q, out_v)
+        writes the state at the fraction theta of a step that left `kicks` in the carry
+    resolves(method, h, q, kicks, bodies) -> bool
+        whether `dense` is as good as a partial step, for bodies with the coordinates all x, all y, all z
 """
 
 from __future__ import annotations
 
 from numba.extending import overload
 
-from orbits.kernels.binding import OPTIONS, kernel_of
+from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import full, load
-from orbits.kernels.steps import Method
+from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, part
+from orbits.kernels.summation import two_sum
 
 
 def dense(method, h, q, v, kicks, theta, out_q, out_v):
@@ -30,6 +42,30 @@ def _dense(method, h, q, v, kicks, theta, out_q, out_v):
     return compiled and (
         lambda method, h, q, v, kicks, theta, out_q, out_v: compiled(method, h, q, v, kicks, theta, out_q, out_v)
     )
+
+
+def resolves(method, h, q, kicks, bodies):
+    """Return whether the polynomial through the forces of a step is as good as a partial step."""
+    raise NotImplementedError("resolves() is for compiled code only")
+
+
+@overload(resolves, jit_options=OPTIONS)
+def _resolves(method, h, q, kicks, bodies):
+    compiled = kernel_of(method.types[0], "resolves")
+    return compiled and (lambda method, h, q, kicks, bodies: compiled(method, h, q, kicks, bodies))
+
+
+def stretch(method, unit, factor):
+    """Write the coefficients of steps `factor` times as long as those of `unit`; nothing for methods without it."""
+    raise NotImplementedError("stretch() is for compiled code only")
+
+
+@overload(stretch, jit_options=OPTIONS)
+def _stretch(method, unit, factor):
+    compiled = kernel_of(method.types[0], "stretch")
+    if compiled is None:
+        return lambda method, unit, factor: None
+    return lambda method, unit, factor: compiled(method, unit, factor)
 
 
 @kernel(inline=True)
@@ -63,19 +99,113 @@ def weights(table, first, rows, theta):
     return once, twice
 
 
+@kernel(inline=True)
+def double_integrals(theta, rows, out):
+    """Write J_k at eight fractions theta, in lanes, into row k of `out`, for k = 0 ... rows - 1."""
+    x = 2.0 * theta - 1.0
+    following, now = integral(0, x, full(-1.0), full(1.0))
+    legendre, before, double = full(1.0), full(0.0), 0.5 * theta * theta
+    for k in range(rows):
+        after, ahead = integral(k + 1, x, legendre, following)
+        if k > 0:
+            double = (ahead - before) * (0.5 / (2.0 * k + 1.0))
+        store(out, k, double)
+        before, now, legendre, following = now, ahead, following, after
+
+
 @kernel
-def motion_within(form, coefficients, times, path, kicks, steps, fractions, q, v):
-    """Write the states at fractions of recorded steps.
+def motion_within(form, coefficients, lengths, path, kicks, steps, fractions, q, v, done):
+    """Write the states at fractions of recorded steps that their polynomials resolve.
 
     form, coefficients : of the method
-    times : (steps + 1,), at which the steps begin and the last one ends
-    path : (steps + 1, 2, padded), q and v at these times; kicks : (steps, rows, 8), the carry after each step
+    lengths : (steps,); path : (steps + 1, 2, padded), q and v at the beginning of each and at the end of the last one
+    kicks : (steps, rows, 8), the carry after each step
     steps, fractions : (m,), number and fraction of the step of each state
-    q, v : (m, size), receive the states
+    q, v : (m, size), receive the states; done : (m,) bool, which to write in any case; receives which were written
     """
     method = Method(form, coefficients)
+    known, good = -1, False
     for i in range(len(steps)):
         k = steps[i]
-        dense(method, times[k + 1] - times[k], path[k, 0], path[k, 1], kicks[k], fractions[i], q[i], v[i])
+        if not done[i] and k != known:
+            known, good = k, resolves(method, lengths[k], path[k, 0], kicks[k], q.shape[1] // 3)
+        done[i] = done[i] or good
+        if done[i]:
+            dense(method, lengths[k], path[k, 0], path[k, 1], kicks[k], fractions[i], q[i], v[i])
 
 
+@kernel
+def partial_steps(
+    form, coefficients, unit, tag, parameters, path, starts, times, parts, missing, q, v, room, carry, scratch, stages
+):  # fmt: skip
+    """Write the states after partial steps from recorded states.
+
+    coefficients : workspace, like `unit`, those of a step of unit length; both the same for a method without `stretch`
+    path : (states, 2, padded), q and v of each; starts, times, parts : (m,), the state that a partial step begins in,
+        its time, and its length
+    missing : (m,) bool, which to write
+    q, v : (m, size), receive the states
+    room : (4, padded), carry, scratch, stages : workspace; see `orbits.kernels.steps`
+
+    Returns the number of the first partial step that fails, and its status; or (-1, 0).
+    """
+    method, base, model = Method(form, coefficients), Method(form, unit), Model(tag, parameters)
+    size = dimension(tag, parameters)
+    state, storage = State(room[0], room[1], room[2], room[3]), Storage(carry, scratch, stages, Share(0, size, None))
+    for i in range(len(parts)):
+        if missing[i]:
+            begun, h = path[starts[i]], parts[i]
+            for k in range(room.shape[1]):
+                room[0, k], room[1, k], room[2, k], room[3, k] = begun[0, k], 0.0, begun[1, k], 0.0
+            if h != 0.0:
+                for row in range(carry.shape[0]):
+                    for k in range(carry.shape[1]):
+                        carry[row, k] = 0.0
+                stretch(method, base, h)
+                begin(method, model, times[i], h, state, storage)
+                status, _, _ = part(method, model, times[i], h, state, storage)
+                if status != OK:
+                    return i, status
+            for k in range(size):
+                q[i, k], v[i, k] = room[0, k], room[2, k]
+    return -1, OK
+
+
+@kernel
+def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, rows, q, v):
+    """Write some coordinates at the same fractions of all recorded steps, from their polynomials.
+
+    once, twice : (registers * width, fractions), the weights of the stages at each; checks : (fractions,), 8 or more
+    lengths, path : see `motion_within`; kicks : (steps, rows, width), a register of each coordinate after another
+    coordinates : (c,), their numbers; rows : (c,), where they are written
+    q, v : (rows, steps, fractions), receive positions and velocities
+    """
+    width, each = kicks.shape[2], len(checks)
+    registers = once.shape[0] // width
+    block = kicks.shape[1] // registers
+    for c in range(len(coordinates)):
+        i = coordinates[c]
+        for k in range(len(lengths)):
+            h, base, speed, Q, V = lengths[k], path[k, 0, i], path[k, 1, i], q[rows[c], k], v[rows[c], k]
+            at = 0
+            while at < each:
+                at = min(at, each - WIDTH)  # the last ones overlap those before
+                way = change = full(0.0)
+                for r in range(registers):
+                    for j in range(width):
+                        L = full(kicks[k, r * block + i, j])
+                        way = way + load(twice[r * width + j], at) * L
+                        change = change + load(once[r * width + j], at) * L
+                store(Q, at, base + h * (load(checks, at) * speed + way))
+                store(V, at, speed + change)
+                at += WIDTH
+
+
+@kernel
+def times_reached(lengths, times):
+    """Write the times after steps of these lengths, (steps + 1, 2), each as the sum of two numbers; the first one is
+    given.
+    """
+    for k in range(len(lengths)):
+        time, lost = two_sum(times[k, 0], lengths[k])
+        times[k + 1, 0], times[k + 1, 1] = two_sum(time, lost + times[k, 1])

@@ -18,13 +18,16 @@ TILE = 128
 """Number of partners that are summed separately before their sum is added to a body's."""
 
 
+NOBODY = -1
+
+
 @kernel
 def pair_accelerations(strength, q, out):
     """Write the accelerations of n mutually attracting bodies into `out`, each pair evaluated once.
 
     q, out : (3n,) float64 or (3n, 8) lanes; strength : (1 + n,)
     """
-    _add_pairs(strength, q, None, out)
+    _add_pairs(strength, q, None, NOBODY, out)
 
 
 @kernel
@@ -33,11 +36,17 @@ def close_pair_accelerations(strength, q, q_lo, out):
 
     q_lo : the low parts, with the shape of q
     """
-    _add_pairs(strength, q, q_lo, out)
+    _add_pairs(strength, q, q_lo, NOBODY, out)
+
+
+@kernel
+def other_pair_accelerations(strength, q, q_lo, without, out):
+    """As `close_pair_accelerations`, without the pairs of one body, the number `without`, whose acceleration is 0."""
+    _add_pairs(strength, q, q_lo, without, out)
 
 
 @kernel(inline=True)
-def _add_pairs(strength, q, q_lo, out):
+def _add_pairs(strength, q, q_lo, without, out):
     """Write the accelerations; q_lo is None for positions without low parts."""
     n = strength.shape[0] - 1
     softening2 = strength[0]
@@ -45,11 +54,15 @@ def _add_pairs(strength, q, q_lo, out):
     for k in range(3 * n):
         put(out, k, zero)
     for i in range(n):
+        if i == without:
+            continue
         x, y, z = get(q, i), get(q, n + i), get(q, 2 * n + i)
         x_lo, y_lo, z_lo = _low(q_lo, i), _low(q_lo, n + i), _low(q_lo, 2 * n + i)
         ax, ay, az = get(out, i), get(out, n + i), get(out, 2 * n + i)
         gm_i = strength[1 + i]
         for j in range(i + 1, n):
+            if j == without:
+                continue
             dx = _apart(q, q_lo, j, x, x_lo)
             dy = _apart(q, q_lo, n + j, y, y_lo)
             dz = _apart(q, q_lo, 2 * n + j, z, z_lo)
@@ -100,6 +113,36 @@ def attraction(strength, sources, x, y, z):
         w = rsqrt_cubed(softening2 + dx * dx + dy * dy + dz * dz) * strength[1 + j]
         ax, ay, az = ax + w * dx, ay + w * dy, az + w * dz
     return ax, ay, az
+
+
+@kernel
+def close_attraction(strength, sources, sources_lo, place, place_lo):
+    """As `attraction`, for positions in doubled precision, with the rate: (ax, ay, az, S), S = sum_j GM_j / r_j^3.
+
+    sources_lo : the low parts, with the shape of sources, or None; place, place_lo : (x, y, z) and their low parts
+    """
+    n = strength.shape[0] - 1
+    softening2 = strength[0]
+    (x, y, z), (x_lo, y_lo, z_lo) = place, place_lo
+    ax, ay, az, rate = x * 0.0, x * 0.0, x * 0.0, x * 0.0
+    for j in range(n):
+        dx = _apart(sources, sources_lo, j, x, x_lo)
+        dy = _apart(sources, sources_lo, n + j, y, y_lo)
+        dz = _apart(sources, sources_lo, 2 * n + j, z, z_lo)
+        w = rsqrt_cubed(softening2 + dx * dx + dy * dy + dz * dz) * strength[1 + j]
+        ax, ay, az, rate = ax + w * dx, ay + w * dy, az + w * dz, rate + w
+    return ax, ay, az, rate
+
+
+@kernel
+def gross_field(strength, sources, x, y, z):
+    """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel; as for `attraction`."""
+    n = strength.shape[0] - 1
+    gross = x * 0.0
+    for j in range(n):
+        dx, dy, dz = get(sources, j) - x, get(sources, n + j) - y, get(sources, 2 * n + j) - z
+        gross = gross + strength[1 + j] / (dx * dx + dy * dy + dz * dz + strength[0])
+    return gross
 
 
 @kernel

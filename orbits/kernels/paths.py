@@ -88,6 +88,14 @@ def record_particles(track, step, x, y, z, vx, vy, vz):
 
 
 @kernel(inline=True)
+def record_one(track, k, slot, x, y, z, vx, vy, vz):
+    """Write the state of one particle at the beginning of step k into lane `slot` of `track`."""
+    row = 6 * k
+    track[row, slot], track[row + 1, slot], track[row + 2, slot] = x, y, z
+    track[row + 3, slot], track[row + 4, slot], track[row + 5, slot] = vx, vy, vz
+
+
+@kernel(inline=True)
 def hermite(s, h, x0, v0, x1, v1):
     """Return position, velocity and acceleration at the fraction s of a step of h between two states."""
     a, b = x1 - x0 - h * v0, h * (v1 - v0)

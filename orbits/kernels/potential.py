@@ -17,7 +17,7 @@ TOO_NEAR = 1e-290
 
 
 @kernel(inline=True, exact=True)
-def _add(a, a_lo, b, b_lo):
+def add_pairs(a, a_lo, b, b_lo):
     """Return (a, a_lo) + (b, b_lo)."""
     s, e = two_sum(a, b)
     t, f = two_sum(a_lo, b_lo)
@@ -26,7 +26,7 @@ def _add(a, a_lo, b, b_lo):
 
 
 @kernel(inline=True, exact=True)
-def _multiply(a, a_lo, b, b_lo):
+def multiply_pairs(a, a_lo, b, b_lo):
     """Return (a, a_lo) (b, b_lo)."""
     p, e = two_product(a, b)
     return quick_two_sum(p, exact_add(e, fma(a, b_lo, exact_mul(a_lo, b))))
@@ -47,28 +47,28 @@ def doubled_attraction(gm, q, softening2, softening2_lo):
         for start in range(i + 1, n, WIDTH):
             r2, r2_lo = full(softening2), full(softening2_lo)
             d, e = two_sum(load(x, start), full(-x[i]))
-            s, s_lo = _multiply(d, e, d, e)
-            r2, r2_lo = _add(r2, r2_lo, s, s_lo)
+            s, s_lo = multiply_pairs(d, e, d, e)
+            r2, r2_lo = add_pairs(r2, r2_lo, s, s_lo)
             d, e = two_sum(load(y, start), full(-y[i]))
-            s, s_lo = _multiply(d, e, d, e)
-            r2, r2_lo = _add(r2, r2_lo, s, s_lo)
+            s, s_lo = multiply_pairs(d, e, d, e)
+            r2, r2_lo = add_pairs(r2, r2_lo, s, s_lo)
             d, e = two_sum(load(z, start), full(-z[i]))
-            s, s_lo = _multiply(d, e, d, e)
-            r2, r2_lo = _add(r2, r2_lo, s, s_lo)
+            s, s_lo = multiply_pairs(d, e, d, e)
+            r2, r2_lo = add_pairs(r2, r2_lo, s, s_lo)
             # 1/sqrt(r2): an estimate u and one correction, u + u (1 - r2 u^2) / 2.
             u = 1.0 / sqrt(r2)
             s, s_lo = two_product(u, u)
-            s, s_lo = _multiply(r2, r2_lo, s, s_lo)
+            s, s_lo = multiply_pairs(r2, r2_lo, s, s_lo)
             w, w_lo = quick_two_sum(u, 0.5 * u * ((1.0 - s) - s_lo))
             p, e = two_product(load(gm, start), full(gm[i]))
-            s, s_lo = _multiply(p, e, w, w_lo)
+            s, s_lo = multiply_pairs(p, e, w, w_lo)
             s = select(r2 < TOO_NEAR, full(math.nan), s)
             if start + WIDTH > n:
                 valid = full(0.0)
                 for j in range(start, n):
                     valid = valid + unit(j - start)
                 s, s_lo = select(valid > 0.0, s, full(0.0)), select(valid > 0.0, s_lo, full(0.0))
-            hi, lo = _add(hi, lo, s, s_lo)
+            hi, lo = add_pairs(hi, lo, s, s_lo)
         for k in range(WIDTH):
-            total, total_lo = _add(total, total_lo, lane(hi, k), lane(lo, k))
+            total, total_lo = add_pairs(total, total_lo, lane(hi, k), lane(lo, k))
     return total, total_lo

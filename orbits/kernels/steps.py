@@ -21,6 +21,11 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         for clocks that change h: writes the coefficients of a step of h that follows one of `before`
     signal(method, model, h, state, storage) -> float
         the fraction of the forces that the step just taken did not resolve: 0 for none, 1 for all
+    elapsed(method, state, storage) -> (dt, dt_lo)
+        for steps of another variable than time: the time that the step just taken took, in doubled precision
+    part(method, model, t, h, state, storage) -> (status, where, evaluations)
+        for steps of another variable than time: a step that takes the time h, with coefficients of its own; for other
+        forms it is `step`
     begin_particles(method, model, particles, storage) -> carry
     step_particles(method, model, t, h, particles, carry, storage) -> (particles, carry, status, evaluations)
         the same for massless particles, which are passed as values: eight in lanes, or one with its stages in lanes,
@@ -40,6 +45,9 @@ from orbits.kernels.lanes import WIDTH
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """The status of a step."""
+
+IMPACT = 6
+"""The status of a massless particle that has hit a body."""
 
 BEYOND, TOO_SHORT = 4, 5
 """Why a clock took no step: it would pass the goal, or it is too short to change the time."""
@@ -194,6 +202,28 @@ def signal(method, model, h, state, storage):
 def _signal(method, model, h, state, storage):
     compiled = _kernel(method, "signal")
     return compiled and (lambda method, model, h, state, storage: compiled(method, model, h, state, storage))
+
+
+def elapsed(method, state, storage):
+    """Return the time that the step just taken took, as a pair in doubled precision."""
+    raise NotImplementedError("elapsed() is for compiled code only")
+
+
+@overload(elapsed, jit_options=OPTIONS)
+def _elapsed(method, state, storage):
+    compiled = _kernel(method, "elapsed")
+    return compiled and (lambda method, state, storage: compiled(method, state, storage))
+
+
+def part(method, model, t, h, state, storage):
+    """Take a step that takes the time h. Returns (status, where, evaluations)."""
+    raise NotImplementedError("part() is for compiled code only")
+
+
+@overload(part, jit_options=OPTIONS)
+def _part(method, model, t, h, state, storage):
+    compiled = _kernel(method, "part") or _kernel(method, "step")
+    return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
 
 
 def begin_particles(method, model, particles, storage):

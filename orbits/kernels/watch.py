@@ -17,6 +17,9 @@ record : (4, 2, rows + 8) squared distance, reading of the clock, squared speed 
 stops : (conditions, 4), see `stopping.py`
 hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies: the number of steps
     after which a condition first held, the condition, row and body
+radii : (n + m + padding,), radii of the bodies, then of the particles; negative where nothing collides
+touched : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps after
+    which two bodies may have touched
 passage_angle : angle of a step, h x speed / distance, above which every passage of a body other than the dominant one
     is listed
 least_eccentricity, pericentre_angle : eccentricity and angle of a step above which pericentres about the dominant body
@@ -25,14 +28,14 @@ passages : (room, columns), see `encounters.py`: the passages of this block that
 listed : (2,) int64; the number of passages in the list, and the number found
 search, enter : addresses of `approach_search.search` and `encounters.enter_passage`, shared by the searches among
     bodies and particles, so that each is compiled once
-then : address of the observer called after `follow_particles`, or 0
+then, collide : addresses of the observers called after `follow_particles`, or 0
 
 A kernel reads them as attributes of `watch_at(context)`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -68,6 +71,8 @@ _KINDS: dict[str, Any] = {
     "record": _array(3),
     "stops": _array(2),
     "hits": _array(2, types.int64),
+    "radii": _array(1),
+    "touched": _array(1, types.int64),
     "passage_angle": types.float64,
     "least_eccentricity": types.float64,
     "pericentre_angle": types.float64,
@@ -76,6 +81,7 @@ _KINDS: dict[str, Any] = {
     "search": types.int64,
     "enter": types.int64,
     "then": types.int64,
+    "collide": types.int64,
 }
 """The fields of a context. A number takes one word; an array takes its address and the length of each dimension."""
 
@@ -201,6 +207,14 @@ class Contexts:
         for row, array in zip(self._words, arrays, strict=True):
             row[at : at + 1 + array.ndim] = _described(name, array)
         self._kept[name] = list(arrays)
+
+    def follow(self, others: Contexts, own: Sequence[Mapping[str, NDArray[Any]]]) -> None:
+        """Copy the last of other contexts into these, one into each, except for arrays of their own."""
+        self._words[:] = others._words[len(others._words) - len(self._words) :]
+        for row, arrays in zip(self._words, own, strict=True):
+            for name, array in arrays.items():
+                row[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = _described(name, array)
+        self._kept = {**others._kept, "own": own}
 
     def share(self, others: Contexts, own: Sequence[str]) -> None:
         """Copy the first of other contexts into all of these, except for the fields `own`."""

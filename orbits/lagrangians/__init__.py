@@ -18,8 +18,9 @@ from orbits.lagrangians.handwritten import from_kernels
 from orbits.lagrangians.registered import FOUND, registry
 from orbits.lagrangians.symbolic import from_sympy
 from orbits.lagrangians.symmetry import boost, rotation, translation
+from orbits.lagrangians.transforming import time_transformed
 
-__all__ = ["boost", "from_kernels", "from_sympy", "registry", "rotation", "translation"]
+__all__ = ["boost", "from_kernels", "from_sympy", "registry", "rotation", "time_transformed", "translation"]
 
 Lagrangian.from_sympy = staticmethod(from_sympy)
 Lagrangian.from_kernels = staticmethod(from_kernels)

@@ -73,6 +73,7 @@ class Lagrangian:
         returns them; read them as `symmetries`
     source : its source in the literature
     order : (d,) the coordinate at each place of the kernels' vectors; None for the same order
+    symbolic : returns the formula in SymPy; None for handwritten kernels
 
     Vectors of coordinates have shape (d,). For bodies in space, (n, 3) is accepted for (3n,). Numbers are in
     units of your choice. Raises InputError for invalid names, parameters, examples or symmetries.
@@ -87,6 +88,7 @@ class Lagrangian:
     groups: Symmetries = ()
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)
+    symbolic: Callable[[], Any] | None = field(default=None, repr=False)
 
     if TYPE_CHECKING:  # set by the package `orbits.lagrangians`
         from_sympy: ClassVar[Callable[..., Lagrangian]]

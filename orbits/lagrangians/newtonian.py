@@ -21,12 +21,15 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
+from orbits.kernels.fine_gravity import fine_pair_accelerations
 from orbits.kernels.gravity import (
     attraction,
     body_accelerations,
+    close_attraction,
     close_pair_accelerations,
     dynamical_rate,
     gross_attraction,
+    gross_field,
     pair_accelerations,
     pair_potential,
     share_of_accelerations,
@@ -116,9 +119,12 @@ def _compiled() -> Compiled:
         "accelerate_some": share_of_accelerations,
         "accelerate_stages": pair_accelerations,
         "accelerate_close": close_pair_accelerations,
+        "accelerate_finely": fine_pair_accelerations,
         "dynamical_rate": dynamical_rate,
         "gross_attraction": gross_attraction,
         "field": attraction,
+        "field_close": close_attraction,
+        "gross_field": gross_field,
         "particle_gradients": particle_gradients,
     }
     return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS, NEWTONIAN}))

@@ -12,32 +12,40 @@ The method is then not symplectic, as the steps depend on the state; at the leve
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, field
-from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag, dynamical_rate
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, load, store
+from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, prepare, signal, step
 from orbits.kernels.summation import two_sum
-from orbits.marching.clocks import Clock, Place
+from orbits.marching.changing import (
+    DIRECTION,
+    EXACT,
+    FARTHEST,
+    LENGTH,
+    LIMIT,
+    NEXT,
+    NUMBERS,
+    TIME,
+    TIME_LO,
+    ChangingSteps,
+    keep,
+    put_back,
+    step_of,
+)
 
-TIME, TIME_LO, LENGTH, THETA, TOLERANCE, POWER, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = range(11)
-"""The state of the clock: the time reached, in doubled precision; the last step; theta; the tolerance and the power
-1 / (s - 1); the direction 1 or -1; the time limit; whether a step ends at the limit (1) or the march stops before it
-(0); the time at which the block began; and the time at which a step would end that was refused by the limit, or the
-time reached.
-"""
+THETA, TOLERANCE, POWER, LONGEST = 3, 4, 5, NUMBERS
+"""The own numbers of this clock: theta, the tolerance, the power 1 / (s - 1), and the longest step (0: any length)."""
 
-NUMBERS = 11
+ALONE = 64.0
+"""The longest step of a massive body alone, whose motion sets none, among particles, in units of time."""
 
 FIRST_THETA = 0.2
 
@@ -46,37 +54,6 @@ LEAST, MOST = 0.3, 2.0
 """The f below which a step is repeated, the safety factor of its length, the largest growth of theta; its bounds."""
 
 ATTEMPTS = 100
-
-FARTHEST = sys.float_info.max
-"""The time limit of a march without a goal: finite, as all that archives hold."""
-
-
-@kernel(inline=True)
-def step_of(clock, k):
-    """Return the time at which step k of a block began, and its length."""
-    return clock.numbers[ORIGIN] + clock.room[k], clock.room[k + 1] - clock.room[k]
-
-
-@kernel(inline=True)
-def _keep(room, at, state, carry):
-    """Copy the state and carry into `room`, starting at `at`."""
-    for x in (state.q, state.q_lo, state.p, state.p_lo):
-        for k in range(0, x.shape[0], WIDTH):
-            store(room, at + k, load(x, k))
-        at += x.shape[0]
-    for row in range(carry.shape[0]):
-        store(room, at + WIDTH * row, load(carry, row))
-
-
-@kernel(inline=True)
-def _put_back(room, at, state, carry):
-    """Restore the state and carry from `room`, starting at `at`."""
-    for x in (state.q, state.q_lo, state.p, state.p_lo):
-        for k in range(0, x.shape[0], WIDTH):
-            store(x, k, load(room, at + k))
-        at += x.shape[0]
-    for row in range(carry.shape[0]):
-        store(carry, row, load(room, at + WIDTH * row))
 
 
 @kernel(inline=True)
@@ -93,9 +70,11 @@ def take_step(clock, method, model, k, state, storage):
     if rate > 0.0:
         scale = 1.0 / math.sqrt(rate)
         slope = -0.5 * direction * change * scale * scale * scale
+    longest = numbers[LONGEST] if numbers[LONGEST] > 0.0 else math.inf
     status, where, evaluations = TOO_SHORT, 0, 0
     for attempt in range(ATTEMPTS):
         h = direction * theta * scale * math.exp(min(max(0.5 * theta * slope, -1.0), 1.0))
+        h = min(max(h, -longest), longest)
         if not direction * (h - left) <= 0.0:
             if numbers[EXACT] == 0.0:
                 numbers[NEXT] = min(max(numbers[TIME] + h, -FARTHEST), FARTHEST)
@@ -104,7 +83,7 @@ def take_step(clock, method, model, k, state, storage):
         if numbers[TIME] + h == numbers[TIME]:
             return TOO_SHORT if status == OK else status, where, evaluations
         if attempt == 0:
-            _keep(room, kept, state, storage.carry)
+            keep(room, kept, state, storage.carry)
         prepare(method, h, before if before != 0.0 else h, storage)
         status, where, count = step(method, model, numbers[TIME], h, state, storage)
         evaluations += count
@@ -117,9 +96,9 @@ def take_step(clock, method, model, k, state, storage):
                 time, lost = two_sum(numbers[TIME], h)
                 numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
                 numbers[NEXT], numbers[LENGTH], numbers[THETA] = numbers[TIME], h, theta * min(factor, GROWTH)
-                room[k + 1] = room[k] + h
+                room[k + 1], room[kept // 2 + k] = room[k] + h, h
                 return OK, 0, evaluations
-        _put_back(room, kept, state, storage.carry)
+        put_back(room, kept, state, storage.carry)
         theta *= CAUTION * factor
     return TOO_SHORT if status == OK else status, where, evaluations
 
@@ -132,11 +111,14 @@ ROUND_OFF = 1e-9 ** (16 / 7)
 
 TIGHTEST, LOOSEST = 1e-15, 0.1
 
+STRICT = 0.1
+"""The fraction of its default below which a tolerance is far below it."""
+
 FEWEST_STAGES, MOST_STAGES = 3, WIDTH
 
 
 @dataclass(frozen=True)
-class Adaptive(Clock):
+class Adaptive(ChangingSteps):
     """Steps chosen one by one, so that each resolves the motion; the clock of a run without dt.
 
         orbits.propagate(system, dt=orbits.Adaptive(tolerance=1e-9), duration=10 * u.yr)
@@ -152,6 +134,7 @@ class Adaptive(Clock):
     direction: float = field(default=1.0, init=False)
 
     timing: ClassVar[Tag] = ADAPTIVE
+    refined_by: ClassVar[str] = "tolerance"
 
     def __post_init__(self) -> None:
         tolerance = self.tolerance
@@ -166,21 +149,11 @@ class Adaptive(Clock):
             )
         object.__setattr__(self, "tolerance", float(tolerance))
 
-    @property
-    def h(self) -> float:  # type: ignore[override]
-        """NaN: the steps have no common length."""
-        return math.nan
-
     def towards(self, direction: float) -> Adaptive:
         """Return this clock for a run in a direction, 1 or -1."""
         clock = Adaptive(self.tolerance)
         object.__setattr__(clock, "direction", math.copysign(1.0, direction))
         return clock
-
-    @property
-    def changes(self) -> bool:
-        """Whether steps differ in length."""
-        return True
 
     def check(self, integrator: Integrator) -> None:
         """Raise InputError, naming suitable methods, for a method whose steps this clock cannot choose."""
@@ -192,32 +165,33 @@ class Adaptive(Clock):
                 "or use Gauss(stages=8)."
             )
 
-    def room(self, block: int, size: int) -> int:
-        """Return the length of the workspace: the times of a block, and the state before a step."""
-        return block + 1 + size
-
     def tolerance_for(self, integrator: Any) -> float:
         """Return the tolerance of the steps of a method: the one given, or its default."""
         stages = integrator.stages
         return ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
 
+    def finer(self, integrator: Any, factor: float) -> Adaptive:
+        """Return the clock of a tolerance that makes steps `factor` < 1 times as long.
+
+        With a tolerance far below the default, at which round-off is all that is left, they are longer by as much:
+        shorter ones would tell no more.
+        """
+        own, usual = self.tolerance_for(integrator), Adaptive().tolerance_for(integrator)
+        change = factor if own > STRICT * usual else 1.0 / factor
+        return Adaptive(own * change ** (integrator.stages - 1)).towards(self.direction)
+
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
-        numbers = np.zeros(NUMBERS)
+        numbers = np.zeros(NUMBERS + 1)
         power = 1.0 / (integrator.stages - 1)
         numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, self.tolerance_for(integrator), power
         numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
         return numbers
 
-    def time(self, reading: Any) -> Any:
-        """Return the time that this clock reads: a time is its own reading."""
-        return reading * 1.0
+    def describe(self, integrator: Any) -> str:
+        """Return the steps of a method in words."""
+        return f"adaptive steps (tolerance {self.tolerance_for(integrator):g})"
 
-    def place(self, time: float | Fraction) -> Place:
-        """Return the place of a time: no whole steps, as they are not known beforehand."""
-        return Place(0, float(time))
-
-    def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:
-        """Return the places of times: no whole steps, and the times."""
-        rest = np.asarray(times, dtype=np.float64)
-        return np.zeros(rest.shape, dtype=np.int64), rest
+    def attribute(self, integrator: Any) -> str:
+        """Return the same for a table's attributes."""
+        return f"adaptive, tolerance {self.tolerance_for(integrator):g}"

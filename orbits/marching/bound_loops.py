@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
-from orbits.marching import adaptive, driver
+from orbits.marching import changing, driver
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
+from orbits.marching.bodies_between import PLACES, chart
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
+from orbits.marching.own_clocks import ABSENT, COLUMNS, march_own_clocks
+from orbits.marching.own_steps_log import BESIDES
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.pool import Pool
 from orbits.marching.watcher import Watcher
@@ -38,7 +44,7 @@ class BoundLoops:
     form : of the method; tag, vectors : of what acts on the bodies, and its parameters
     clock : of the march
     threads : how many threads particles, and thousands of massive bodies, may use
-    dense : whether the kicks of each step are recorded, for dense output
+    dense : whether the kicks of each step are recorded, for the dense output of methods with a polynomial
 
     steps : the most steps of a block; kicks : (steps, rows, 8), those of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
@@ -69,6 +75,9 @@ class BoundLoops:
             "particle_v_lo": columns,
             "particle_memory": (m, form.particle_carry_rows, WIDTH),
         }
+        own = bool(m) and clock.changes
+        if own:
+            shapes["particle_clock"] = (m, COLUMNS)
         self._stages, self._scratch, *arrays = aligned(
             (self.steps if m else 1, *shape), scratch, *shapes.values(), *(scratch for _ in self.tasks)
         )
@@ -76,11 +85,18 @@ class BoundLoops:
         self._task_scratch = arrays[len(shapes) :]
         rows = 12 * (self.steps + 1) if m else 0
         self.tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self.tasks)))]
-        self.times = np.zeros(clock.room(self.steps, sum(x.size for x in self.state.values())))
+        changed = ("q", "q_lo", "v", "v_lo", "memory")
+        self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
-        self.kicks = np.empty((self.steps if dense else 0, form.carry_rows(3 * n), WIDTH))
+        polynomials = own or (dense and form.is_dense)
+        self.kicks = np.empty((self.steps if polynomials else 0, form.carry_rows(3 * n), WIDTH))
+        self._n = n
+        self._copies: tuple[Array, ...] | None = None
+        self._own_clocks = [_OwnClocks(form, self._usual, n, self.steps) for _ in self.tasks] if own else []
+        self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
+        self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
 
     @property
@@ -95,6 +111,14 @@ class BoundLoops:
             self.state[name][: 3 * n] = x[massive].T.ravel()
             self.state[f"particle_{name}"][...] = NOWHERE
             self.state[f"particle_{name}"][:, :m] = x[particles].T
+
+    def lengths(self, count: int) -> Array:
+        """Return the lengths of the `count` steps of the last block."""
+        if not self._clock.changes:
+            return np.full(count, self._clock.h)
+        if isinstance(self._clock, Adaptive):  # not rounded as differences of the times
+            return self.times[self.steps + 1 : self.steps + 1 + count]
+        return np.diff(self.times[: count + 1])
 
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
@@ -112,6 +136,12 @@ class BoundLoops:
         """
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
+        if self._own_clocks:
+            if not path.size:  # but for its own particles
+                if self._of_copies is None:
+                    self._of_copies = np.zeros(2 * (self.steps + 1) * len(state["q"])), np.empty_like(self.kicks)
+                path, kicks = self._of_copies
+            self._record = path, kicks
         room = (self._scratch, self._stages)
         status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
@@ -128,6 +158,21 @@ class BoundLoops:
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         return *self.bound(clock, self.times)[:4], clock.h, *vectors, self._scratch, self._stages
 
+    def march_to_each(self, state: dict[str, Array], bound: tuple[Any, ...], limits: Array) -> Array:
+        """March copies of the state of massive bodies to each of these times, by steps that the clock chooses.
+
+        Returns q and v at those before the first that cannot be reached, (m, 2, 3 n).
+        """
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        if self._copies is None:
+            copies = aligned((4, len(state["q"])), state["memory"].shape)
+            self._copies = np.zeros(len(state["clock"])), *copies
+        out = np.empty((len(limits), 2, 3 * self._n))
+        reached, _ = driver.march_to_each(
+            *bound, *vectors, self._scratch, self._stages, limits, changing.LIMIT, *self._copies, out
+        )
+        return out[:reached]
+
     def march_particles(
         self,
         state: dict[str, Array],
@@ -141,6 +186,8 @@ class BoundLoops:
 
         retired : see `Retired.block`; watcher : what observes them, or None
         """
+        if self._own_clocks:
+            return self._march_own_clocks(state, bound, retired, watcher, count)
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
         observer = 0 if watcher is None else watcher.observer
 
@@ -151,6 +198,39 @@ class BoundLoops:
             watched = (observer, context, self.tracks[task])
             return int(driver.march_particles(*bound, *particles, *room, count, start, stop, *watched))
 
+        return self._in_tasks(share)
+
+    def _march_own_clocks(
+        self,
+        state: dict[str, Array],
+        bound: tuple[Any, ...],
+        retired: NDArray[np.int64],
+        watcher: Watcher | None,
+        count: int,
+    ) -> int:
+        """As `march_particles`, for particles with clocks of their own."""
+        if not count:
+            return 0
+        particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"))
+        form, _, *model, times = bound
+        observer = 0 if watcher is None else watcher.observer
+        if watcher is not None:
+            watcher.follow_own_steps([task.arrays for task in self._own_clocks])
+
+        def share(task: int) -> int:
+            start, stop = self.tasks[task]
+            mine, addresses = self._own_clocks[task], (0, 0)
+            if watcher is not None:
+                addresses = watcher.contexts.addresses[1 + task], watcher.own_steps.addresses[task]
+            room = (self._task_scratch[task], self._stages, retired, *self._record, *mine.field, *mine.shared)
+            watched = (observer, addresses[0], self.tracks[task], addresses[1], *mine.log)
+            which = (count, start, stop)
+            return int(march_own_clocks(form, mine.table, *model, times, *particles, *room, *which, *watched))
+
+        return self._in_tasks(share)
+
+    def _in_tasks(self, share: Callable[[int], int]) -> int:
+        """Call a function with the number of each task, in threads; return the sum of its results."""
         if self._pool is None:
             return sum(map(share, range(len(self.tasks))))
         running: list[Future[int]] = []
@@ -167,6 +247,32 @@ class BoundLoops:
             self._pool.shutdown()
 
 
+class _OwnClocks:
+    """The memory of a task that marches particles with clocks of their own; see `march_own_clocks`.
+
+    table : the coefficients of a step of a particle; field, shared : the arrays of a `Field` and of a `Shared` that
+        belong to the task
+    log, arrays : the arrays of a `Log`, and those of its context
+    """
+
+    def __init__(self, form: Form, coefficients: Array, n: int, steps: int) -> None:
+        entries, rows, stride = steps + BESIDES, form.stages_shape(3 * n)[0], padded(3 * n)
+        self.table, modes, room, shared = aligned(
+            coefficients.shape,
+            (steps, 3 * n, 2 * WIDTH),
+            (PLACES + rows + stride, WIDTH),
+            (steps, *coefficients.shape[1:]),
+        )
+        self.table[...], shared[...] = coefficients, coefficients
+        self.shared = shared, np.zeros(steps), np.full((steps + 1, 6, padded(n)), ABSENT)
+        assert isinstance(form, Collocation)
+        self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
+        path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)
+        self.arrays = {"path": path, "times": times}
+        counts, found = np.zeros(2, dtype=np.int64), np.zeros(4, dtype=np.int64)
+        self.log = counts, np.zeros((entries, 2)), times, path, track, found
+
+
 def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) -> tuple[Array, float]:
     """Return what compiled code needs to know of a clock, and the length of its steps, or about that.
 
@@ -175,5 +281,5 @@ def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) 
     if isinstance(clock, ConstantSteps):
         return clock.numbers(start, steps), clock.h
     now = state["clock"]
-    now[adaptive.ORIGIN] = now[adaptive.TIME]
-    return now, float(now[adaptive.LENGTH] or clock.direction)
+    now[changing.ORIGIN] = now[changing.TIME]
+    return now, float(now[changing.LENGTH] or clock.direction)

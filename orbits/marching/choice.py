@@ -10,9 +10,12 @@ from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Form
+from orbits.integrators.transformed_bodies import TransformedBodies
+from orbits.integrators.variational import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
 from orbits.marching.clocks import Clock
+from orbits.marching.transformed import TimeTransformed
 
 
 def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool = False) -> Form:
@@ -42,9 +45,11 @@ def form_of_bodies(
     Raises InputError as `form_for` does; if the method supports neither the Lagrangian nor the forces in this form,
     naming those that do; and for massless particles if the form does not support them.
     """
+    if isinstance(clock, TimeTransformed):
+        return _transformed(integrator, lagrangian, with_particles=with_particles, forces=forces)
     if clock.changes:
-        return _changing(integrator, lagrangian, with_particles=with_particles, forces=forces)
-    if SEPARABLE in lagrangian.traits and not forces:
+        form = _changing(integrator, lagrangian, forces=forces)
+    elif SEPARABLE in lagrangian.traits and not forces:
         form = form_for(integrator, lagrangian)
     else:
         form = _form_with(integrator, lagrangian, forces)
@@ -63,19 +68,34 @@ def form_of_bodies(
     return form
 
 
-def _changing(
-    integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[str]
-) -> Form:
+def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[str]) -> Form:
     """Return the form for steps of different lengths, with distances accurate in close encounters."""
     if SEPARABLE not in lagrangian.traits or forces:
         what = f"the force of {forces[0]}" if forces else f"'{lagrangian.name}', which is not separable"
         raise InputError(f"steps are chosen only if forces depend on positions alone, not with {what}: give dt=...")
     form = form_for(integrator, lagrangian)
-    if with_particles or not isinstance(form, Collocation):
-        raise InputError(
-            "massless particles are marched with constant steps only, so far: give dt=..., or give them a small mass"
-        )
+    assert isinstance(form, Collocation)  # as `Adaptive.check` takes no other method
     return replace(form, close=True)
+
+
+def _transformed(
+    integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[str]
+) -> Form:
+    """Return the form for bodies in transformed time."""
+    more = [f"the force of {name}" for name in forces]
+    more += [f"the term '{term.name}'" for term in getattr(lagrangian, "summands", ())]
+    if more:
+        raise InputError(
+            f"transformed time is for bodies that attract each other and nothing else, so far, not with {more[0]}. "
+            + ("Give dt=... a length." if forces or SEPARABLE not in lagrangian.traits else "Leave dt away.")
+        )
+    if with_particles:
+        raise InputError(
+            "massless particles have no part in the energy that transformed time needs, and would be moved by its "
+            "rounding errors alone: give dt=... a length, or leave the particles out."
+        )
+    assert isinstance(integrator, VariationalRungeKutta)  # as `TimeTransformed.check` demands
+    return TransformedBodies(integrator.tableau)
 
 
 def _form_with(integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[str]) -> Form:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple
@@ -14,10 +15,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.checks import single_number
+from orbits.errors import InputError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag
 from orbits.kernels.clocks import CONSTANT_STEPS
+
+STEP_BITS = 24
+"""Bits of the significand of a step, so that k h is exact."""
+
+
+def rounded_step(dt: float) -> float:
+    """Return dt rounded to 24 significant bits, so that k * dt is exact for every k below 2^29."""
+    mantissa, exponent = math.frexp(dt)
+    return math.ldexp(round(math.ldexp(mantissa, STEP_BITS)), exponent - STEP_BITS)
 
 
 class Place(NamedTuple):
@@ -34,6 +45,7 @@ class Clock:
     """The times of the steps of a run: a frozen value.
 
     timing : the tag by which compiled code identifies it
+    refined_by : what is made smaller for more accuracy, in words
     direction : 1 forwards in time, -1 backwards
     h : the length of its steps, with that sign; NaN if they differ
 
@@ -42,6 +54,7 @@ class Clock:
     """
 
     timing: ClassVar[Tag]
+    refined_by: ClassVar[str] = "dt"
     direction: float
     h: float
 
@@ -52,6 +65,19 @@ class Clock:
 
     def check(self, integrator: Integrator) -> None:
         """Raise InputError for a method whose steps this clock cannot choose."""
+
+    def finer(self, integrator: Any, factor: float) -> Clock:
+        """Return a clock whose steps are about `factor` < 1 times as long, for a companion of a run by that method.
+
+        Raises InputError for a clock that has none.
+        """
+        raise InputError(f"the steps of {type(self).__name__} have no finer ones, with which a run could be compared.")
+
+    def check_bodies(self, strength: Array, q: Array, v: Array, names: Sequence[str]) -> None:
+        """Raise InputError for massive bodies at the start of a run for which this clock is unsuitable.
+
+        strength : (1 + n,), see `orbits.kernels.gravity`; q, v : (n, 3); names : (n,)
+        """
 
     def room(self, block: int, size: int) -> int:
         """Return the length of the workspace for a block of `block` steps and a state of `size` numbers."""
@@ -93,6 +119,10 @@ class ConstantSteps(Clock):
     def changes(self) -> bool:
         """False: all steps have the same length."""
         return False
+
+    def finer(self, integrator: Any, factor: float) -> ConstantSteps:
+        """Return constant steps of `factor` times this length, rounded to as many bits as that of a run."""
+        return ConstantSteps(rounded_step(factor * self.h))
 
     def numbers(self, start: float, steps: int) -> Array:
         """Return the state of the clock for compiled code, after `steps` steps of a march that began at `start`."""

@@ -16,7 +16,7 @@ from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_carry, record_particles, record_strip
+from orbits.kernels.paths import record_carry, record_one, record_particles, record_strip
 from orbits.kernels.state import (
     Columns,
     all_finite,
@@ -26,6 +26,7 @@ from orbits.kernels.state import (
     store_particles,
 )
 from orbits.kernels.steps import (
+    BEYOND,
     NOT_FINITE,
     OK,
     Method,
@@ -101,6 +102,44 @@ def leave_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry,
     """Compute what is seen from what is marched, which is changed: `carry` must be a copy."""
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
     leave(method, model, h, state, Storage(carry, scratch, stages[0], Share(0, dimension(tag, parameters), None)))
+
+
+@kernel
+def march_to_each(
+    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
+    limits, limit, own_numbers, own, own_carry, out
+):  # fmt: skip
+    """March from one state up to each of several times, in steps that a clock chooses, on a copy.
+
+    limits : (m,), the times; limit : the index of the time limit in the state of the clock, whose next number is set to
+        1: the last step ends there
+    own_numbers, own, own_carry : workspace like `numbers`, (4, padded) for the state, and like `carry`
+    out : (m, 2, size), receives q and p at each
+    The other arguments are those of `march`; the state does not change.
+
+    Returns (number of times reached, status of the step that failed).
+    """
+    method, model, size = Method(form, coefficients), Model(tag, parameters), dimension(tag, parameters)
+    clock, share = Clock(timing, own_numbers, room), Share(0, size, None)
+    state, storage = State(own[0], own[1], own[2], own[3]), Storage(own_carry, scratch, stages[0], share)
+    for i in range(len(limits)):
+        for k in range(q.shape[0]):
+            own[0, k], own[1, k], own[2, k], own[3, k] = q[k], q_lo[k], p[k], p_lo[k]
+        for row in range(carry.shape[0]):
+            for k in range(carry.shape[1]):
+                own_carry[row, k] = carry[row, k]
+        for k in range(len(numbers)):
+            own_numbers[k] = numbers[k]
+        own_numbers[limit], own_numbers[limit + 1] = limits[i], 1.0
+        begin(method, model, numbers[0], 0.0, state, storage)
+        status = OK
+        while status == OK:
+            status, _, _ = take_step(clock, method, model, 0, state, storage)
+        if status != BEYOND:
+            return i, status
+        for k in range(size):
+            out[i, 0, k], out[i, 1, k] = own[0, k], own[2, k]
+    return len(limits), OK
 
 
 @kernel
@@ -203,10 +242,10 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
         particle, carry, done = load_particle(columns, p), storage.carry[p], 0
         if retired[p, 0] != OK:
             for k in range(steps + 1):
-                _record_one(track, k, lane_of_p, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
+                record_one(track, k, lane_of_p, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
         else:
             while done < steps:
-                _record_one(
+                record_one(
                     track, done, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
                 (t, h), now = step_of(clock, done), _at(storage, done, p, p + 1)
@@ -217,7 +256,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
                     break
                 done += 1
             for k in range(done, steps + 1):
-                _record_one(
+                record_one(
                     track, k, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
                 )
             store_particle(columns, p, particle)
@@ -230,14 +269,6 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
 def _at(storage, k, start, stop):
     """Return the storage for particles start ... stop - 1 in step k, with the stages of that step."""
     return Storage(storage.carry, storage.scratch, storage.stages[k], Share(start, stop, None))
-
-
-@kernel(inline=True)
-def _record_one(track, k, slot, x, y, z, vx, vy, vz):
-    """Write the state of one particle at the beginning of step k."""
-    row = 6 * k
-    track[row, slot], track[row + 1, slot], track[row + 2, slot] = x, y, z
-    track[row + 3, slot], track[row + 4, slot], track[row + 5, slot] = vx, vy, vz
 
 
 @kernel

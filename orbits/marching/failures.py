@@ -11,6 +11,7 @@ from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR
 from orbits.marching.clocks import Clock
+from orbits.marching.transformed import TimeTransformed
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,14 @@ def failure_of_bodies(
     momenta : whether a term adds to the momenta m v
     """
     where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
+    if status == NOT_CONVERGED and isinstance(clock, TimeTransformed):
+        return ConvergenceError(
+            f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; the result would not "
+            f"be symplectic. Use a smaller step than {clock.step:g}: dt=orbits.TimeTransformed(step=...).",
+            step=step,
+            time=time,
+            bodies=list(names),
+        )
     if clock.changes:
         return SingularityError(
             f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -21,19 +21,25 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
+from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching import adaptive
-from orbits.marching.adaptive import Adaptive
+from orbits.marching import changing
+from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
 from orbits.marching.bound_loops import BoundLoops, numbers_of
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
 from orbits.marching.motion import Motion
+from orbits.marching.partial_steps import PartialSteps
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
+
+APART = 64
+"""The number of steps between the states that are kept of a run with massless particles."""
 
 
 def available_threads() -> int:
@@ -56,9 +62,11 @@ class Marcher:
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the march begins
-    dense : whether each step is recorded for `motion`; for methods with a polynomial through their stages
+    radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
+    dense : whether each step is recorded for `motion`
 
-    After `advance`, `met` is the (condition, row, body) that ended it, with condition -1 for the energy, or None.
+    After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
+    `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
     """
 
     def __init__(
@@ -79,6 +87,7 @@ class Marcher:
         forces: Sequence[BoundForce] = (),
         start: float = 0.0,
         dense: bool = False,
+        radii: Array | None = None,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -110,11 +119,16 @@ class Marcher:
             self._loops.enter(self._loops.state, self.clock)
         self.block = self._loops.steps
         self._state = self._loops.state
-        if isinstance(self.clock, Adaptive):
+        if isinstance(self.clock, ChangingSteps):
             self._state["clock"] = self.clock.numbers_for(integrator)
+        if isinstance(self.clock, Adaptive) and n == 1 and m:
+            self._state["clock"][LONGEST] = ALONE
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
-        self._block = 0, 0.0
+        self._dense = dense
+        self._block, self._begun_lo, self._lengths = (0, 0.0), 0.0, np.zeros(0)
+        self._partial: PartialSteps | None = None
+        self._keep: Callable[[Array, Array, Array], None] | None = None
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
@@ -140,6 +154,7 @@ class Marcher:
             *limits,
             self._loops.times,
             len(self._loops.tasks),
+            radii,
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
@@ -152,17 +167,26 @@ class Marcher:
         """
         self._stopped = self._arrived = False
         while steps > 0 and not (self._stopped or self._arrived):
-            self._back_up()
-            before = self.step
-            try:
-                failure = self._advance_block(min(steps, self.block))
-            except BaseException:  # an interrupt: return to the state after the last complete block
-                self._replay(0)
-                self.step = before
-                raise
-            if failure is not None:
-                raise failure
-            steps -= self.step - before
+            steps -= self._one_block(min(steps, self.block))
+
+    def _one_block(self, most: int) -> int:
+        """March on by a block of at most `most` steps, and return their number. Raises what `advance` raises."""
+        self._back_up()
+        before = self.step
+        try:
+            failure = self._advance_block(min(most, self._most()))
+            self._pass_on(self.step - before)
+        except BaseException:  # an interrupt: return to the state after the last complete block
+            self._replay(0)
+            self.step = before
+            raise
+        if failure is not None:
+            raise failure
+        return self.step - before
+
+    def _most(self) -> int:
+        """Return the number of steps up to the next state that is kept, if not all are."""
+        return self.block if self._keep is None or not len(self._particles) else APART - self.step % APART
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -176,9 +200,9 @@ class Marcher:
             known = isinstance(failure, ConvergenceError)
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
-        lost = self._retired.lost()
+        lost, reached = self._retired.lost(), {}
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
-            count = lost.steps
+            count, reached = lost.steps, self._reached(lost)
             self._replay(count)
         if self._overflowed and count > 1:  # more passages than the list of a block holds: repeat in shorter blocks
             self._replay(0)
@@ -188,7 +212,7 @@ class Marcher:
             return None
         self.step += count
         if lost is not None:
-            return self._lose(lost)
+            return self._lose(lost, reached)
         if failure is None:
             return None
         try:  # to find the number and the time of the step that failed
@@ -197,11 +221,52 @@ class Marcher:
             return error
         return failure
 
-    def _lose(self, lost: Lost) -> IntegrationError | None:
-        """Retire particles; or return the error for the first one, if `retire` is not set."""
+    def keep_steps(
+        self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
+    ) -> None:
+        """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
+        the order of the caller: at the ends of all its steps, or, with massless particles, of every `APART`-th step.
+
+        take_back : called with a number of states passed last that are no longer of the run; see `go_back`
+        """
+        self._keep, self._take_back = keep, take_back
+
+    def _pass_on(self, count: int) -> None:
+        """Pass the states at the ends of the `count` steps of the last block to what keeps them."""
+        if self._keep is None or not count:
+            return
+        times = np.zeros((count + 1, 2))
+        if self.clock.changes:
+            times[0] = self._backup["clock"][[changing.TIME, changing.TIME_LO]]
+        else:
+            times[0, 0] = self._time_of(self.step - count)
+        times_reached(self._loops.lengths(count), times)
+        if not len(self._particles):
+            n = self._bodies
+            states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
+            self._keep(times[1:], *states)
+        elif self.step % APART == 0:
+            q, v = self.state()
+            self._keep(times[-1:], q[None], v[None])
+
+    def _reached(self, lost: Lost) -> dict[str, Array]:
+        """Return where lost particles have got to by steps of their own, within a step of the bodies."""
+        if not self.clock.changes:
+            return {}
+        reached = {f"particle_{name}": lost.particles for name in ("q", "q_lo", "v", "v_lo")}
+        state = {name: self._state[name][:, which] for name, which in reached.items()}
+        return {**state, "particle_clock": self._state["particle_clock"][lost.particles]}
+
+    def _lose(self, lost: Lost, reached: Mapping[str, Array]) -> IntegrationError | None:
+        """Retire particles where they have got to; or return the error for the first one, if `retire` is not set."""
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         self._retired.add(lost, self.step)
+        for name, values in reached.items():
+            if name == "particle_clock":
+                self._state[name][lost.particles] = values
+            else:
+                self._state[name][:, lost.particles] = values
         return None
 
     def _stop(self, count: int) -> bool:
@@ -253,7 +318,7 @@ class Marcher:
     @property
     def time(self) -> float:
         """The time reached, since the start of the run."""
-        return float(self._state["clock"][adaptive.TIME]) if self.clock.changes else self._time_of(self.step)
+        return float(self._state["clock"][changing.TIME]) if self.clock.changes else self._time_of(self.step)
 
     @property
     def reading(self) -> float:
@@ -267,15 +332,27 @@ class Marcher:
         """Return whether there may be whole steps left before a place."""
         if self.clock.changes:
             now = self._state["clock"]
-            arrived = self._arrived and now[adaptive.LIMIT] == place.rest
-            return not arrived and (place.rest - now[adaptive.NEXT]) * self.clock.direction >= 0.0
+            arrived = self._arrived and now[changing.LIMIT] == place.rest
+            return not arrived and (place.rest - now[changing.NEXT]) * self.clock.direction >= 0.0
         return self.step < place.steps
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place. Raises what `advance` raises."""
         if self.clock.changes:
-            self._state["clock"][adaptive.LIMIT] = place.rest
-        self.advance(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+            self._state["clock"][changing.LIMIT] = place.rest
+        self._stopped = self._arrived = False
+        self._one_block(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+
+    def go_back(self, steps: int) -> None:
+        """Return to the state after the first `steps` steps of the last block."""
+        count = self._block[0]
+        if steps < count:
+            if self._keep is not None:
+                self._take_back(int(self.step % APART == 0) if len(self._particles) else count - steps)
+            self.step -= count
+            self._retired.return_to(self.step + steps)
+            self._replay(steps)
+            self.step += steps
 
     def advance_to(self, place: Place) -> None:
         """March on by all whole steps before a place, which must lie ahead. Raises what `advance` raises."""
@@ -288,25 +365,67 @@ class Marcher:
         """
         if not self.clock.changes:
             return self.state_after(place.rest)
-        copy, before = self._copied(), self.evaluations
-        copy["clock"][[adaptive.LIMIT, adaptive.EXACT]] = place.rest, 1.0
+        copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
+        copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
+        self._retired.begin()
         try:
-            while self._march_block(copy, self.clock, self.block) == self.block:
+            while self._march_block(copy, self.clock, self.block, goes_on=True) == self.block:
                 pass
+            self._raise_for_lost()
         finally:
-            self.evaluations = before
+            self.evaluations, self.particle_evaluations = before
         return self._gather(copy)
+
+    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
+        """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
+        others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
+        """
+        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1:
+            now = self._state["clock"]
+            ahead = (times[1:] - now[changing.NEXT]) * self.clock.direction < 0.0
+            count = 1 + int(np.argmin(np.append(ahead, False)))
+            found = self._loops.march_to_each(self._state, self._loops.bound(self.clock, now), times[:count])
+            if len(found):
+                return [(self._in_order(q, self._nothing), self._in_order(v, self._nothing)) for q, v in found]
+        return [self.state_at(self.clock.place(times[0]))]
+
+    def _raise_for_lost(self) -> None:
+        """Raise the error for a particle that was lost on a copy of the state, if `retire` is not set."""
+        lost = self._retired.lost()
+        failure = None if lost is None or self._retire else self._lose(lost, {})
+        if failure is not None:
+            raise failure
 
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
-        massive = np.ones(len(self._massive), dtype=bool)
+        massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
+        massive[self._massive] = True
         q, v = self.state()
         options: dict[str, Any] = {"names": self.names, "stops": self._stops, "energy_bound": self._energy_bound}
+        options["retire"] = self._retire
         end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, **options)
         end.restore(self.checkpoint())
-        end._state["clock"][[adaptive.EXACT, adaptive.NEXT]] = 1.0, end.time
+        end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
         end.advance_to(Place(0, time))
         return end
+
+    def towards(self, time: float) -> tuple[Marcher, Place]:
+        """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense
+        output, and the place of that time in it.
+        """
+        q, v = (self._state[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
+        options: dict[str, Any] = {"names": self.names, "forces": self._forces, "start": self.time, "dense": True}
+        clock: Clock = self.clock
+        place = Place(0, time)
+        if not self.clock.changes:
+            clock, place = ConstantSteps(time - self.time), Place(1, 0.0)
+        massive = np.ones(self._bodies, dtype=bool)
+        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
+        if self.clock.changes:
+            for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"):
+                end._state[name][...] = self._state[name]
+            end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
+        return end, place
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -339,10 +458,7 @@ class Marcher:
         before = self.evaluations, self.particle_evaluations
         try:
             self._march_block(copy, part, 1)
-            lost = self._retired.lost()
-            failure = None if lost is None or self._retire else self._lose(lost)
-            if failure is not None:
-                raise failure
+            self._raise_for_lost()
         finally:
             self.evaluations, self.particle_evaluations = before
         if self._form.transforms:
@@ -406,14 +522,54 @@ class Marcher:
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
         q, v = self._state["particle_q"], self._state["particle_v"]
-        return retirements(self._retired.table(), q, v, self._particles)
+        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"))
+
+    def retire(self, body: int, status: int, step: int, q: Array, v: Array) -> None:
+        """Retire a massless particle, numbered as by the caller, after `step` steps, with its last q and v, (3,)."""
+        k = int(np.searchsorted(self._particles, body))
+        self._state["particle_q"][:, k], self._state["particle_v"][:, k] = q, v
+        self._retired.add(Lost(0, np.array([k]), np.array([status])), step)
+
+    def follow(self, other: Marcher) -> None:
+        """Take over the retired particles of another march of the same particles, and its numbers of evaluations."""
+        self._retired.follow(other._retired)
+        gone = np.flatnonzero(self._retired.gone())
+        for name in ("particle_q", "particle_v"):
+            self._state[name][:, gone] = other._state[name][:, gone]
+        self.evaluations, self.particle_evaluations = other.evaluations, other.particle_evaluations
+
+    @property
+    def start(self) -> float:
+        """The time at which the march began, since the start of the run."""
+        return self._start
+
+    @property
+    def tells_motion(self) -> bool:
+        """Whether the motion within steps can be told: of any method, but not of thousands of bodies on threads."""
+        return self._loops.parallel is None
 
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
-        h = self.clock.h
-        times = self._loops.times[: count + 1] if self.clock.changes else h * np.arange(count + 1.0)
-        return Motion(self._form, self._bodies, begun + times, self._watcher.recorded(count), self._loops.kicks[:count])
+        if self.clock.changes:
+            times, lengths = np.array([[begun, self._begun_lo]] * (count + 1)), self._lengths[:count]
+            times_reached(lengths, times)
+            reached = times[:, 0]
+        else:
+            step = self.step - count
+            reached, lengths = self._start + self.clock.time(step + np.arange(count + 1.0)), self._loops.lengths(count)
+        path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
+        return Motion(self._form, reached, lengths, path, kicks, self.partial_steps())
+
+    def partial_steps(self) -> PartialSteps:
+        """Return what takes partial steps of the massive bodies by this method."""
+        if self._partial is None:
+            self._partial = PartialSteps(self._form, self._tag, self._vectors, self._bodies, self._partial_failure)
+        return self._partial
+
+    def _partial_failure(self, status: int, time: float) -> IntegrationError:
+        momenta = SEPARABLE not in self.lagrangian.traits
+        return failure_of_bodies(status, self.step, time, self.clock, self.integrator, [], momenta=momenta)
 
     def accounts(self) -> Array:
         """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):
@@ -455,11 +611,15 @@ class Marcher:
         """Release the threads."""
         self._loops.close()
 
-    def _march_block(self, state: dict[str, Array], clock: Clock, count: int) -> int:
-        """March `count` steps, or those before the goal of the clock; return their number."""
+    def _march_block(self, state: dict[str, Array], clock: Clock, count: int, *, goes_on: bool = False) -> int:
+        """March `count` steps, or those before the goal of the clock; return their number.
+
+        goes_on : without the particles that were lost in the block before
+        """
         usual = clock == self.clock
         now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
         bound = self._loops.bound(clock, now)
+        begun_lo = float(now[changing.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
         path = self._nothing if record is None else self._watcher.path(count)
         status, done, body, evaluations = self._loops.march(state, bound, path, count)
@@ -475,12 +635,15 @@ class Marcher:
             body = int(lost[0]) % self._bodies if lost.size else 0
             raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
         if record is not None:
-            self._block = count, float(now[adaptive.ORIGIN]) if self.clock.changes else self._time_of(self.step)
+            self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
+            if self._dense and self.clock.changes:  # copies of the state use the same room
+                self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
-            self._watcher.begin(record, self.step, now[adaptive.ORIGIN] if self.clock.changes else 0.0)
+            self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
             self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
         if self._loops.tasks:
-            self._retired.begin()
+            if not goes_on:
+                self._retired.begin()
             watcher = None if record is None else self._watcher
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None and count:
@@ -496,7 +659,7 @@ class Marcher:
     def _failure(self, status: int, done: int, bodies: list[int], now: Array | None = None) -> IntegrationError:
         names = [self.names[b] if self.names else f"body {b}" for b in bodies]
         step = self.step + done
-        time = self._time_of(step) if now is None or not self.clock.changes else float(now[adaptive.TIME])
+        time = self._time_of(step) if now is None or not self.clock.changes else float(now[changing.TIME])
         momenta = SEPARABLE not in self.lagrangian.traits
         return failure_of_bodies(status, step, time, self.clock, self.integrator, names, momenta=momenta)
 

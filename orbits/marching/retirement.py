@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.integrators.forms import Array, padded
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK
+from orbits.kernels.steps import IMPACT, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK, TOO_SHORT
+from orbits.marching.own_clocks import REACHED
 
 REASONS = {
     NOT_CONVERGED: "the stages did not converge",
     NOT_FINITE: "the state is no longer finite",
     NOT_REGULAR: "its equations have no solution there",
+    IMPACT: "it merged with a body that it hit",
+    TOO_SHORT: "no step is short enough to go on",
 }
 
 
@@ -27,21 +30,25 @@ class Lost(NamedTuple):
 
 
 class Retirement(NamedTuple):
-    """A retired massless particle: its number, the number of steps before, the reason, and its last q and v, (3,)
-    each.
+    """A retired massless particle: its number, the number of steps before, the reading of the clock and the reason, and
+    its last q and v, (3,) each.
     """
 
     body: int
     step: int
+    reading: float
     reason: str
     q: Array
     v: Array
 
 
-def retirements(table: NDArray[np.int64], q: Array, v: Array, particles: NDArray[np.intp]) -> list[Retirement]:
+def retirements(
+    table: NDArray[np.int64], q: Array, v: Array, particles: NDArray[np.intp], clocks: Array | None = None
+) -> list[Retirement]:
     """Return the retired particles of a table from a checkpoint.
 
     table : (m, 2), status and step; q, v : (3, padded); particles : (m,), their numbers among all bodies
+    clocks : (m, columns), of particles with clocks of their own; see `orbits.marching.own_clocks`
     Raises InputError for an unknown status.
     """
     gone = np.flatnonzero(table[:, 0] != OK)
@@ -50,8 +57,16 @@ def retirements(table: NDArray[np.int64], q: Array, v: Array, particles: NDArray
         raise InputError(
             f"its checkpoint has retired particles with the reasons {sorted(unknown)}; known are {sorted(REASONS)}."
         )
+    readings = table[:, 1] if clocks is None else clocks[:, REACHED]
     return [
-        Retirement(int(particles[k]), int(table[k, 1]), REASONS[int(table[k, 0])], q[:, k].copy(), v[:, k].copy())
+        Retirement(
+            int(particles[k]),
+            int(table[k, 1]),
+            readings[k].item(),
+            REASONS[int(table[k, 0])],
+            q[:, k].copy(),
+            v[:, k].copy(),
+        )
         for k in gone
     ]
 
@@ -85,9 +100,19 @@ class Retired:
         self._known[lost.particles, 0], self._known[lost.particles, 1] = lost.status, step
         self.begin()
 
+    def return_to(self, step: int) -> None:
+        """Take back the retirement of particles after more than `step` steps of the march."""
+        self._known[self._known[:, 1] > step] = 0
+        self.begin()
+
     def take(self, other: Retired) -> None:
         """Retire, before the first step of this march, the particles retired in another march of as many particles."""
         self._known[:, 0] = other._known[:, 0]
+        self.begin()
+
+    def follow(self, other: Retired) -> None:
+        """Take over the particles retired in another march of the same particles, which this one continues."""
+        self._known[...] = other._known
         self.begin()
 
     def gone(self) -> NDArray[np.bool_]:

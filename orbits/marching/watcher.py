@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array, padded
+from orbits.kernels import collisions
 from orbits.kernels.approach_search import follow_bodies, follow_particles, search
 from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.lanes import WIDTH
@@ -17,6 +19,9 @@ from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.passage_list import BlockList
+
+TOUCHED, ENERGY = -2, -1
+"""The conditions without a number: two bodies may have touched; the energy error is above its bound."""
 
 RULE = 0.9
 """Fraction of the total mass above which a body dominates the others."""
@@ -75,11 +80,12 @@ class Watcher:
     parameters : vector of the Lagrangian's kernels; gm from its second element on
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
-    stops, energy_bound : see `Marcher`
+    stops, energy_bound, radii : see `Marcher`
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
     tasks : the number of tasks that march particles at the same time
 
     contexts, lists : of the massive bodies, then of each task
+    own_steps : the contexts of tasks for particles that take steps of their own
     """
 
     def __init__(
@@ -96,6 +102,7 @@ class Watcher:
         pericentre_angle: float,
         times: Array,
         tasks: int = 0,
+        radii: Array | None = None,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(2 * self._stride)
@@ -103,6 +110,11 @@ class Watcher:
         self._rows = np.concatenate([massive, particles])
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
+        self._collide = radii is not None
+        self._touched = np.zeros(len(self._hits), dtype=np.int64)
+        self._radii = np.full(padded(len(self._rows)), -np.inf)
+        if radii is not None:
+            self._radii[: len(self._rows)] = radii[self._rows]
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
@@ -111,7 +123,7 @@ class Watcher:
             self.listed_within[: len(massive)] = self._annuli[:, REACH]
         self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
         self.lists = [BlockList.empty(listed) for listed in self._listed]
-        self.contexts = Contexts(1 + tasks)
+        self.contexts, self.own_steps = Contexts(1 + tasks), Contexts(tasks)
         self.contexts.enter(
             path=self._path,
             stride=self._stride,
@@ -122,6 +134,8 @@ class Watcher:
             reaches=self.listed_within,
             stops=self._stops,
             hits=self._hits,
+            radii=self._radii,
+            touched=self._touched,
             passage_angle=passage_angle,
             least_eccentricity=least_eccentricity,
             pericentre_angle=pericentre_angle,
@@ -129,7 +143,7 @@ class Watcher:
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
-        self._compiled, self._find_met, self._observer = False, 0, 0
+        self._compiled, self._find_met, self._find_touch, self._observer = False, 0, 0, 0
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -154,8 +168,12 @@ class Watcher:
     def _compile(self) -> None:
         """Compile, or load from the cache, the kernels shared by the observers."""
         self._find_met = observer_address(find_met) if len(self._stops) else 0
+        self._find_touch = observer_address(collisions.find_touch) if self._collide else 0
         self.contexts.enter(
-            search=observer_address(search, SEARCH), enter=observer_address(enter_passage, ENTER), then=self._find_met
+            search=observer_address(search, SEARCH),
+            enter=observer_address(enter_passage, ENTER),
+            then=self._find_met,
+            collide=self._find_touch,
         )
         self._compiled = True
 
@@ -185,18 +203,24 @@ class Watcher:
             self.follow(h, steps)
         else:
             parallel.follow(self, h, steps)
-        observe(self._find_met, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
+        for observer in (self._find_met, self._find_touch):
+            observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
         if len(self._particles) and self.dominant >= 0:
             n = len(self._massive)
             positions = self.recorded(steps)[:, 0, : 3 * n].reshape(-1, 3, n)
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
+    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]]) -> None:
+        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task."""
+        self.own_steps.follow(self.contexts, arrays)
+
     def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
         """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,
-        body, massive body) in the numbers of the caller, with condition -1 for the energy. None if none held.
+        body, massive body) in the numbers of the caller, with condition `ENERGY` for the energy, and `TOUCHED`, without
+        bodies, where two may have touched. None if none held.
         """
-        if not steps or (not len(self._stops) and self._energy_bound is None):
+        if not steps or not (len(self._stops) or self._energy_bound is not None or self._collide):
             return None
         found, which = steps + 1, [0, 0, 0]
         if len(self._stops):
@@ -205,7 +229,9 @@ class Watcher:
             bound = self._energy_bound * abs(self._energy)
             step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self._energy, bound)
             if step < found:
-                found, which = step, [-1, 0, 0]
+                found, which = step, [ENERGY, 0, 0]
+        if self._collide and self._touched.min() <= min(found, steps):
+            return int(self._touched.min()), (TOUCHED, 0, 0)
         if found > steps:
             return None
         return found, (which[0], int(self._rows[which[1]]), int(self._massive[which[2]]))

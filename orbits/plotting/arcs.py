@@ -185,7 +185,7 @@ def joined(run: Trajectory, i: int) -> Path:
 
 
 def last_state(run: Trajectory) -> System:
-    """Return the system at the last sample, with retired particles at their last positions.
+    """Return the system at the last sample, with retired particles, and bodies that merged, at their last positions.
 
     It has no epoch, as the end of a long run may be beyond all dates. Raises InputError for a run without samples.
     """
@@ -196,6 +196,10 @@ def last_state(run: Trajectory) -> System:
         body = run.names.index(particle.name)
         if np.isnan(q[body]).all():
             q[body], v[body] = particle.q.value, particle.v.value
+    for body in np.flatnonzero(np.isnan(q).all(axis=1)).tolist():  # merged into another one
+        seen = np.flatnonzero(np.isfinite(run._q[:, body]).all(axis=1))
+        if seen.size:
+            q[body], v[body] = run.sample(int(seen[-1]))[0][body], run.sample(int(seen[-1]))[1][body]
     return run.system.replaced(q=q, v=v, epoch=None)
 
 

@@ -164,8 +164,9 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
     for k, (label, run) in enumerate(runs.items()):
         look: dict[str, Any] = {"color": style.PALETTE[k % len(style.PALETTE)], "lw": 1.4}
         kept, t = run.drift(), run.times * factor
-        energy.plot(t, relative_change(run.energy().value, kept.energy.scale), label=label, **look)
-        momentum.plot(t, relative_change(run.angular_momentum().value, kept.angular_momentum.scale), **look)
+        kinds = run.energy() + run.energy_lost(), run.angular_momentum() + run.angular_momentum_lost()
+        energy.plot(t, relative_change(kinds[0].value, kept.energy.scale), label=label, **look)
+        momentum.plot(t, relative_change(kinds[1].value, kept.angular_momentum.scale), **look)
     for axes, name in ((energy, "energy, |ΔE/E|"), (momentum, "angular momentum, |ΔL|/|L|")):
         axes.set_yscale("log")
         low, high = axes.get_ylim()

@@ -1,22 +1,29 @@
-"""States at any times of a run, computed by its own method from the preceding samples."""
+"""States at any times of a run, computed by its own method from the preceding steps, if they are kept, or samples."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
+from orbits.integrators.forms import padded
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
+from orbits.propagation.legs import LegsAgain
 from orbits.propagation.marchers import bound
 from orbits.time_grid import snapped, times_since
 
 if TYPE_CHECKING:
+    from orbits.marching.kept_steps import KeptSteps
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+MOST_AT_ONCE = 65536
+"""Number of states computed at a time, whose preceding steps are in memory."""
 
 
 def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
@@ -25,8 +32,9 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     t : a time as for `until` of `propagate`, or an array or list of times in any order
 
     The preceding sample is propagated with the run's own integrator and step, so the error is that of the run. For
-    several times the march continues from one to the next, which does not change the result. A single time gives a
-    `System`, several give a `Trajectory` with these times as its samples, in the given order.
+    several times the march continues from one to the next, which does not change the result. If the run has kept its
+    steps, each state is a partial step from the preceding one. A single time gives a `System`, several give a
+    `Trajectory` with these times as its samples, in the given order.
     Raises InputError for a time outside the run.
     """
     times = times_since(trajectory.system, t, "t")
@@ -43,18 +51,19 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding."""
     if not len(trajectory):
         raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
-    clock = trajectory.clock
-    direction = clock.direction
+    direction, kept = trajectory.clock.direction, trajectory.kept
     order = np.argsort(trajectory.times * direction, kind="stable")  # samples may be in any order
     known = trajectory.times[order]
-    times = snapped(times, float(known[0]), float(known[-1]))
-    inside = ((known[0] - times) * direction <= 0.0) & ((known[-1] - times) * direction >= 0.0)
+    first, last = float(known[0]), float(known[-1])
+    if kept is not None and len(kept) and not trajectory.complete:  # an interrupted run has more steps than samples
+        last = max(last * direction, float(kept.times[-1, 0]) * direction) * direction
+    times = snapped(times, first, last)
+    inside = ((first - times) * direction <= 0.0) & ((last - times) * direction >= 0.0)
     if not inside.all():
         k = int(np.argmin(inside))
         unit = trajectory.system.units.time
         raise InputError(
-            f"{what.format(k)} = {times[k]:.10g} lies outside the samples, "
-            f"{known[0]:.10g} ... {known[-1]:.10g} {unit}".rstrip()
+            f"{what.format(k)} = {times[k]:.10g} lies outside the samples, {first:.10g} ... {last:.10g} {unit}".rstrip()
         )
     needed = 48 * len(times) * len(trajectory.names)
     if needed > MEMORY_SHARE * memory():
@@ -64,18 +73,88 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         )
     before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
-    marcher, begun = None, -1
-    for k in np.argsort(times * direction, kind="stable").tolist():
-        if marcher is None or before[k] != begun:
-            begun = int(before[k])
-            state = (trajectory._q[begun], trajectory._v[begun])
-            begin = float(trajectory.times[begun])
-            marcher = bound(trajectory.system, trajectory.integrator, clock, threads=1, state=state, start=begin)
-        place = clock.place(float(times[k] - trajectory.times[begun]))
+    if trajectory.changes is not None and len(trajectory.changes):
+        again, sample = None, -1
+        for k in np.argsort(times * direction, kind="stable").tolist():
+            if again is None or before[k] != sample:
+                sample = int(before[k])
+                again = LegsAgain(trajectory, sample)
+            q[k], v[k] = again.at(float(times[k]))
+        return q, v, times
+    missing = trajectory.times[before] != times
+    q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
+    if kept is None or not len(kept):
+        _marched(trajectory, trajectory.times, before, trajectory.sample, times, missing, q, v)
+        return q, v, times
+    begun, marched = kept.times[:, 0], missing
+    if trajectory.system.massive.all():
+        # Behind the last step, one that is chosen may have to be shorter than up to the end of the run.
+        marched = missing & ((times - begun[-1]) * direction > 0.0) & trajectory.clock.changes
+        if (missing & ~marched).any():
+            _part_of_steps(trajectory, kept, times, missing & ~marched, q, v)
+    if marched.any():
+        rows = np.searchsorted(begun * direction, times * direction, side="right") - 1
+        _marched(trajectory, begun, rows, lambda k: _one(kept, k), times, marched, q, v)
+    return q, v, times
+
+
+def _one(kept: KeptSteps, row: int) -> tuple[Array, Array]:
+    q, v = kept.states(np.array([row]))
+    return q[0], v[0]
+
+
+def _part_of_steps(
+    trajectory: Trajectory, kept: KeptSteps, times: Array, missing: NDArray[np.bool_], q: Array, v: Array
+) -> None:
+    """Write the `missing` states, by partial steps from kept ones."""
+    direction, begun, n = trajectory.clock.direction, kept.times, len(trajectory.names)
+    partial = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1).partial_steps()
+    for some in np.array_split(np.flatnonzero(missing), np.arange(MOST_AT_ONCE, missing.sum(), MOST_AT_ONCE)):
+        asked = times[some]
+        rows = np.searchsorted(begun[:, 0] * direction, asked * direction, side="right") - 1
+        parts = (asked - begun[rows, 0]) - begun[rows, 1]
+        early = (parts * direction < 0.0) & (rows > 0)  # the sum of both numbers is a little later than the first
+        rows[early] -= 1
+        parts[early] = (asked[early] - begun[rows[early], 0]) - begun[rows[early], 1]
+        found, starts = np.unique(rows, return_inverse=True)
+        path = np.zeros((len(found), 2, padded(3 * n)))
+        for k, states in enumerate(kept.states(found)):
+            path[:, k, : 3 * n] = states.transpose(0, 2, 1).reshape(len(found), 3 * n)
+        at = np.empty((2, len(some), 3 * n))
+        partial.take(path, starts, begun[rows, 0], parts, np.ones(len(some), dtype=bool), *at)
+        q[some], v[some] = at.reshape(2, len(some), 3, n).transpose(0, 1, 3, 2)
+
+
+def _marched(
+    trajectory: Trajectory,
+    begun: Array,
+    before: NDArray[np.intp],
+    state: Callable[[int], tuple[Array, Array]],
+    times: Array,
+    missing: NDArray[np.bool_],
+    q: Array,
+    v: Array,
+) -> None:
+    """Write the `missing` states, by marches from known ones.
+
+    begun : the times of the known states; before : the number of the one before each time; state : returns q and v
+    """
+    clock = trajectory.clock
+    marcher, known = None, -1
+    for k in np.argsort(times * clock.direction, kind="stable").tolist():
+        if not missing[k]:
+            continue
+        if marcher is None or before[k] != known:
+            known, begin = int(before[k]), float(begun[before[k]])
+            marcher = bound(
+                trajectory.system, trajectory.integrator, clock, threads=1, state=state(known), start=begin
+            )
+        place = clock.place(float(times[k]) - begin)
         marcher.advance_to(place)
         q[k], v[k] = marcher.state_at(place)
     whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)
+        if clock.changes:
+            later = np.abs(times) > abs(particle.time.value)
         q[later, body] = v[later, body] = np.nan
-    return q, v, times

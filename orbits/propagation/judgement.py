@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orbits.errors import RetiredWarning, StepWarning, level_of_caller
+from orbits.kernels.steps import IMPACT
+from orbits.marching.retirement import REASONS
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.kepler_splitting import encounters
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
@@ -130,17 +132,26 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
 
 
 def warn_of_retired(run: Trajectory) -> None:
-    """Warn, with `RetiredWarning`, about the particles that were retired in a run."""
-    retired, unit = run.retired, run.system.units.time
-    first = sorted(retired, key=lambda particle: particle.step)[:SHOWN]
+    """Warn, with `RetiredWarning`, about the particles that were retired in a run, but for those that merged."""
+    retired = [particle for particle in run.retired if particle.reason != REASONS[IMPACT]]
+    if not retired:
+        return
+    unit = run.system.units.time
+    first = sorted(retired, key=lambda particle: abs(particle.time.value))[:SHOWN]
     hidden = len(retired) - len(first)
     more = f"\n  And {hidden:,} more, in run.retired." if hidden else ""
     who = f"{len(retired):,} massless particle{'s' * (len(retired) > 1)}"
+    if run.clock.changes:
+        how = run.made_by
+        remedy = "They meet a body there, as points do. Use softening, or end the run before."
+    else:
+        how = f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)}"
+        remedy = "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening."
     warnings.warn(
-        f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} could not step {who} any further, and "
-        "the run went on without: their q and v are NaN from then on, and run[k] leaves them out. All others are the "
-        "same as without them.\n" + "\n".join(f"  {particle}." for particle in first) + f"{more}\n"
-        "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening.",
+        f"{how} could not step {who} any further, and the run went on without: their q and v are NaN from then on, and "
+        "run[k] leaves them out. All others are the same as without them.\n"
+        + "\n".join(f"  {particle}." for particle in first)
+        + f"{more}\n{remedy}",
         RetiredWarning,
         stacklevel=level_of_caller(),
     )

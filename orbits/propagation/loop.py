@@ -12,9 +12,20 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWarning, StepWarning, StorageError
+from orbits.errors import (
+    EventError,
+    IntegrationError,
+    Interrupted,
+    OrbitsError,
+    RetiredWarning,
+    StepWarning,
+    StorageError,
+)
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement, kepler_splitting
+from orbits.propagation.changing import ChangingMarch, March, of_this_leg
+from orbits.propagation.events.base import Sought
+from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.progress import Progress
 from orbits.propagation.replay import REPLAY, seen_by
@@ -24,14 +35,20 @@ from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import RetiredParticles, Statistics, Trajectory
+from orbits.trajectory.changes import at_time
+from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
-    from orbits.marching.marcher import Marcher
+    from orbits.propagation.step_store import StepStore
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
+
+
+AT_ONCE = 256
+"""The most samples within a step whose states are computed together."""
 
 
 @dataclass
@@ -41,22 +58,58 @@ class RunEnds:
     conditions: Conditions
     callback: Callback | None
     check_step: bool
+    events: Seeking
     stopped: Stop | None = None
     begun: float = 0.0
 
-    def ended(self, system: System, marcher: Marcher) -> bool:
+    def ended(self, system: System, marcher: March) -> bool:
         """Return whether a condition that ends the run holds, and note it."""
+        if isinstance(marcher, ChangingMarch) and marcher.ended is not None:
+            row, bodies = marcher.ended
+            names = " and ".join(system.names[int(k)] for k in row[[BODY, OTHER]])
+            event = self.events.event_of(int(row[NUMBER]))
+            self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
+            return True
         found = None if marcher.met is None else self.conditions.met(*marcher.met)
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is not None:
-            self.note(system, marcher.time, marcher.state(), *found)
+            self.note(system, marcher, marcher.time, marcher.state(), *found)
         return found is not None
 
+    def interrupted(self, system: System, marcher: March, found: Found | None) -> bool:
+        """Return whether an event ends the run, and note it; others that interrupt it act."""
+        if found is None:
+            return False
+        state = of_this_leg(marcher).state_after(found.time - marcher.time)
+        happening = self.events.happening(found, state)
+        then = happening.event.then
+        if not isinstance(then, str):
+            changed = then.act(happening)
+            if changed is not None and isinstance(marcher, ChangingMarch):
+                marcher.change(happening.kind, found.time, *state, happening.system, changed)
+            return False
+        names = [name for name in (happening.body, happening.other) if name is not None]
+        reason = " and ".join(names) + ": " * bool(names) + happening.kind
+        self.note(system, marcher, found.time, state, reason, happening.event)
+        return True
+
+    def ahead(self, marcher: March, time: float) -> Found | None:
+        """Return the first event that interrupts the run before a time less than a step ahead, if any."""
+        if isinstance(marcher, ChangingMarch):
+            return self.events.before_in(marcher.steps_beyond(time), time)
+        return self.events.before(marcher, time, record=False)
+
     def note(
-        self, system: System, now: float, state: tuple[Array, Array], reason: str, condition: Condition | None
+        self,
+        system: System,
+        marcher: March,
+        now: float,
+        state: tuple[Array, Array],
+        reason: str,
+        condition: Condition | Sought | None,
     ) -> None:
         """Record the reason, the time and the state: q and v, (bodies, 3)."""
-        at = _moved(system, now, *state)
+        at = _moved(system, marcher, now, *state)
         t = u.Quantity(now, system.units.time)
         self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
 
@@ -64,17 +117,18 @@ class RunEnds:
 def march(
     system: System,
     integrator: Integrator,
-    marcher: Marcher,
+    marcher: March,
     grid: TimeGrid,
     first: int,
     begin: Callable[[], ArchiveWriter | None],
     progress: bool | None,
     watch: RunEnds,
     accounts: Array,
+    steps: StepStore | None = None,
 ) -> Trajectory:
     """March from sample `first` to the last one; however it ends, the archive is left closed and readable.
 
-    accounts : see `SampleStore`
+    accounts, steps : see `SampleStore`
     begin : opens the archive to write to, if there is one
     """
     begun, known = time.perf_counter(), len(marcher.retired())
@@ -86,14 +140,17 @@ def march(
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
-            store = SampleStore(len(system.names), len(grid) - first, writer, accounts)
-            unit, steps = system.units.time, grid.whole_steps
-            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=steps)
+            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, steps, watch.events)
+            unit, count = system.units.time, grid.whole_steps
+            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
             try:
                 try:
                     _sample(system, marcher, grid, first, store, bar, stop, watch)
+                    watch.events.flush()
                 except IntegrationError as error:
                     failure = error
+                    with suppress(EventError):
+                        watch.events.flush()
                 finally:
                     bar.close()
                 store.commit(marcher)
@@ -118,12 +175,15 @@ def march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
+    trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
-    trajectory.record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+    trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
+    if not (isinstance(marcher, ChangingMarch) and marcher.changed):
+        trajectory.record = Record.of(of_this_leg(marcher), float(trajectory.times[-1]) if len(trajectory) else 0.0)
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
-        if watch.check_step and len(trajectory.record.listed):
+        if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
                 warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of
                 warn(trajectory, seen_by(trajectory))
@@ -179,12 +239,13 @@ def _result(
         complete=len(q) == len(grid),
         again=REPLAY,
         accounts=accounts,
+        kept=None if store.steps is None else store.steps.kept,
     )
 
 
 def _sample(
     system: System,
-    marcher: Marcher,
+    marcher: March,
     grid: TimeGrid,
     first: int,
     store: SampleStore,
@@ -194,33 +255,52 @@ def _sample(
 ) -> None:
     """Visit every sample from `first` on, until a stop is requested."""
     watch.begun = time.perf_counter()
+    known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
     for index in range(first, len(grid)):
         if stop.name:
             return
         place = grid.place(index)
-        while marcher.is_before(place):
-            marcher.approach(place)
+        while not known and marcher.is_before(place):
+            try:
+                marcher.approach(place)
+            except IntegrationError:
+                watch.events.after(of_this_leg(marcher))  # the steps before the one that failed
+                raise
+            found = watch.events.after(of_this_leg(marcher))
             bar.update(marcher.time)
-            if stop.name or watch.ended(system, marcher):
+            if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
                 return
             if store.overdue:
                 store.commit(marcher)
-        state = marcher.state_at(place)
+        while watch.events.interrupts:  # those between the last step and the sample
+            found = watch.ahead(marcher, float(grid.times[index]))
+            if watch.interrupted(system, marcher, found):
+                return
+            if found is None:
+                break
+        if not known and marcher.clock.changes:
+            known = marcher.states_before_next(grid.times[index : index + AT_ONCE])[::-1]
+        state = known.pop() if known else marcher.state_at(place)
         store.note(marcher.accounts())
         store.add(*state)
         if watch.callback is not None:
             t = float(grid.times[index])
-            if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, t, *state)):
-                watch.note(system, t, state, "the callback ended the run", None)
+            if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, marcher, t, *state)):
+                watch.note(system, marcher, t, state, "the callback ended the run", None)
                 return
         if store.full:
             store.commit(marcher)
+    while (found := watch.events.before(of_this_leg(marcher), grid.end, record=True)) is not None:
+        if watch.interrupted(system, marcher, found):
+            return
     if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
         with suppress(IntegrationError):
-            end = marcher.ended_at(grid.end)  # the last step of the march leads beyond the run
+            end = of_this_leg(marcher).ended_at(grid.end)  # the last step of the march leads beyond the run
             if end.met is not None:
-                watch.note(system, end.time, end.state(), *watch.conditions.met(*end.met))
+                watch.note(system, marcher, end.time, end.state(), *watch.conditions.met(*end.met))
 
 
-def _moved(system: System, t: float, q: Array, v: Array) -> System:
+def _moved(system: System, marcher: March, t: float, q: Array, v: Array) -> System:
+    if isinstance(marcher, ChangingMarch):
+        return at_time(system, marcher.changes(), q, v, t)
     return moved(system, q, v, t, absent(q, v, system.massive))

@@ -21,17 +21,24 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks import Clock
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
-from orbits.propagation.sample_store import ACCOUNTS
+from orbits.propagation.sample_store import ACCOUNTS, Resumable
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.system.model import Model, model, require_newtonian
+from orbits.trajectory.changes import CHANGES, COUNTS
 
 BITS_DEPEND_ON = ("cpu_features", "kernel_sources", "numba", "llvmlite")
 """Entries of the provenance that must agree for a resumed run to give the same bits."""
 
+WORK = "change_work"
+"""The array of a checkpoint for what forces did in earlier legs of a run whose bodies change."""
+
 PASSAGES = frozenset({"passages", "passage_counts"})
 """Arrays of a checkpoint that list the passages of a march."""
 
+
+EVENTS = frozenset({"events", "event_counts"})
+"""Arrays of a checkpoint that list the events of a run."""
 
 RETIRED = frozenset({"retired"})
 """The array of a checkpoint that lists the retired particles."""
@@ -45,11 +52,15 @@ def bound(
     conditions: Conditions | None = None,
     state: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     start: float = 0.0,
+    radii: NDArray[np.float64] | None = None,
+    dense: bool = False,
 ) -> Marcher:
     """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
     state : q and v, (n, 3) floats, if the march begins in another state than that of the system
     start : the time since the epoch at which it begins
+    radii : (n,), if it ends where two bodies may come closer than the sum of theirs
+    dense : whether the motion within its steps is recorded, block by block
 
     Raises InputError if the integrator does not support the terms and forces of the system.
     """
@@ -58,17 +69,24 @@ def bound(
     if conditions is not None and conditions.energy < np.inf:
         require_newtonian(system, "EnergyErrorAbove")
     bodies = system.values if state is None else system.values._replace(q=state[0], v=state[1])
-    return march_of(
+    marcher = march_of(
         bodies,
         integrator,
         clock,
         model(system),
         start=start,
+        dense=dense,
         names=system.names,
         threads=threads,
         stops=None if conditions is None else conditions.stops,
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
+        radii=radii,
     )
+    if state is None:  # a march from a state of a run must not be refused where the run itself was not
+        massive = np.flatnonzero(system.massive)
+        names = [system.names[k] for k in massive]
+        marcher.clock.check_bodies(marcher.parameters, bodies.q[massive], bodies.v[massive], names)
+    return marcher
 
 
 def march_of(
@@ -89,13 +107,14 @@ def march_of(
     return Marcher(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, forces=forces, **options)
 
 
-def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
+def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
     """Restore the checkpoint of the archive at `path` in a marcher of its run.
 
     Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name != ACCOUNTS}
+    beside = {ACCOUNTS, *EVENTS}
+    found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name not in beside}
     for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:
             expected = {name: kind for name, kind in expected.items() if name not in later}
@@ -111,6 +130,11 @@ def restore(marcher: Marcher, checkpoint: Mapping[str, NDArray[Any]], path: str 
         marcher.restore(checkpoint)
     except InputError as error:
         raise ArchiveError(f"{path} is damaged: {error}") from error
+
+
+def unchanged(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the checkpoint of a run whose massive bodies could have changed, but did not, as that of a plain march."""
+    return {name: array for name, array in checkpoint.items() if name not in (CHANGES, COUNTS, WORK)}
 
 
 def provenance() -> dict[str, str]:

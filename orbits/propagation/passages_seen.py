@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, IntegrationError
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.propagation.marchers import bound, restore
+from orbits.propagation.marchers import bound, restore, unchanged
 from orbits.propagation.passage_effect import Pair
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class Seen:
         if record is None:
             assert trajectory.archive is not None
             marcher = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1)
-            restore(marcher, trajectory.archive.checkpoint(), trajectory.archive.path)
+            restore(marcher, unchanged(trajectory.archive.checkpoint()), trajectory.archive.path)
             if not trajectory.clock.changes and marcher.step > trajectory.archive.grid.whole_steps:
                 raise ArchiveError(
                     f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "

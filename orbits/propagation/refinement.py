@@ -137,6 +137,8 @@ def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage
     elif clock.changes:
         guess, end = passage.steps - passage.step, seen.end - passage.step
         length = min(WIDER * guess, end, key=abs)
+        while abs(length) < abs(end) and _approach_still(pair, passage, length):
+            length = min(WIDER * length, end, key=abs)
         least = _least(pair, passage, seen.gm(passage), length, guess / length, 1.0)
         least = least._replace(part=least.part * length)
     else:
@@ -144,6 +146,12 @@ def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage
         least = _least(pair, passage, seen.gm(passage), clock.h, min(passage.steps - passage.step, end), end)
     when = passage.step + least.part
     return Passage(body, other, passage.step, when, least.distance, least.speed, state=state, about=about)
+
+
+def _approach_still(pair: _Pair, passage: Passage, offset: float) -> bool:
+    """Return whether two bodies still approach each other after a partial step."""
+    state = pair.relative(passage.body, passage.other, offset)
+    return float(state[:3] @ state[3:]) * offset < 0.0
 
 
 def _least(pair: _Pair, passage: Passage, mu: float, h: float, part: float, end: float) -> _Least:

@@ -12,6 +12,7 @@ from orbits.errors import InputError
 if TYPE_CHECKING:
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
+    from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Seen
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
@@ -26,6 +27,7 @@ class Replay:
         """Return a march of a run from its initial state."""
         from orbits.propagation.marchers import bound
 
+        _refuse_legs(run, "run.begun() and run.to_spk() march with")
         return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
@@ -57,6 +59,13 @@ class Replay:
         refine(run, seen, found)
         return [approaches.one(k) for k in found]
 
+    def error_estimate(self, run: Trajectory) -> ErrorBars:
+        """Return the error bars of a run, from two companions."""
+        from orbits.propagation.error_estimate import error_bars
+
+        _refuse_legs(run, "run.error_estimate() marches companions with")
+        return error_bars(run)
+
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive, as listed in its last checkpoint."""
         from orbits.trajectory.retired import RetiredParticles
@@ -68,15 +77,26 @@ class Replay:
         from orbits.marching.retirement import retirements
 
         particles = np.flatnonzero(~run.system.massive)
-        rows = retirements(listed, checkpoint["particle_q"], checkpoint["particle_v"], particles)
+        q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
+        rows = retirements(listed, q, v, particles, clocks)
         return RetiredParticles.of(run.system, run.clock, rows)
 
 
 REPLAY = Replay()
 
 
+def _refuse_legs(run: Trajectory, what: str) -> None:
+    """Raise InputError for a run whose massive bodies changed on the way."""
+    if run.changes is not None and run.changes.acted_on_massive:
+        raise InputError(
+            f"{what} the same bodies from start to end, but bodies merge or bounce in this run ({len(run.legs)} legs). "
+            "Its collisions are in run.events; run.at(times) and the samples go through them."
+        )
+
+
 def seen_by(run: Trajectory) -> Seen:
     """Return the passages of a run, which are determined once and stored with it."""
+    _refuse_legs(run, "run.closest_approaches() and run.unresolved() know runs of")
     if run.record is None and run.archive is None:
         raise InputError(
             f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "

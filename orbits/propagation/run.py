@@ -11,11 +11,18 @@ from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
+from orbits.marching.adaptive import Adaptive
 from orbits.propagation import kepler_splitting, step_check
+from orbits.propagation.changing import March, march_of_run, of_this_leg
+from orbits.propagation.error_estimate import error_bars
+from orbits.propagation.events.again import sought_again
+from orbits.propagation.events.base import Sought
+from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
-from orbits.propagation.marchers import bound, differences, provenance, restore
+from orbits.propagation.marchers import differences, provenance, restore
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
+from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
 from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
@@ -24,7 +31,6 @@ from orbits.trajectory import Trajectory
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate
-    from orbits.marching.marcher import Marcher
 
 Path = str | PathLike[str]
 
@@ -41,10 +47,13 @@ def propagate(
     overwrite: bool = False,
     certificate: bool | Certificate = False,
     stop: Condition | Sequence[Condition] = (),
+    events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
     check_step: bool = True,
+    dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
+    error_estimate: bool = False,
     **others: Unpack[NoOthers],
 ) -> Trajectory:
     """Propagate `system` and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
@@ -56,8 +65,10 @@ def propagate(
     integrator : a method such as `Gauss(stages=8)`, the default, or its name as on the command line: "gauss",
         "gauss(stages=4)"
     dt : None or `orbits.Adaptive()` chooses steps one by one, also through encounters, with errors at the level of
-        round-off, for massive bodies and Gauss. Or the length of a step: a quantity, a number in the system's time
-        unit, or a text such as "6 d", or "P/20" for a fraction of the shortest orbital period; it is rounded to 24
+        round-off, for Gauss; massless particles take steps of their own where they need to;
+        `orbits.TimeTransformed(step=0.3)` takes constant steps of transformed time, symplectic through near-collisions,
+        for a few massive bodies of comparable masses. Or the length of a step: a quantity, a number in the system's
+        time unit, or a text such as "6 d", or "P/20" for a fraction of the shortest orbital period; it is rounded to 24
         significant bits (`run.dt` is the step used), and its sign does not matter
     duration : the length of the run: a quantity, a number or a text ("10 yr"); negative for backwards in time
     until : instead, its end: a date (a Time, "2030-01-01", a datetime64; TDB if no scale is given), or a time since
@@ -70,13 +81,19 @@ def propagate(
         does, and stores the certificate in the archive; or an existing certificate
     stop : a condition that ends the run early, such as `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, or a list
         of them; `run.stopped` then has the condition and the state. An archive can be resumed past it.
+    events : what is sought on the motion within steps, such as `orbits.CloseApproach("Apophis", "Earth")`, one event or
+        a list of them: `run.events` is their table. They change the run only if they stop it, or act
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
         about close passages that the step did not resolve (see `run.closest_approaches()`)
+    dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
+        once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same
     progress : None or True shows a progress bar on a terminal, False does not
     threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
         the result do not depend on it
+    error_estimate : whether the two companions of `run.error_estimate()` are marched after the run, in 2.4 times its
+        time
 
     Raises InputError for invalid arguments; UnknownNameError for unknown ones, which for arguments of other packages
     names the equivalent; ConvergenceError or SingularityError if a step of the massive bodies fails (a massless
@@ -89,7 +106,8 @@ def propagate(
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
     integrator = integrators.named("gauss" if integrator is None else integrator)
-    return propagated(
+    estimated = checked_flag(error_estimate, "error_estimate")
+    run = propagated(
         system,
         integrator,
         TimeGrid.of(system, dt, duration=duration, until=until, samples=samples),
@@ -97,11 +115,17 @@ def propagate(
         overwrite=overwrite,
         certificate=certificate,
         stop=stop,
+        events=events,
         callback=callback,
         check_step=check_step,
+        dense=dense,
         progress=progress,
         threads=threads,
     )
+    merged = run.changes is not None and run.changes.acted_on_massive
+    if estimated and not merged:  # run.error_estimate() says why there are none
+        run.error_bars = error_bars(run, threads)
+    return run
 
 
 def propagated(
@@ -113,8 +137,10 @@ def propagated(
     overwrite: bool = False,
     certificate: bool | Certificate = False,
     stop: Condition | Sequence[Condition] = (),
+    events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
     check_step: bool = True,
+    dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
 ) -> Trajectory:
@@ -122,26 +148,36 @@ def propagated(
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_choice(progress, "progress")
-    marcher = bound(system, integrator, grid.clock, threads, conditions)
+    seeking = Seeking(system, events, grid.clock.direction)
+    marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
         _refuse_endless(system, grid)
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
         check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
         check(system, integrator, grid.h, grid.end)
-    watch = RunEnds(conditions, callback, check_step)
+    watch = RunEnds(conditions, callback, check_step, seeking)
     accounts = no_accounts(len(grid), len(system.forces))
+    if checked_flag(dense, "dense") and seeking.touching:
+        raise InputError(
+            "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
+            "run.at(times) marches on from the preceding sample, through the collisions."
+        )
+    if dense and archive is None:
+        check_memory(system, grid)
+    steps = StepStore(of_this_leg(marcher), in_memory=archive is None) if dense else None
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts)
+        return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
     if not isinstance(certificate, bool | Certificate | None):
         raise InputError(f"certificate is a {type(certificate).__name__}; expected True or a result of orbits.certify")
-    if certificate is True and grid.clock.changes:
+    if certificate is True and isinstance(grid.clock, Adaptive):
         raise InputError("a certificate needs steps of one length: give dt=..., or omit the certificate")
-    measured = certify(system, integrator, grid.h) if certificate is True else certificate
+    step = grid.clock if grid.clock.changes else grid.h
+    measured = certify(system, integrator, step) if certificate is True else certificate
 
     replace = checked_flag(overwrite, "overwrite")
 
@@ -151,13 +187,15 @@ def propagated(
             system=system,
             integrator=integrators.describe(integrator),
             grid=grid,
-            checkpoint=checkpoint_of(marcher, accounts),
+            checkpoint=checkpoint_of(marcher, accounts, seeking),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
+            events=seeking.described(),
+            steps=room_for_steps(system, grid) if dense else 0,
             overwrite=replace,
         )
 
-    return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts)
+    return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
 
 
 def _refuse_endless(system: System, grid: TimeGrid) -> None:
@@ -174,6 +212,7 @@ def resume(
     path: Path,
     *,
     until: Any = None,
+    events: Sought | Sequence[Sought] = (),
     progress: bool | None = None,
     threads: int | None = None,
     same_bits: bool = True,
@@ -183,6 +222,7 @@ def resume(
     path : an archive written by `propagate`
     until : for a finished run, the date or the time since the epoch to which it is extended, as in `propagate`, with
         samples as dense as before; None completes an interrupted run
+    events : those of the run, if an archive cannot hold them: functions of your own, and what acts. Others are known
     same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change;
         False resumes anyway
 
@@ -209,26 +249,29 @@ def resume(
         if old.committed == len(grid):
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
-        marcher = bound(system, integrator, grid.clock, threads)
+        seeking = sought_again(old, events, path)
+        marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
+        seeking.restore(old.checkpoint(), marcher.reading != 0, path)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
+        steps = continued(old, of_this_leg(marcher))
     except BaseException:
         old.close()
         raise
 
     def begin() -> ArchiveWriter:
-        now, before = checkpoint_of(marcher, accounts), old.checkpoint()
+        now, before = checkpoint_of(marcher, accounts, seeking), old.checkpoint()
         if until is None and now.keys() == before.keys():
             return ArchiveWriter.going_on(old)
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(system, ()), None, True)
-    return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts)
+    watch = RunEnds(Conditions(system, ()), None, True, seeking)
+    return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps)
 
 
-def _check_place(marcher: Marcher, grid: TimeGrid, committed: int, path: Path) -> None:
+def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> None:
     """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
     if grid.clock.changes:
         following = float(grid.times[committed])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,8 @@ from orbits.propagation.available_memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
     from orbits.archive import Archive, ArchiveWriter
-    from orbits.marching.marcher import Marcher
+    from orbits.propagation.events.seeking import Seeking
+    from orbits.propagation.step_store import StepStore
 
 Array = NDArray[np.float64]
 
@@ -34,16 +36,38 @@ COMMIT_SHARE = 0.25
 """Commits become rarer during a run, up to `COMMIT_SECONDS`: a failing machine loses this share of the computation."""
 
 
+class Resumable(Protocol):
+    """A march that can go on from a checkpoint."""
+
+    def checkpoint(self) -> dict[str, NDArray[Any]]:
+        """Return all that is needed to resume bit for bit, as arrays of fixed shapes."""
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
+        """Restore a checkpoint. Raises InputError for one that is not of this run."""
+
+
 class SampleStore:
     """Collects samples and passes them to an archive chunk by chunk, or keeps them all if there is none.
 
     bodies : number of bodies in each sample; room : number of samples to expect
     accounts : (samples, forces, 7), work, torque and impulse of forces up to each sample of the run, known up to the
         next sample; by default there are no forces
+    steps : what keeps the steps of the run for dense output, or None
+    events : those that are sought, if any
     """
 
-    def __init__(self, bodies: int, room: int, writer: ArchiveWriter | None, accounts: Array | None = None) -> None:
+    def __init__(
+        self,
+        bodies: int,
+        room: int,
+        writer: ArchiveWriter | None,
+        accounts: Array | None = None,
+        steps: StepStore | None = None,
+        events: Seeking | None = None,
+    ) -> None:
+        self._events = events
         self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
+        self.steps = steps
         self._next = len(self._accounts) - room
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
@@ -65,9 +89,13 @@ class SampleStore:
 
     @property
     def overdue(self) -> bool:
-        """Whether the archive is due for a commit: soon after the start, and then more and more rarely."""
+        """Whether the archive is due for a commit: soon after the start, and then more and more rarely, but before the
+        steps kept for dense output fill the memory.
+        """
         if self._writer is None:
             return False
+        if self.steps is not None and self.steps.full:
+            return True
         elapsed = self._committed_at - self._begun
         pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
         return time.perf_counter() - self._committed_at > pause
@@ -82,10 +110,18 @@ class SampleStore:
         self._count += 1
         self._next += 1
 
-    def commit(self, marcher: Marcher) -> None:
+    def commit(self, marcher: Resumable) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
-            self._writer.commit(self._q[: self._count], self._v[: self._count], checkpoint_of(marcher, self._accounts))
+            if self._events is not None:
+                self._events.flush()
+            checkpoint = checkpoint_of(marcher, self._accounts, self._events)
+            new = self._q[: self._count], self._v[: self._count], checkpoint
+            if self.steps is None:
+                self._writer.commit(*new)
+            else:
+                self._writer.commit(*new, self.steps.pieces())
+                self.steps.written()
             self._count = 0
             self._committed_at = time.perf_counter()
 
@@ -94,9 +130,14 @@ class SampleStore:
         return self._q[: self._count], self._v[: self._count], self._accounts[: self._next]
 
 
-def checkpoint_of(marcher: Marcher, accounts: Array) -> dict[str, NDArray[np.generic]]:
-    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample."""
-    return {**marcher.checkpoint(), **({ACCOUNTS: accounts.copy()} if accounts.size else {})}
+def checkpoint_of(
+    marcher: Resumable, accounts: Array, events: Seeking | None = None
+) -> dict[str, NDArray[np.generic]]:
+    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, and with the
+    events found so far.
+    """
+    known = {ACCOUNTS: accounts.copy()} if accounts.size else {}
+    return {**marcher.checkpoint(), **known, **({} if events is None else events.checkpoint())}
 
 
 def no_accounts(samples: int, forces: int) -> Array:

@@ -16,18 +16,23 @@ from orbits.body_names import index_of
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
+from orbits.propagation.events.base import RECORD, Sought
+from orbits.propagation.events.kinds import Distance, pairs_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
+    from orbits.propagation.events.base import Bound
     from orbits.system import System
 
 
 @dataclass(frozen=True)
-class CloserThan:
-    """Stop after the step in which two bodies came closer than a distance, even if only between its ends.
+class CloserThan(Sought):
+    """Stop after the step in which two bodies came closer than a distance, even if only between its ends. Among
+    `events`: the time at which they do.
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None means any body. One of the two must have mass.
+    then : among `events`, what happens; see `orbits.Event`
 
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
@@ -37,15 +42,22 @@ class CloserThan:
     other: str | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check_pair(self)
+
+    def bound(self, system: System) -> list[Bound]:
+        """Return the squared distance less that of the bound, which falls through zero."""
+        return [distances(self, system, lambda word: (f"closer than {word}", None))]
 
 
 @dataclass(frozen=True)
-class FartherThan:
-    """Stop after the first step at whose end two bodies are farther apart than a distance.
+class FartherThan(Sought):
+    """Stop after the first step at whose end two bodies are farther apart than a distance. Among `events`: the time at
+    which they get there.
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None means any body. One of the two must have mass.
+    then : among `events`, what happens; see `orbits.Event`
 
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
@@ -55,7 +67,12 @@ class FartherThan:
     other: str | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check_pair(self)
+
+    def bound(self, system: System) -> list[Bound]:
+        """Return the squared distance less that of the bound, which rises through zero."""
+        return [distances(self, system, lambda word: (None, f"farther than {word}"))]
 
 
 @dataclass(frozen=True)
@@ -93,12 +110,12 @@ Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
 class Stop:
     """Why and where a run ended early.
 
-    reason : in words; condition : the one that was met, or None if the callback ended the run
+    reason : in words; condition : the one that was met, or the event, or None if the callback ended the run
     time : since the epoch, with unit; system : the state at that time, the end of a step
     """
 
     reason: str
-    condition: Condition | None
+    condition: Condition | Sought | None
     time: u.Quantity
     system: System
 
@@ -116,6 +133,9 @@ class Conditions:
                 f"stop = {shown(stop)}; expected conditions such as orbits.CloserThan(0.01 * u.au, 'Apophis', "
                 "'Earth'), orbits.FartherThan, orbits.EnergyErrorAbove or orbits.WallTimeOver, one or a list of them."
             )
+        for c in given:
+            if isinstance(c, Sought) and c.then != RECORD:
+                raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
         self._system = system
         self._distances = [c for c in given if isinstance(c, CloserThan | FartherThan)]
         self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
@@ -196,6 +216,16 @@ def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity
     if answer is None or isinstance(answer, bool | np.bool_):
         return bool(answer)
     raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
+
+
+def distances(
+    event: CloserThan | FartherThan, system: System, words: Callable[[str], tuple[str | None, str | None]]
+) -> Bound:
+    """Return the squared distance of two bodies less that of a bound."""
+    what = type(event).__name__
+    bound = float(system.units.length_value(event.distance, what))
+    pairs = pairs_of(system, event.body, event.other, what)
+    return Distance(words(f"{bound:g} {system.units.length}".rstrip()), pairs, bound)
 
 
 def _check_pair(condition: CloserThan | FartherThan) -> None:

@@ -18,16 +18,18 @@ from orbits.body_names import few
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning, shown
 from orbits.integrators.base import Integrator
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.marcher import available_threads
+from orbits.point_masses import PointMasses
 from orbits.propagation.run import propagated
 from orbits.regression import peers
-from orbits.regression import reference as solutions
 from orbits.regression import tolerances as tolerance
 from orbits.regression.conserved_quantities import Invariants
 from orbits.regression.problem import Problem, Sampled, time_axis
+from orbits.regression.reference_choice import kind_of_reference, reference_positions
 from orbits.regression.report import ReferenceNote, Report, Row
 from orbits.system import System
-from orbits.time_grid import TimeGrid
+from orbits.time_grid import TimeGrid, dynamical_time, dynamical_time_of
 
 if TYPE_CHECKING:
     from astropy.units import Quantity
@@ -36,25 +38,18 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-EXACT_SOLVES = 200_000
-"""With reference="auto", the exact solution is used up to this many bodies times samples (up to a minute)."""
-
-_REFERENCES = ("auto", "exact", "converged", "none")
-_BLIND = (
-    "The reference solution is collocation with the same forces as ours, so it cannot reveal errors common to both. "
-    "Peers share no code with it."
-)
 _WARM_UP_STEPS = 3
 
 
 def compare(
     system: System,
-    integrators: Any,
+    integrators: Any = None,
     *,
-    dt: Quantity | float | str,
-    duration: Quantity | float | str,
+    dt: Any = None,
+    duration: Any = None,
+    until: Any = None,
     samples: Any = 101,
-    against: str | Sequence[str] = ("whfast", "ias15"),
+    against: str | Sequence[str] | None = None,
     tolerances: Mapping[str, Any] | None = None,
     reference: str | Quantity | float = "auto",
     title: str | None = None,
@@ -63,22 +58,29 @@ def compare(
     progress: bool | None = None,
     **others: Unpack[NoOthers],
 ) -> Report:
-    """Run our methods and REBOUND's from the same floats with the same step, and judge ours.
+    """Run our methods and REBOUND's from the same floats, with the same step or each with its own, and judge ours.
+
+        report = orbits.compare(system, duration=10 * u.yr)  # beside IAS15, both with adaptive steps
+        report = orbits.compare(system, "gauss", dt=6 * u.day, duration=100 * u.yr)  # beside WHFast and IAS15
 
     system : a `System`, the initial state of all of them
-    integrators : one of ours or several, such as `[orbits.Gauss(stages=8), "stormer-verlet"]`
-    dt, duration, samples, threads : as in `propagate`. dt is also exactly the step of the fixed-step peers, and the
-        first one that IAS15 tries; every method is sampled at the same times
+    integrators : one of ours or several, such as `[orbits.Gauss(stages=8), "stormer-verlet"]`; Gauss with 8 stages by
+        default
+    dt, duration, until, samples, threads : as in `propagate`. Every method is sampled at the same times. dt is also
+        exactly the step of the fixed-step peers, and the first one that IAS15 tries. Without dt, or with
+        `orbits.Adaptive(...)`, ours choose their steps one by one, as IAS15 does at its default epsilon
     against : names of peers: "whfast", "whfast-corrector17", "whfast-heliocentric", "saba-10-6-4", "ias15",
-        "leapfrog"; may be empty
+        "leapfrog"; may be empty. By default WHFast and IAS15; without dt, IAS15
     tolerances : bounds for our methods, on the largest values over the samples: {"energy": 1e-12,
         "angular_momentum": 1e-14, "position_km": 1.0}; for positions also by body, {"position_km": {"Mercury": 0.1,
         "particles": 100}}, or as a length in the system's unit, {"position": 1e-9}; for one method only,
         {"gauss": {"energy": 1e-13}}
-    reference : the reference solution for positions. "auto": the exact solution if there is one, otherwise "converged":
-        Gauss collocation with 8 stages and the largest power of two up to dt/2 as its step. The largest difference from
-        the same with 7 and with 6 stages is printed as its own error. A time sets this step. "exact" requires the exact
-        solution; "none" measures no positions
+    reference : the reference solution for positions. "auto": the exact solution if there is one, otherwise "converged",
+        or without dt "taylor". "converged" is Gauss collocation with 8 stages and the largest power of two up to dt/2
+        as its step, whose own error is printed: the largest difference from the same with 7 and with 6 stages; a time
+        sets this step. "taylor" is a Taylor series in 106-bit arithmetic with steps of its own, through any encounter,
+        whose error is the difference from another order. "exact" requires the exact solution; "none" measures no
+        positions
     title : of the table and the picture
     runs : finished runs of `integrators` from this system with this dt and these samples, which are not repeated; wall
         and compile times are then those of these runs (including writing, for a run into an archive)
@@ -97,7 +99,7 @@ def compare(
     return compared(
         system,
         integrators,
-        TimeGrid.of(_checked(system), dt, duration=duration, samples=samples),
+        TimeGrid.of(_checked(system), dt, duration=duration, until=until, samples=samples),
         against=against,
         tolerances=tolerances,
         reference=reference,
@@ -108,20 +110,12 @@ def compare(
     )
 
 
-def require_constant_steps(grid: TimeGrid) -> None:
-    """Refuse a grid without a dt."""
-    if grid.clock.changes:
-        raise InputError(
-            "a comparison needs dt: methods with steps of one length take it to the bit; give dt=6 * u.day or the like"
-        )
-
-
 def compared(
     system: System,
     integrators: Any,
     grid: TimeGrid,
     *,
-    against: str | Sequence[str] = ("whfast", "ias15"),
+    against: str | Sequence[str] | None = None,
     tolerances: Mapping[str, Any] | None = None,
     reference: str | Quantity | float = "auto",
     title: str | None = None,
@@ -130,13 +124,16 @@ def compared(
     progress: bool | None = None,
 ) -> Report:
     """Compare on a given grid of steps and samples; otherwise like `compare`."""
-    ours = _ours(integrators)
-    require_constant_steps(grid)
+    ours = _ours("gauss" if integrators is None else integrators)
+    for method in ours:
+        grid.clock.check(method)
+    if against is None:
+        against = ("ias15",) if grid.clock.changes else ("whfast", "ias15")
     if not isinstance(against, Iterable):
         raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {shown(against)}")
     theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
     problem = Problem.of(system)
-    kind = _kind_of_reference(system, reference, problem, grid)
+    kind = kind_of_reference(system, reference, problem, grid)
     wanted = tolerance.parse(
         tolerances,
         methods=[(method.name, method.label) for method in ours],
@@ -154,7 +151,7 @@ def compared(
             else _run(system, method, grid, threads, progress, say)
             for method in ours
         ]
-        positions, note, remarks = _reference(system, problem, grid, kind, threads, say)
+        positions, note, remarks = reference_positions(system, problem, grid, kind, threads, say)
         others = [_peer(problem, peer, grid, say) for peer in theirs]
     except Interrupted:  # its message has more details than the one below
         raise
@@ -177,7 +174,7 @@ def compared(
         followed="worst of the massive bodies" if np.count_nonzero(problem.massive) > 1 else "worst of the bodies",
         reference=note,
         settings=_settings(system, problem, grid, ours, tolerances, title),
-        notes=(*invariants.notes, *remarks, *_threads_note(problem, threads)),
+        notes=(*_steps_note(ours, theirs, grid), *invariants.notes, *remarks, *_threads_note(problem, threads)),
     )
 
 
@@ -202,26 +199,6 @@ def _ours(integrators: Any) -> list[Integrator]:
     return out
 
 
-def _kind_of_reference(system: System, reference: Any, problem: Problem, grid: TimeGrid) -> str | float:
-    """Return the kind of reference solution: "exact", "none", or the step of the converged runs."""
-    if not isinstance(reference, str):
-        return grid.with_step(system, reference, "reference").dt
-    if reference == "step-halved":
-        raise InputError("reference='step-halved' is called 'converged' now, and its two runs differ in their stages.")
-    if reference not in _REFERENCES:
-        raise InputError(f"reference is {shown(reference)}; expected {', '.join(_REFERENCES)} or a step (a time).")
-    exact = solutions.exact_applies(problem.start)
-    if reference == "exact" and not exact:
-        raise InputError(
-            "reference='exact' needs one massive body with massless ones, or two massive bodies alone, without "
-            "softening; this system has no exact solution. Use 'auto' or 'converged'."
-        )
-    affordable = len(problem.names) * len(grid.times) <= EXACT_SOLVES
-    if reference == "exact" or (reference == "auto" and exact and affordable):
-        return "exact"
-    return "none" if reference == "none" else solutions.power_of_two(grid.dt / 2)
-
-
 def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], grid: TimeGrid) -> dict[str, Trajectory]:
     """Return finished runs by their method's label. Raises InputError for one that does not fit the comparison."""
     out = {}
@@ -229,9 +206,7 @@ def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], g
         label = run.integrator.label
         if label not in [method.label for method in ours]:
             raise InputError(f"runs holds one of {label}, which is not compared; give its integrator too.")
-        times = np.asarray(run.t.to_value(system.units.time))
-        step = abs(float(run.dt.to_value(system.units.time)))
-        if run.system != system or step != grid.dt or not np.array_equal(times, grid.times):
+        if run.system != system or run.clock != grid.clock or not np.array_equal(run.times, grid.times):
             raise InputError(f"the run of {label} has another system, step or samples; leave it out of runs.")
         out[label] = run
     return out
@@ -249,7 +224,7 @@ def _run(
     """Compile in a run of a few steps, then run. If a step fails, the result has the reason."""
     say(method.label)
     started = perf_counter()
-    short = grid.begun(_WARM_UP_STEPS + 0.5)
+    short = _beginning(system, grid)
     with contextlib.suppress(IntegrationError):  # the run below fails in the same way, and reports it
         propagated(system, method, short, threads=threads, progress=False, check_step=False)
     compile_s = perf_counter() - started
@@ -262,6 +237,13 @@ def _run(
         return Sampled(method.label, "ours", compile_s=compile_s, note=str(error))
     note = " ".join(str(warning.message) for warning in caught)
     return replace(_finished(run, method, compile_s), note=note)
+
+
+def _beginning(system: System, grid: TimeGrid) -> TimeGrid:
+    """Return the first few steps of a grid, with a sample at their end."""
+    if not grid.clock.changes:
+        return grid.begun(_WARM_UP_STEPS + 0.5)
+    return TimeGrid(grid.clock, np.array([0.0, grid.direction * min(dynamical_time(system), abs(grid.end))]))
 
 
 def _finished(run: Trajectory, method: Integrator, compile_s: float | None = None) -> Sampled:
@@ -280,36 +262,24 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
     )
 
 
-def _reference(
-    system: System, problem: Problem, grid: TimeGrid, kind: str | float, threads: int | None, say: _Say
-) -> tuple[Array | None, ReferenceNote | None, tuple[str, ...]]:
-    """Return reference positions, the note about them, and remarks if there are none."""
-    if kind == "none":
-        return None, None, ("No reference solution: positions are not measured.",)
-    if kind == "exact":
-        say("the exact solution")
-        made = solutions.exact(problem.start, grid.times)
-    else:
-        say("the reference solution")
-        try:
-            made = solutions.converged(system, grid.with_step(system, float(kind)), threads)
-        except IntegrationError as error:
-            return None, None, (f"The reference solution failed, so positions are not measured: {error}",)
-    errors = dict(zip(problem.names, (made.error * problem.length).tolist(), strict=True))
-    return made.q, ReferenceNote(made.kind, made.description, errors), (_BLIND,) if made.kind == "converged" else ()
-
-
 def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Sampled:
     """Return a peer's samples, or the reason why it has none."""
     reason = peers.unsuited(peer, problem.start.gm, problem.start.softening)
+    if grid.clock.changes and peer.fixed_step:
+        reason = "it has steps of one length, and this comparison has no dt"
     if reason:
         return Sampled(peer.label, "peer", note=reason + ".")
     say(peer.label)
     try:
-        run = peers.run(peer.name, problem.start, times=grid.times, dt=grid.dt)
+        run = peers.run(peer.name, problem.start, times=grid.times, dt=_first_step(problem.start, grid))
     except IntegrationError as error:
         return Sampled(peer.label, "peer", note=str(error))
     return Sampled(peer.label, "peer", run.q, run.v, run.steps, run.wall_s, note=" ".join(run.warnings))
+
+
+def _first_step(start: PointMasses, grid: TimeGrid) -> float:
+    """Return dt; without one, a first step for peers that choose their own, short enough for what they begin with."""
+    return 0.02 * min(dynamical_time_of(start), abs(grid.end)) if grid.clock.changes else grid.dt
 
 
 def _judged(row: Row, bounds: tolerance.Bounds, note: ReferenceNote | None, problem: Problem) -> Row:
@@ -326,6 +296,15 @@ def _judged(row: Row, bounds: tolerance.Bounds, note: ReferenceNote | None, prob
     unit = f" {problem.length_unit}" if problem.length_unit else ""
     failures = bounds.failures(reached, row.positions, note.errors if note is not None else {}, unit)
     return replace(row, verdict="FAIL" if failures else "ok", failures=failures)
+
+
+def _steps_note(ours: list[Integrator], theirs: list[peers.Peer], grid: TimeGrid) -> tuple[str, ...]:
+    if not isinstance(grid.clock, Adaptive):
+        return ()
+    tolerances = {f"{grid.clock.tolerance_for(method):.2g}" for method in ours}
+    adaptive = any(not peer.fixed_step for peer in theirs)
+    theirs_too = "; IAS15 chooses its own, at its default epsilon" if adaptive else ""
+    return (f"Steps: ours are chosen one by one, tolerance {' and '.join(sorted(tolerances))}{theirs_too}.",)
 
 
 def _threads_note(problem: Problem, threads: int | None) -> tuple[str, ...]:
@@ -351,7 +330,8 @@ def _settings(
     return {
         "title": title or f"{len(problem.names):,} bodies, {len(problem.massive_names)} of them massive",
         "integrators": [methods.describe(method) for method in ours],
-        "dt": grid.dt,
+        "dt": None if grid.clock.changes else grid.dt,
+        "tolerance": grid.clock.tolerance if isinstance(grid.clock, Adaptive) else None,
         "times": [float(grid.times[0]), float(grid.times[-1])],
         "time_unit": str(system.units.time),
         "samples": len(grid.times),

@@ -18,7 +18,8 @@ class Invariants:
     For two or more massive bodies these are their energy and angular momentum about the origin. A single massive body
     has neither, so they are the specific energy and angular momentum of each massless particle about it, and the
     largest relative error of all particles counts. If an initial value cancels to zero (as the angular momentum of the
-    figure-eight does), the scale is the sum of the sizes of its terms, and `notes` says so.
+    figure-eight does), the scale is the sum of the sizes of its terms, and `notes` says so. If these vanish too, as for
+    bodies at rest, it is their largest sum over the samples.
     """
 
     def __init__(self, start: PointMasses) -> None:
@@ -38,6 +39,8 @@ class Invariants:
         """Return |dE/E| and |dL/L| of q, v (samples, bodies, 3): each (samples,); NaN for a single massive body."""
         energy, momentum = self._values(q, v)
         energy_scale, momentum_scale = self._scales
+        if np.any(momentum_scale == 0.0):
+            momentum_scale = np.where(momentum_scale > 0.0, momentum_scale, self._terms(q, v)[1].max(axis=0))
         de = np.abs(energy - self._energy) / energy_scale
         dl = np.linalg.norm(momentum - self._momentum, axis=-1) / momentum_scale
         if self._alone:
@@ -64,14 +67,15 @@ class Invariants:
         others = np.arange(len(self._gm)) != centre
         return (q - q[:, centre, None])[:, others], (v - v[:, centre, None])[:, others]
 
-    def _compare_with(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def _terms(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return the sums of the sizes of the terms of both, with the shapes of their values without components."""
         if self._alone:
-            dq, dv = (x[0] for x in self._relative(q[None], v[None]))
-            kinetic = 0.5 * np.sum(dv * dv, axis=-1)
-            areal = np.linalg.norm(dq, axis=-1) * np.linalg.norm(dv, axis=-1)
-        else:
-            kinetic = np.asarray(kinetic_energies(self._gm, v))
-            areal = np.asarray(moments(self._gm, q, v))
+            dq, dv = self._relative(q, v)
+            return 0.5 * np.sum(dv * dv, axis=-1), np.linalg.norm(dq, axis=-1) * np.linalg.norm(dv, axis=-1)
+        return kinetic_energies(self._gm, v), moments(self._gm, q, v)
+
+    def _compare_with(self, q: Array, v: Array) -> tuple[Array, Array]:
+        kinetic, areal = (terms[0] for terms in self._terms(q[None], v[None]))
         energy, energy_cancelled = _scale(np.abs(self._energy), kinetic)
         momentum, momentum_cancelled = _scale(np.linalg.norm(self._momentum, axis=-1), areal)
         for what, cancelled in (("energy", energy_cancelled), ("angular momentum", momentum_cancelled)):

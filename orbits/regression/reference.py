@@ -5,14 +5,19 @@ Kepler's problem is solved in universal variables with 200-bit floats (60 digits
 positions are the exact solution of the float64 initial values, correctly rounded (except for ties beyond the 27th
 digit).
 
-Otherwise the reference is converged: Gauss collocation with 8 stages (order 16) and at most half the step. The largest
-difference from the same with 7 and with 6 stages is printed as its own error. Comparing one method at half and at a
-quarter of the step would underestimate this: the coefficients h a_ij would be the same floats up to a power of two,
-with the same rounding errors, which bias both runs in the same direction. Here the step is a power of two, so that
-multiplication by it is exact, and the other runs have other coefficients. Errors common to all collocation methods, or
-in the force kernel, are not detected; peers share no code with either.
+For runs without dt, the reference is a Taylor series of order 36 in doubled precision (106 bits), which starts from
+exactly the same floats, chooses steps of its own, and has nothing in common with the methods that are judged. Its own
+error is the difference from the same of order 28.
 
-Source: Rein & Tamayo (2015), sec. 2.3, and Danby (1992), sec. 6.9, for universal variables.
+With constant steps the reference is converged: Gauss collocation with 8 stages (order 16) and at most half the step.
+The largest difference from the same with 7 and with 6 stages is printed as its own error. Comparing one method at half
+and at a quarter of the step would underestimate this: the coefficients h a_ij would be the same floats up to a power
+of two, with the same rounding errors, which bias both runs in the same direction. Here the step is a power of two, so
+that multiplication by it is exact, and the other runs have other coefficients. Errors common to all collocation
+methods, or in the force kernel, are not detected; peers share no code with either.
+
+Source: Rein & Tamayo (2015), sec. 2.3, and Danby (1992), sec. 6.9, for universal variables; Jorba & Zou (2005) for
+Taylor series.
 """
 
 from __future__ import annotations
@@ -26,6 +31,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few
 from orbits.errors import ConvergenceError
 from orbits.point_masses import PointMasses
+from orbits.regression.taylor import ORDER, taylor
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -35,6 +41,9 @@ Array = NDArray[np.float64]
 
 PRECISION = 200
 """Precision of the mpmath floats in bits: 34 digits remain where near-parabolic motion cancels 26 of 60."""
+
+CHECK_ORDER = 28
+"""The order of the second Taylor series, whose difference from the first is the error of the reference."""
 
 _CONVERGED = 2.0**-90  # relative; Newton converges quadratically, so what is left is of the order of 2^-180
 _SERIES_BELOW = 1e-10  # of theta^2 = beta X^2: beneath it four terms of the series are good to 1e-40
@@ -46,7 +55,7 @@ class ReferenceSolution:
 
     q : (samples, bodies, 3) float64, in the caller's length unit
     error : (bodies,) float64, the largest error of each body, same unit
-    kind : "exact" or "converged"
+    kind : "exact", "taylor" or "converged"
     description : one sentence for the footer of a table
     """
 
@@ -226,6 +235,19 @@ def _kepler_equation(beta: float, r0: float, eta: float, zeta: float, x: Array) 
         g2 = np.where(small, x**2 / 2 * (1 - theta2 / 12 * (1 - theta2 / 30)), (1 - c) / divisor)
         g1 = x - beta * g3
         return r0 * x + eta * g2 + zeta * g3, r0 + eta * g1 + zeta * g2
+
+
+def series(start: PointMasses, times: Array) -> ReferenceSolution:
+    """Return the positions at `times` by Taylor series in doubled precision.
+
+    The error of a body is the largest difference, over the samples, from a series of another order, whose steps and
+    rounding errors are others; and the rounding of the result to float64. Raises IntegrationError if bodies meet.
+    """
+    judge, check = taylor(start, times), taylor(start, times, order=CHECK_ORDER)
+    missed = np.linalg.norm(check.from_positions(judge.q) + judge.q_lo, axis=-1).max(axis=0)
+    error = missed + np.spacing(np.abs(judge.q)).max(axis=(0, 2)) / 2
+    description = f"Taylor series of order {ORDER} in 106-bit arithmetic, compared with order {CHECK_ORDER}"
+    return ReferenceSolution(judge.q, error, "taylor", description)
 
 
 def power_of_two(step: float) -> float:

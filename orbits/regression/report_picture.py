@@ -75,6 +75,9 @@ def _panel(axis: Axes, times: Array, rows: list[Row], quantity: str, title: str)
     axis.set_yscale("log")
     axis.grid(True, which="major", color=style.FAINT, linewidth=0.6)
     after_start = times > 0
+    if times.max() >= 10.0 * times[after_start].min(initial=np.inf):  # else powers of ten may have no place on the axis
+        axis.set_xlim(times[after_start].min(), times.max())
+        axis.xaxis.set_minor_formatter("")
     for i, row in enumerate(rows):
         values: Array = getattr(row.series, quantity)[after_start]
         if not np.any(values > 0):  # also where nothing was measured; a log axis has no place for zero

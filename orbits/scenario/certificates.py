@@ -10,6 +10,7 @@ from typing import Any
 
 from orbits.certificate import Certificate, certify
 from orbits.errors import InputError
+from orbits.marching.adaptive import Adaptive
 from orbits.scenario.definition import Scenario
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -66,10 +67,16 @@ def certify_scenario(
     """
     file = replaceable(results_folder(out or Path("results") / scenario.name) / "certificate.json")
     certified = []
-    for case, problem, method, step, start in _problems(scenario, integrator):
+    for case, problem, method, own, start in _problems(scenario, integrator):
+        step = own if dt is None else dt
+        if step is None or isinstance(step, Adaptive):
+            raise InputError(
+                f"{scenario.name!r} has adaptive steps, and a certificate needs steps of one length: give their length "
+                "with --dt, or dt=..."
+            )
         say(f"{case + ', ' if case else ''}{method.label}: certifying")
         control = integrator is None and not method.variational
-        certificate = certify(problem, method, step if dt is None else dt, **start)
+        certificate = certify(problem, method, step, **start)
         certified.append(Certified(case, certificate, control))
     outcome = CertifyOutcome(scenario, tuple(certified), file)
     write_text(file, json.dumps(to_record(outcome), indent=1, allow_nan=False) + "\n")

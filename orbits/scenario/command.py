@@ -15,14 +15,20 @@ import typer
 from orbits.errors import InputError, Interrupted, OrbitsError
 from orbits.scenario.definition import MIND, Outcome, Scenario
 from orbits.scenario.study import Study, StudyOutcome, Table, cell
-from orbits.scenario.typed import quantity
+from orbits.scenario.typed import quantity, step_or_clock
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from orbits.scenario.certificates import CertifyOutcome
 
-Dt = Annotated[str | None, typer.Option(help="Step: '6 d', or a number in the system's unit of time.", metavar="TIME")]
+Dt = Annotated[
+    str | None,
+    typer.Option(
+        help="Step: '6 d', or a number in the system's unit of time; or adaptive, 'adaptive(tolerance=1e-8)'.",
+        metavar="STEP",
+    ),
+]
 Duration = Annotated[str | None, typer.Option(help="How far: '100 yr'; negative for backwards.", metavar="TIME")]
 Method = Annotated[
     str | None, typer.Option(help="One method instead of the scenario's: 'gauss(stages=4)'.", metavar="METHOD")
@@ -92,13 +98,21 @@ def changed(
             )
         return scenario
     from orbits import integrators
+    from orbits.marching.clocks import Clock
 
-    return scenario.with_changes(
-        dt=None if dt is None else quantity(dt, "--dt"),
+    new = scenario.with_changes(
+        dt=None if dt is None else step_or_clock(dt, "--dt"),
         duration=None if duration is None else quantity(duration, "--duration"),
         integrators=None if integrator is None else [integrators.parse(integrator)],
         samples=samples,
     )
+    if isinstance(new.dt, Clock):
+        try:
+            for method in new.integrators:
+                new.dt.check(method)
+        except InputError as error:
+            raise InputError(f"{error} Here: --integrator gauss") from None
+    return new
 
 
 def execute(scenario: Scenario | Study, *, out: Path | None, as_json: bool, no_plot: bool) -> int:
@@ -126,7 +140,7 @@ def certify(
     console.print(f"[bold]{_escaped(scenario.title)}[/]")
     outcome = certify_scenario(
         scenario,
-        dt=None if dt is None else quantity(dt, "--dt"),
+        dt=None if dt is None else step_or_clock(dt, "--dt"),
         integrator=None if integrator is None else integrators.parse(integrator),
         out=out,
         say=_saying(console),

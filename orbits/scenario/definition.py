@@ -39,6 +39,12 @@ class Check:
         return f"{self.claim}: {self.measured}" if self.measured else self.claim
 
 
+def _default_integrators() -> tuple[Any, ...]:
+    from orbits.integrators.gauss import Gauss  # imports Numba, which the start of the command line avoids
+
+    return (Gauss(stages=8),)
+
+
 def check_label(name: Any, title: Any) -> None:
     """Raise InputError unless `name` is suitable for a folder and `title` is one line of text."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
@@ -58,10 +64,12 @@ class Scenario:
     system : a `System`, or a function without arguments that makes one. For several related problems, a mapping from
         short names to Systems (or a function that makes such a mapping): each is a *case*, run and judged in the same
         way
-    integrators : methods of this package; the run of the first one is archived
-    dt, duration : as in `orbits.propagate`; the sign of `duration` gives the direction
+    integrators : methods of this package, by default Gauss with 8 stages; the run of the first one is archived
+    dt, duration : as in `orbits.propagate`; the sign of `duration` gives the direction. Without dt, or with
+        `orbits.Adaptive(...)`, steps are chosen one by one
     samples : number of samples, both ends included
-    against : peers to compare with, such as "whfast" and "ias15"; empty for no comparison
+    against : peers to compare with, such as "whfast" and "ias15"; empty for no comparison. Only "ias15" takes part in
+        a comparison without dt
     tolerances : of the comparison, as in `orbits.compare`
     checks : a function from the `Outcome` to the `Check`s that it must pass
     draw : a function from the `Outcome` to a matplotlib Figure, or to several by name; by default the orbits,
@@ -91,8 +99,8 @@ class Scenario:
     name: str
     title: str
     system: System | Mapping[str, System] | Callable[[], System | Mapping[str, System]]
-    integrators: Sequence[Any]
-    dt: Any
+    integrators: Sequence[Any] = field(default_factory=_default_integrators)
+    dt: Any = None
     duration: Any
     samples: int = 101
     against: Sequence[str] = ("whfast", "ias15")

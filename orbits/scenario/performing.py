@@ -67,10 +67,8 @@ def perform(
     for name, system in systems.items():
         stem = f"-{slug(name)}" if name else ""
         grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
-        if scenario.against or scenario.demands():
-            from orbits.regression.comparison import require_constant_steps
-
-            require_constant_steps(grid)  # before the runs
+        for method in scenario.integrators:  # before the runs
+            grid.clock.check(method)
         runs = _runs(scenario, name, system, grid, folder / f"run{stem}.h5", progress, say, complaints)
         files.append(folder / f"run{stem}.h5")
         cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, grid, runs, progress, say))
@@ -308,11 +306,14 @@ def _saved(figures: Mapping[str, Any], folder: Path) -> list[Path]:
 
 
 def _run_record(run: Trajectory) -> dict[str, Any]:
+    from orbits.marching.adaptive import Adaptive  # imports Numba, which the start of the command line avoids
+
     drift = run.drift()
     cost = run.statistics
     return {
         "integrator": run.integrator.label,
         "dt": None if run.clock.changes else abs(run.step),
+        "tolerance": run.clock.tolerance_for(run.integrator) if isinstance(run.clock, Adaptive) else None,
         "time_unit": str(run.system.units.time),
         "samples": len(run),
         "steps": cost.steps if cost else None,

@@ -26,6 +26,7 @@ from orbits._version import __version__
 from orbits.body_names import chosen, index_of, place_of
 from orbits.checks import positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, Place
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
@@ -187,7 +188,7 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
 def _refuse_retired(run: Trajectory, wanted: Sequence[str]) -> None:
     """Refuse bodies that were retired before the last sample: a segment covers the whole run."""
     ends = run.times[0], run.times[-1]
-    lost = [p for p in run.retired if p.name in wanted and abs(run.clock.time(p.step)) < max(map(abs, ends))]
+    lost = [p for p in run.retired if p.name in wanted and abs(p.time.value) < max(map(abs, ends))]
     if lost:
         raise InputError(
             f"{lost[0].name!r} was retired at t = {lost[0].time:.10g}, before the end of the run"
@@ -221,11 +222,10 @@ def _fitted(
         except _TooLongError as loss:
             reached = loss.args[0]
             length = min(length, grid.length) / 2.0
-    finer = "tolerance" if run.clock.changes else "dt"
     raise InputError(
         f"{run.made_by} is not smooth to {tolerance_km:g} km: because of its own error in a step, records of "
         f"{2 * length / DAY:.3g} d deviate by {reached:.2g} km. Use a larger tolerance_km, or propagate with a smaller "
-        f"{finer} or a method of higher order."
+        f"{run.clock.refined_by} or a method of higher order."
     )
 
 
@@ -317,7 +317,9 @@ def _planets_at_their_barycentres(numbers: Mapping[str, int], grid: _Grid) -> li
 
 
 def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, tolerance_km: float) -> list[str]:
-    steps = "adaptive steps" if run.clock.changes else f"dt = {abs(run.step)!r} {run.system.units.time}"
+    steps = f"dt = {abs(run.step)!r} {run.system.units.time}"
+    if isinstance(run.clock, ChangingSteps):
+        steps = run.clock.describe(run.integrator)
     lines = [
         f"Made by orbits {__version__}: {run.integrator.label}, {steps}.",
         f"Epoch of the initial state: {run.system.epoch} TDB.",

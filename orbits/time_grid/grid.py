@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from orbits.checks import single_number
 from orbits.errors import InputError, shown
 from orbits.marching.adaptive import Adaptive
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
+from orbits.marching.transformed import TimeTransformed
 from orbits.time_grid.reading import is_date, snapped, times_since
 from orbits.time_grid.step_length import step_length
 from orbits.units import quantity_from_text
@@ -78,12 +80,17 @@ class TimeGrid:
         Raises InputError for invalid arguments, EpochError for dates if the system has no epoch.
         """
         length = _length(system, duration, until)
-        if dt is None or isinstance(dt, Adaptive):
+        if dt is None or isinstance(dt, ChangingSteps):
             clock = (dt or Adaptive()).towards(length)
             return cls(clock, _sample_times(system, samples, length))
         if dt is Adaptive or (isinstance(dt, str) and dt.strip().lower() == "adaptive"):
             raise InputError(
                 f"dt = {shown(dt)}; for steps that are chosen one by one, expected dt=orbits.Adaptive(), or no dt."
+            )
+        if dt is TimeTransformed:
+            raise InputError(
+                "dt = orbits.TimeTransformed is the class; for constant steps of transformed time, expected "
+                "dt=orbits.TimeTransformed(step=0.3)."
             )
         h = step_length(system, dt, length)
         if abs(length) / h > MOST_STEPS:

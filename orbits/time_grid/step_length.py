@@ -10,13 +10,12 @@ import numpy as np
 
 from orbits.checks import single_number
 from orbits.errors import InputError, shown
+from orbits.marching.clocks import rounded_step
+from orbits.point_masses import PointMasses
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
     from orbits.system import System
-
-STEP_BITS = 24
-"""Bits of the significand of a step, so that k h is exact."""
 
 
 def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float:
@@ -42,7 +41,12 @@ def dynamical_time(system: System) -> float:
     """Return the shortest dynamical time, (sum G (m + m') / r^3)^(-1/2) over all pairs, at the start; infinite for a
     single body.
     """
-    gm, q, _, softening = system.values
+    return dynamical_time_of(system.values)
+
+
+def dynamical_time_of(start: PointMasses) -> float:
+    """Return the dynamical time of a start in floats."""
+    gm, q, _, softening = start
     rate = 0.0
     with np.errstate(all="ignore"):
         for i in range(len(gm)):
@@ -50,12 +54,6 @@ def dynamical_time(system: System) -> float:
             pairs = gm[i + 1 :] + gm[i]
             rate += float(np.sum(pairs[pairs > 0.0] * r2[pairs > 0.0] ** -1.5))
     return rate**-0.5 if rate > 0.0 else math.inf
-
-
-def rounded_step(dt: float) -> float:
-    """Return dt rounded to 24 significant bits, so that k * dt is exact for every k below 2^29."""
-    mantissa, exponent = math.frexp(dt)
-    return math.ldexp(round(math.ldexp(mantissa, STEP_BITS)), exponent - STEP_BITS)
 
 
 def _from_text(system: System, dt: Any, span: float, what: str) -> Any:

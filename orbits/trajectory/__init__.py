@@ -1,6 +1,7 @@
 """Trajectories: the results of runs."""
 
 from orbits.trajectory.conservation import ConservedQuantities
+from orbits.trajectory.events import Events, FoundEvent
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 from orbits.trajectory.retired import RetiredParticle, RetiredParticles
 from orbits.trajectory.trajectory import Trajectory
@@ -9,7 +10,9 @@ from orbits.trajectory.work import ForceEffect
 __all__ = [
     "BodyTrajectory",
     "ConservedQuantities",
+    "Events",
     "ForceEffect",
+    "FoundEvent",
     "RetiredParticle",
     "RetiredParticles",
     "Samples",

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from orbits.marching.clocks import Place
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
+    from orbits.propagation.error_bars import ErrorBars
     from orbits.spk import SpkFile
     from orbits.trajectory.retired import RetiredParticles
     from orbits.trajectory.trajectory import Trajectory
@@ -53,6 +54,9 @@ class MarchesAgain(Protocol):
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the passages that the step could not resolve; see `Trajectory.unresolved`."""
 
+    def error_estimate(self, run: Trajectory) -> ErrorBars:
+        """Return the error bars of a run; see `Trajectory.error_estimate`."""
+
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive."""
 
@@ -67,7 +71,8 @@ class MarchedAgain:
     def at(self, t: Any) -> Any:
         """Return the state at any time within the run, a `System`, or the states at several times, a `Trajectory`.
 
-        They are computed by the run's own method from the preceding samples, and are in the order of the times.
+        They are computed by the run's own method from the preceding samples, or, if the run was made with dense=True,
+        from the preceding steps, at once; and are in the order of the times.
         t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
             or an array or list of these; many times at once take about a ninth of the time of single calls
         Raises InputError outside the samples.
@@ -95,6 +100,25 @@ class MarchedAgain:
         """
         run: Trajectory = self  # type: ignore[assignment]
         return self._marches_again("run.unresolved").unresolved(run)
+
+    def error_estimate(self) -> ErrorBars:
+        """Return the error bars of all bodies at all samples: what the steps and round-off may have done to them.
+
+            bars = run.error_estimate()
+            bars.position, bars.velocity  # (samples, bodies), with units
+            bars["Mercury"], bars.relative_to("Earth")["Moon"], bars.growth, bars.lost
+
+        Two companions are marched from the start, at 2.4 times the cost of the run: one with steps of 0.7 times the
+        length, and one whose rounding errors are others. Their differences from the run tell its error; see
+        `orbits.propagation.error_bars.ErrorBars`. It is that of the integration: what the model leaves out, and what
+        the start is wrong by, is not in it. The result is kept with this trajectory, not in archives.
+        Raises InputError for a trajectory without samples, and for one that cannot be integrated again.
+        """
+        run: Trajectory = self  # type: ignore[assignment]
+        if run.error_bars is None:
+            self._require_method("run.error_estimate")
+            run.error_bars = self._marches_again("run.error_estimate").error_estimate(run)
+        return run.error_bars
 
     def begun(self) -> March:
         """Return a march of the run from its initial state, with its method and its step."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orbits.errors import ArchiveError, InputError
+from orbits.trajectory.changes import COUNTS, Changes, checked_rows
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
@@ -35,6 +36,17 @@ def made_by(archive: Archive) -> tuple[Integrator, Certificate | None]:
             f"{archive.path}: {str(error).rstrip('.')}. Read the samples with orbits.Archive.open(path), or use a "
             "version of orbits that knows this method."
         ) from error
+
+
+def changes_of(archive: Archive) -> Changes | None:
+    """Return the changes of bodies in an archived run, or None for one in which they cannot change."""
+    if COUNTS not in archive.layout.checkpoints[0]:
+        return None
+    try:
+        rows = checked_rows(archive.checkpoint(), archive.system)
+    except ArchiveError as error:
+        raise ArchiveError(f"{archive.path} is damaged: {error}") from error
+    return Changes(archive.system, rows, archive.grid.direction)
 
 
 def identity_of(run: Trajectory, samples: int) -> str:

@@ -17,6 +17,7 @@ from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_sca
 from orbits.errors import InputError
 from orbits.export import html_table
 from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, acts_on_massive, axis, depends_on_time, whole
+from orbits.trajectory.changes import Changes, of_bodies
 from orbits.trajectory.work import ForceEffect, accounts_of, effects
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ class Conservation:
     if TYPE_CHECKING:  # set by `Trajectory`
         system: System
         times: Array
+        changes: Changes | None
         _q: Samples
         _v: Samples
 
@@ -139,31 +141,29 @@ class Conservation:
 
     def energy(self) -> u.Quantity:
         """Return the energy of the massive bodies, of the whole Lagrangian, shape (n,)."""
-        gm, softening, system = self._gm(), self.system.values.softening, self.system
+        softening = self.system.values.softening
         values = self._of_massive(
-            lambda q, v, t: whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v, t)
+            lambda s, q, v, t: whole(s, ENERGY, diagnostics.energy(gm_of(s), q, v, softening), q, v, t)
         )
         return u.Quantity(values / self.system.units.G, self.system.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
         """Return the momentum of the massive bodies, shape (n, 3), from the step's own velocities."""
-        gm, system = self._gm(), self.system
         values = self._of_massive(
-            lambda q, v, t: whole(system, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v, t)
+            lambda s, q, v, t: whole(s, MOMENTUM, diagnostics.linear_momentum(gm_of(s), v), q, v, t)
         )
         return u.Quantity(values / self.system.units.G, self.system.units.momentum)
 
     def angular_momentum(self) -> u.Quantity:
         """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
-        gm, system = self._gm(), self.system
         values = self._of_massive(
-            lambda q, v, t: whole(system, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v, t)
+            lambda s, q, v, t: whole(s, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm_of(s), q, v), q, v, t)
         )
         return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
         """Return the centre of mass of the massive bodies, shape (n, 3)."""
-        values = self._of_massive(lambda q, v, t: diagnostics.centre_of_mass(self._gm(), q))
+        values = self._of_massive(lambda s, q, v, t: diagnostics.centre_of_mass(gm_of(s), q))
         return u.Quantity(values, self.system.units.length)
 
     def drift(self) -> ConservedQuantities:
@@ -176,7 +176,7 @@ class Conservation:
         """
         if not len(self):
             raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
-        gm, start, massive = self._gm(), self.system.values, self.system.massive
+        start, massive = self.system.values, self.system.massive
         q, v = start.q[massive], start.v[massive]
         energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
         forces, timed = acts_on_massive(self.system), depends_on_time(self.system)
@@ -184,14 +184,16 @@ class Conservation:
             run: Trajectory = self  # type: ignore[assignment]
             given = accounts_of(run).sum(axis=1) / self.system.units.G
             energy, angular, linear = energy - given[:, 0], angular - given[:, 1:4], linear - given[:, 4:7]
+        taken = self._lost() / self.system.units.G
+        energy, angular, linear = energy + taken[:, 0], angular + taken[:, 1:4], linear + taken[:, 4:]
         pole = axis(self.system)
         lost = pole is not None and not any(pole)
         angular = angular if pole is None else angular @ np.array(pole)
         return ConservedQuantities(
-            energy=NONE if timed else self._drift(energy, lambda q, v: kinetic_energies(gm, v)),
-            angular_momentum=NONE if lost else self._drift(angular, lambda q, v: moments(gm, q, v)),
-            linear_momentum=self._drift(linear, lambda q, v: momenta(gm, v), first=0.0),
-            centre_of_mass=NONE if forces else self._uniform_motion(q, v),
+            energy=NONE if timed else self._drift(energy, lambda gm, q, v: kinetic_energies(gm, v)),
+            angular_momentum=NONE if lost else self._drift(angular, moments),
+            linear_momentum=self._drift(linear, lambda gm, q, v: momenta(gm, v), first=0.0),
+            centre_of_mass=NONE if forces or self._kicked() else self._uniform_motion(q, v),
             massive=tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass),
             particles=int(np.count_nonzero(~massive)),
             pole=pole,
@@ -200,33 +202,62 @@ class Conservation:
 
     def _uniform_motion(self, q: Array, v: Array) -> diagnostics.Drift:
         """The drift of the centre of mass from uniform motion; q, v : (n, 3) at the start."""
-        return uniform_motion_drift(self._gm(), self.times, self.centre_of_mass().value, q, v)
+        return uniform_motion_drift(gm_of(self.system), self.times, self.centre_of_mass().value, q, v)
 
-    def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield (samples, q, v) of the massive bodies block by block, so that memory stays bounded."""
-        massive = np.flatnonzero(self.system.massive)
-        contiguous = massive[-1] - massive[0] + 1 == len(massive)
-        columns: Any = slice(massive[0], massive[-1] + 1) if contiguous else massive
-        rows = max(1, BLOCK_BYTES // (48 * len(self.system.names)))
-        for start in range(0, len(self), rows):
-            block = slice(start, min(start + rows, len(self)))
-            yield block, self._q[block, columns], self._v[block, columns]
+    def energy_lost(self) -> u.Quantity:
+        """Return the energy that the massive bodies lost in mergers and bounces up to each sample, shape (n,).
 
-    def _gm(self) -> Array:
-        return self.system.values.gm[self.system.massive]
+        With it, `run.energy()` keeps its first value.
+        """
+        return u.Quantity(self._lost()[:, 0] / self.system.units.G, self.system.units.energy)
 
-    def _of_massive(self, function: Callable[[Array, Array, Array], Array]) -> Array:
+    def angular_momentum_lost(self) -> u.Quantity:
+        """Return the angular momentum that mergers turned into spin up to each sample, shape (n, 3)."""
+        return u.Quantity(self._lost()[:, 1:4] / self.system.units.G, self.system.units.angular_momentum)
+
+    def _lost(self) -> Array:
+        """What changes of bodies took up to each sample, times G, (n, 7)."""
+        return np.zeros((len(self), 7)) if self.changes is None else self.changes.lost(self.times)
+
+    def _kicked(self) -> bool:
+        return self.changes is not None and self.changes.kicks
+
+    def blocks(self) -> Iterator[tuple[slice, System, Array, Array]]:
+        """Yield (samples, system, q, v) of the massive bodies block by block, so that memory stays bounded.
+
+        system : at the start of the run; after mergers, one of the bodies that are there, with their masses
+        """
+        whole_run = [(slice(0, len(self)), None)]
+        for part, bodies in whole_run if self.changes is None else self.changes.parts(self.times):
+            system = self.system if bodies is None else of_bodies(self.system, bodies)
+            there = self.system.massive if bodies is None else bodies.present & self.system.massive
+            massive = np.flatnonzero(there)
+            contiguous = massive[-1] - massive[0] + 1 == len(massive)
+            columns: Any = slice(massive[0], massive[-1] + 1) if contiguous else massive
+            rows = max(1, BLOCK_BYTES // (48 * len(self.system.names)))
+            for start in range(part.start, part.stop, rows):
+                block = slice(start, min(start + rows, part.stop))
+                yield block, system, self._q[block, columns], self._v[block, columns]
+
+    def _of_massive(self, function: Callable[[System, Array, Array, Array], Array]) -> Array:
         nothing, never = np.empty((0, int(self.system.massive.sum()), 3)), np.empty(0)
-        found = (function(q, v, self.times[block]) for block, q, v in self.blocks())
-        return np.concatenate([function(nothing, nothing, never), *found])
+        found = (function(system, q, v, self.times[block]) for block, system, q, v in self.blocks())
+        return np.concatenate([function(self.system, nothing, nothing, never), *found])
 
-    def _drift(self, values: Array, terms: Callable[[Array, Array], Array], first: Any = None) -> diagnostics.Drift:
-        """Return the drift of a quantity; `terms` (of q and v) is the sum of the sizes of its terms, times G."""
+    def _drift(
+        self, values: Array, terms: Callable[[Array, Array, Array], Array], first: Any = None
+    ) -> diagnostics.Drift:
+        """Return the drift of a quantity; `terms` (of gm, q and v) is the sum of the sizes of its terms, times G."""
         start, massive, G = self.system.values, self.system.massive, self.system.units.G
-        begin = float(terms(start.q[massive], start.v[massive])) / G
+        begin = float(terms(start.gm[massive], start.q[massive], start.v[massive])) / G
 
         def largest() -> float:
-            return float(self._of_massive(lambda q, v, t: terms(q, v)).max()) / G
+            return float(self._of_massive(lambda s, q, v, t: terms(gm_of(s), q, v)).max()) / G
 
         scale = own_scale(values[0] if first is None else first, begin, largest)
         return diagnostics.drift(values, scale)
+
+
+def gm_of(system: System) -> Array:
+    """Return the GM of the massive bodies of a system."""
+    return system.values.gm[system.massive]

@@ -28,7 +28,8 @@ class RetiredParticle:
     """A massless particle that could not be integrated any further.
 
     name : of the body; reason : in words
-    step : number of steps it took in the run;  time : after these steps, since the epoch
+    step : number of steps of the run that it took; time : after these steps, since the epoch; in a run without dt,
+        after the steps of its own that it took beyond
     date : the time as a Time (TDB), or None without an epoch
     q, v : its last state, (3,), at that time
     """
@@ -54,13 +55,15 @@ class RetiredParticles(Sequence[RetiredParticle]):
 
     @classmethod
     def of(
-        cls, system: System, clock: Clock, rows: Iterable[tuple[int, int, str, Array, Array]]
+        cls, system: System, clock: Clock, rows: Iterable[tuple[int, int, float, str, Array, Array]]
     ) -> RetiredParticles:
-        """Return particles from rows of (body, step, reason, q, v), in the units of the system, by the run's clock."""
+        """Return particles from rows of (body, step, reading, reason, q, v), in the units of the system, by the run's
+        clock.
+        """
         units, epoch = system.units, system.epoch
         particles = []
-        for body, step, reason, q, v in rows:
-            time = u.Quantity(clock.time(step), units.time)
+        for body, step, reading, reason, q, v in rows:
+            time = u.Quantity(clock.time(reading), units.time)
             date = None if epoch is None else epoch + time
             place, speed = u.Quantity(q, units.length), u.Quantity(v, units.speed)
             particles.append(RetiredParticle(system.names[body], reason, step, time, date, place, speed))

@@ -17,13 +17,16 @@ from orbits.checks import finite_numbers, is_whole
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.marching.adaptive import Adaptive
+from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, clock_of
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
-from orbits.trajectory.archived import identity_of, made_by
+from orbits.trajectory.archived import changes_of, identity_of, made_by
+from orbits.trajectory.changes import Changes, Leg, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
+from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 from orbits.trajectory.retired import RetiredParticles, absent, moved
 from orbits.trajectory.work import accounts_of
@@ -34,6 +37,8 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
+    from orbits.marching.kept_steps import KeptSteps
+    from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Record
     from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory.again import MarchesAgain
@@ -57,6 +62,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
+    kept : the states at the beginnings of all steps (see `orbits.marching.kept_steps`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 
@@ -84,6 +90,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         again: MarchesAgain | None = None,
         retired: RetiredParticles | None = None,
         accounts: Array | None = None,
+        kept: KeptSteps | None = None,
         close: Callable[[], None] | None = None,
     ) -> None:
         if not isinstance(system, System):
@@ -111,9 +118,13 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.archive: Archive | None = None
         self.record = record
         self.passages: Any = None
+        self.error_bars: ErrorBars | None = None
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
+        self._events: Events | None = None
         self.accounts = accounts
+        self.changes: Changes | None = None
+        self.kept = kept
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -154,12 +165,14 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
                 path=path,
                 certificate=certificate,
                 again=again,
+                kept=archive.steps,
                 close=archive.close,
             )
         except BaseException:
             archive.close()
             raise
         run.archive = archive
+        run.changes = changes_of(archive)
         return run
 
     def close(self) -> None:
@@ -202,6 +215,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         Raises InputError for a run of a method with adaptive steps.
         """
         if math.isnan(self.step):
+            if isinstance(self.clock, ChangingSteps) and not isinstance(self.clock, Adaptive):
+                raise InputError(f"this run took {self.clock.describe(self.integrator)}, so it has no dt.")
             raise InputError(f"{self.integrator.label} has adaptive steps, so this run has no dt.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
@@ -227,13 +242,28 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return self._retired
 
     @property
+    def events(self) -> Events:
+        """The events that were sought in the run and found, in its order; empty if none were sought."""
+        if self._events is None:
+            self._events = Events() if self.archive is None else events_of(self.archive)
+        return self._events
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The parts of the run in which bodies and masses stay the same: each with its time, names, GM and radii.
+
+        A run in which no bodies merge has one.
+        """
+        changes = self.changes or Changes(self.system, no_changes(), self.clock.direction)
+        return changes.legs()
+
+    @property
     def made_by(self) -> str:
         """The method and its steps in words: Gauss(stages=8), dt = 6 d; or for a run without dt: Gauss(stages=8),
         adaptive steps (tolerance 1e-09).
         """
-        if isinstance(self.clock, Adaptive):
-            tolerance = self.clock.tolerance_for(self.integrator)
-            return f"{self.integrator.label}, adaptive steps (tolerance {tolerance:g})"
+        if isinstance(self.clock, ChangingSteps):
+            return f"{self.integrator.label}, {self.clock.describe(self.integrator)}"
         if math.isnan(self.step):
             return self.integrator.label
         return f"{self.integrator.label}, dt = {abs(self.step):g} {self.system.units.time}".rstrip()
@@ -269,6 +299,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
         Raises InputError for other states that are not finite.
         """
+        if self.changes is not None:
+            return at_time(self.system, self.changes, q, v, time)
         gone = absent(q, v, self.system.massive)
         # A particle may fail in the partial step to a sample, which the march itself does not take.
         if gone.any() and self.clock.place(time).rest == 0.0:
@@ -282,6 +314,11 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `System.add`
         Raises as `System.elements` does.
         """
+        if self.changes is not None and self.changes.acted_on_massive:
+            raise InputError(
+                "bodies merge or bounce in this run, so that its elements have no common masses; take them sample by "
+                "sample: run[k].elements()."
+            )
         values = self.system.values
         primary = primary_name(self.names, values.gm, primary)
         q, v = _as_array(self._q), _as_array(self._v)
@@ -327,7 +364,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
         """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), floats."""
-        return Trajectory(
+        other = Trajectory(
             self.system,
             times,
             q,
@@ -337,15 +374,18 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             certificate=certificate,
             again=self._again,
             retired=self.retired,
+            kept=self.kept,
         )
+        other.changes = self.changes
+        return other
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.names)
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
         known: dict[str, str | float] = {"integrator": self.integrator.label}
-        if isinstance(self.clock, Adaptive):
-            known["steps"] = f"adaptive, tolerance {self.clock.tolerance_for(self.integrator):g}"
+        if isinstance(self.clock, ChangingSteps):
+            known["steps"] = self.clock.attribute(self.integrator)
         elif not math.isnan(self.step):
             known["dt"] = abs(self.step)
         return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
@@ -354,12 +394,13 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known = {"stopped": self.stopped, "record": self.record, "_again": self._again, "_retired": self.retired}
+        known: dict[str, Any] = {"stopped": self.stopped, "record": self.record, "_again": self._again}
+        known |= {"_retired": self.retired, "_events": self.events}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
-        known = {"_retired": self.retired, "accounts": self._own_accounts()}
+        known = {"_retired": self.retired, "_events": self.events, "accounts": self._own_accounts()}
         return {**vars(self), **known, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
@@ -370,6 +411,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             pairs |= {"retired": few(self.retired.names)}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
+        if self.kept is not None:
+            pairs |= {"dense output": f"from {len(self.kept):,} states"}
         if self.certificate is not None:
             pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
         return html_pairs(repr(self), pairs.items())

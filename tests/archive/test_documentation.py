@@ -30,7 +30,7 @@ def blocks() -> list[str]:
 
 def test_the_code_runs_as_it_stands_and_reads_the_run(run, monkeypatch, capsys):
     monkeypatch.chdir(Path(run.path).parent)
-    reading, checking = blocks()
+    reading, keeping, checking = blocks()
     found: dict[str, object] = {}
     exec(reading, found)
     assert found["names"] == list(run.names)
@@ -41,6 +41,9 @@ def test_the_code_runs_as_it_stands_and_reads_the_run(run, monkeypatch, capsys):
     expected = '6 of 6 samples of 13 bodies by {"name": "gauss", "parameters": {"stages": 4}}, lengths in AU\n'
     assert capsys.readouterr().out == expected
     exec(checking, {})
+    orbits.propagate(orbits.System.solar_system(), duration=100 * u.day, dt=4, archive="dense.h5", dense=True)
+    exec(keeping, {})
+    assert capsys.readouterr().out == "25 steps of 4 ... 4 d, states (26, 10, 3)\n"
 
 
 def test_the_check_of_the_page_finds_a_flipped_bit(run, tmp_path, monkeypatch):
@@ -50,11 +53,12 @@ def test_the_check_of_the_page_finds_a_flipped_bit(run, tmp_path, monkeypatch):
         at = data.rindex(place)
         Path("run.h5").write_bytes(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :])
         with pytest.raises(AssertionError):
-            exec(blocks()[1], {})
+            exec(blocks()[-1], {})
 
 
 def test_everything_in_a_file_is_on_the_page_and_the_other_way_round(run):
     text = PAGE.read_text()
+    steps = {"/steps", "/steps/t", "/steps/q", "/steps/v", "/steps/chunks"}  # of dense output alone
     table = [line for line in text.splitlines() if line.startswith("| `/")]
     listed = {name for line in table for name in re.findall(r"`(/[\w/]*)`", line)} - {"/"}
     with h5py.File(run.path) as file:
@@ -70,4 +74,4 @@ def test_everything_in_a_file_is_on_the_page_and_the_other_way_round(run):
         for name in ("times", "q", "v", "system/q", "system/gm"):
             assert file[name].attrs["unit"]
     assert present - listed == {"/checkpoints"}
-    assert listed - present == {"/system/radii"}
+    assert listed - present == {"/system/radii", *steps}

@@ -10,6 +10,8 @@ from astropy import units as u
 import orbits
 from orbits.certificate import Certificate
 
+from ..problems import three_bodies
+
 
 @pytest.fixture(scope="module")
 def system():
@@ -92,6 +94,34 @@ def test_a_run_stores_its_certificate_in_the_archive_and_keeps_it_when_extended(
         system, orbits.StormerVerlet(), dt=5, duration=100, samples=3, archive=path, overwrite=True
     )
     assert plain.certificate is None
+
+
+@pytest.mark.parametrize("method", [orbits.Gauss(stages=8), orbits.LobattoIIIAB(stages=4)], ids=lambda m: m.label)
+def test_bodies_in_transformed_time_are_certified(method, tmp_path):
+    """The Lagrangian of equal tau, and the steps of the run, with their times, against plain solutions for it: 1 unit
+    of 2^-53 is seen, and 7e5 if E0 of the one differs by 1e-9.
+    """
+    gm, q, v = three_bodies()
+    start, clock = orbits.System(list("abc"), gm, q, v, units=orbits.DIMENSIONLESS), orbits.TimeTransformed(step=0.1)
+    certificate = orbits.certify(start, method, dt=clock)
+    assert certificate.ok, certificate.table()
+    assert certificate["steps of bodies"].measured < 8.0
+    assert "dt = 0.1 in transformed time" in certificate.table()
+    names = [finding.name for finding in certificate.findings]
+    assert "momentum map: rotation about z" in names
+    assert not [name for name in names if "boost" in name]
+    run = orbits.propagate(start, method, dt=clock, duration=1.0, archive=tmp_path / "run.h5", certificate=certificate)
+    assert run.certificate.ok
+
+
+def test_clocks_that_cannot_be_certified_are_refused_with_the_reason(system):
+    for arguments, message in (
+        ((system, orbits.Gauss(), orbits.Adaptive()), "depend on the state, so that no method is symplectic"),
+        ((orbits.lagrangians.kepler, orbits.Gauss(), orbits.TimeTransformed()), "lagrangians.time_transformed"),
+        ((system, orbits.StormerVerlet(), orbits.TimeTransformed()), "cannot march in transformed time"),
+    ):
+        with pytest.raises(orbits.InputError, match=message):
+            orbits.certify(*arguments)
 
 
 def test_wrong_uses_are_refused_with_the_remedy(system, tmp_path):

@@ -24,6 +24,7 @@ given = dict(name='tiny', title='Tiny', integrators=[orbits.StormerVerlet()], dt
              system=pair)
 """
 WORDS = [
+    "adaptive", "adaptive(tolerance=1e-3)", "adaptive(",
     *COMMANDS, "tiny.py", "run.h5", "no.h5", "no.py", "nowhere", "../x.py", "/etc/passwd", "/dev/null", ".", "", "-",
     "--", "--dt", "--duration", "--integrator", "--samples", "--out", "--json", "--no-plot", "--until", "--any-bits",
     "--against", "--help", "--version", "6 d", "0.1", "1e400", "nan", "-1", "0", "3", "10 kg", "6 d d", "gauss",
@@ -32,6 +33,7 @@ WORDS = [
 ]  # fmt: skip
 # What a scenario's argument may be by mistake, as it is written.
 EXPRESSIONS = [
+    "[orbits.Gauss(stages=8)]", "orbits.Adaptive(1e-3)", "orbits.Adaptive",
     "1/0", "None", "3", "-1", "0", "1e400", "1j", "float('nan')", "b'x'", "''", "'x'", "'../../etc'", "'a/b'", "'..'",
     "'a' * 500", "'\\n'", "'\\x00'", "[]", "{}", "[3]", "object()", "pair", "{'': pair}", "{'a/../b': pair, 'c': 3}",
     "lambda: pair", "lambda: 1/0", "lambda: {'../x': pair}", "lambda: {1: pair}", "lambda o: 1/0", "lambda o: [3]",

@@ -107,6 +107,41 @@ def test_run_takes_another_method_backwards_and_prints_json_alone(tmp_path):
     assert orbits.Trajectory.open(tmp_path / "run.h5").times[-1] == -0.5 * 365.25
 
 
+def test_a_scenario_with_constant_steps_is_run_and_compared_with_adaptive_ones(tmp_path):
+    out = call(
+        "run", "solar_system", "--dt", "adaptive", "--integrator", "gauss", "--duration", "1 yr", "--samples", "3",
+        "--json", "--out", tmp_path / "run",
+    )  # fmt: skip
+    record = json.loads(out.stdout)
+    assert out.exit_code == 0, out.output
+    (run,) = record["cases"][""]["runs"].values()
+    assert run["dt"] is None
+    assert "adaptive steps (tolerance 1e-09)" in call("info", tmp_path / "run" / "run.h5").output
+    out = call(
+        "compare", "kepler", "--dt", "adaptive(tolerance=1e-8)", "--integrator", "gauss", "--duration", "20",
+        "--samples", "5", "--json", "--out", tmp_path / "compare",
+    )  # fmt: skip
+    record = json.loads(out.stdout)
+    assert out.exit_code == 0, out.output
+    for case in record["cases"].values():
+        assert case["settings"]["tolerance"] == 1e-8
+        verdicts = {row["method"]: row["verdict"] for row in case["rows"]}
+        assert verdicts == {"Gauss(stages=8)": "ok", "REBOUND whfast": "n/a", "REBOUND ias15": "peer"}
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_methods_that_need_a_dt_are_refused_with_the_option_that_leaves_them_out(command, tmp_path):
+    out = call(command, "kepler", "--dt", "adaptive", "--out", tmp_path / "out")
+    assert out.exit_code == 2
+    text = " ".join(out.output.split())
+    assert "StormerVerlet() needs a dt" in text
+    assert "--integrator gauss" in text
+    assert not (tmp_path / "out").exists()
+    out = call("certify", "kepler", "--dt", "adaptive", "--out", tmp_path)
+    assert out.exit_code == 2
+    assert "a certificate needs steps of one length" in " ".join(out.output.split())
+
+
 def test_a_tolerance_that_is_exceeded_ends_with_exit_code_1(impossible, tmp_path):
     for command in ("run", "compare"):
         out = call(command, impossible, "--no-plot", "--out", tmp_path / command)

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import orbits
+from orbits.archive import steps
 from orbits.archive.storage import Storage
-from orbits.propagation import sample_store
+from orbits.propagation import sample_store, step_store
 
 from . import small
 
@@ -60,6 +61,8 @@ def killed_at(work: Callable[[], object], stage: int, late: bool) -> bool:
 
 def wrong(path: Path, kind: str) -> str | None:
     """Say what is wrong with what a killed run left behind, or return None."""
+    if kind == "kept":
+        return wrong_with_steps(path)
     if kind == "made" and not path.exists():
         small.propagate(path).close()  # what lies about is in nobody's way
     run = orbits.Trajectory.open(path)
@@ -76,9 +79,27 @@ def wrong(path: Path, kind: str) -> str | None:
     return f"left behind: {left}" if left else None
 
 
+def wrong_with_steps(path: Path) -> str | None:
+    """The same for a run that keeps its steps, in a file that grows while it runs."""
+    if not path.exists():
+        small.keeping(path).close()
+    run = orbits.Trajectory.open(path)
+    if not small.is_part_of_the_kept_run(run):
+        return "wrong steps"
+    run.close()
+    run = orbits.resume(path, progress=False, threads=1)
+    if not small.is_part_of_the_kept_run(run) or len(run.kept) != len(small.all_steps()[1]):
+        return "wrong steps after resuming"
+    run.close()
+    left = [each.name for each in path.parent.iterdir() if each.name != path.name]
+    return f"left behind: {left}" if left else None
+
+
 def main(folder: Path, every: int) -> None:
     small.straight()
     sample_store.COMMIT_SECONDS = 0.0
+    step_store.FIRST_BYTES, step_store.PIECE_BYTES, steps.CHUNK_BYTES = 0, 10_000, 5_000
+    small.all_steps()
     os.fsync = lambda descriptor: None  # a killed process loses nothing that it has written, whatever the device has
     half, whole = small.interrupted(folder / "half.h5"), small.finished(folder / "whole.h5")
     (folder / "run").mkdir()
@@ -87,6 +108,7 @@ def main(folder: Path, every: int) -> None:
         "made": (None, lambda: small.propagate(path)),
         "overwritten": (whole, lambda: small.propagate(path, overwrite=True)),
         "resumed": (half, lambda: orbits.resume(path, progress=False, threads=1)),
+        "kept": (None, lambda: small.keeping(path)),
         "extended": (whole, lambda: orbits.resume(path, until=small.LONGER, progress=False, threads=1)),
     }
     killed, found = 0, []

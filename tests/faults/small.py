@@ -61,6 +61,38 @@ def finished(path: Path) -> Path:
     return path
 
 
+KEPT: dict[str, Any] = {**ARGUMENTS, "dt": None, "duration": 6000 * u.day, "samples": 4, "dense": True}
+"""A run without dt that keeps its steps: their number is not known beforehand."""
+
+
+@cache
+def massive() -> orbits.System:
+    x, n = system().values, 3
+    return orbits.System.from_states(system().names[:n], x.gm[:n], x.q[:n], x.v[:n], units=system().units)
+
+
+def keeping(path: Path | None = None, **options: Any) -> orbits.Trajectory:
+    return orbits.propagate(massive(), archive=path, **{**KEPT, **options})
+
+
+@cache
+def all_steps() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The samples, and times, positions and velocities of all steps, of that run."""
+    run = keeping()
+    return run.q.value, run.kept.times, *run.kept.states(np.arange(len(run.kept)))
+
+
+def is_part_of_the_kept_run(run: orbits.Trajectory) -> bool:
+    """Whether its samples and steps are those of the run, and undamaged."""
+    samples, *steps = all_steps()
+    run.archive.verify()
+    n = len(run.kept)
+    found = (run.kept.times, *run.kept.states(np.arange(n)))
+    return np.array_equal(run.q.value, samples[: len(run)]) and all(
+        np.array_equal(mine, known[:n]) for mine, known in zip(found, steps, strict=True)
+    )
+
+
 def is_part_of_the_run(run: orbits.Trajectory) -> bool:
     """Whether every value of a run is one that was computed: bodies, times, states, what it says of itself."""
     times, q, v = straight()

@@ -108,7 +108,7 @@ def test_what_compiled_code_freezes_changes_the_stamp(package, case):
     [
         ("kernels/gravity.py", "rsqrt_cubed(r2)", "rsqrt_cubed(r2) * 1.01"),
         ("kernels/steps.py", "OK, NOT_CONVERGED", "NOT_CONVERGED, OK"),
-        ("integrators/collocation.py", "HC, HC_LO", "HC_LO, HC"),
+        ("integrators/collocation_rows.py", "HC, HC_LO", "HC_LO, HC"),
         ("kernels/compile.py", '{"contract"}', '{"fast"}'),
         ("lagrangians/newtonian.py", '"accelerate": body_accelerations', '"accelerate": share_of_accelerations'),
         ("lagrangians/symbolic/printing.py", "sqrt", "cbrt"),

@@ -163,7 +163,9 @@ def test_a_sample_at_the_moment_itself_has_the_last_state(run):
     assert np.isnan(some.q.value[2, column]).all()
 
 
-def test_states_between_samples_follow_the_same_rule(run):
+@pytest.mark.parametrize("dense", [False, True])
+def test_states_between_samples_follow_the_same_rule(run, dense):
+    run = run_of(system(), dense=True) if dense else run  # from a state at which both are retired, among others
     near = run.retired["near"]
     times = [near.time.value - DT / 2, near.time.value, near.time.value + 1.1 * DT, END - DT]
     column = run.names.index("near")

@@ -221,6 +221,117 @@ def test_the_report_of_a_comparison_is_strict_json_with_its_settings(tmp_path):
     assert (report.plot(tmp_path / "r.png")).stat().st_size > 10_000
 
 
+def test_without_dt_ours_and_ias15_choose_their_steps_and_the_reference_is_a_taylor_series():
+    report = orbits.compare(GIANTS.remove("a rock"), duration=3652.5, samples=11)
+    assert report.reference.kind == "taylor"
+    assert report.reference.error < 3e-7  # km: half of the last digit of Saturn's coordinates
+    ours, ias15 = report.rows
+    assert (ours.method, ias15.method) == ("Gauss(stages=8)", "REBOUND ias15")
+    # Ten years of giants in 13 and 34 steps: 2e-7 and 5e-7 km.
+    assert ours.steps < ias15.steps
+    assert ours.position < 2e-6
+    assert ias15.position < 5e-6
+    settings = json.loads(report.to_json())["settings"]
+    assert settings["dt"] is None
+    assert "Steps: ours are chosen one by one, tolerance 1e-09; IAS15" in " ".join(report.table.split())
+    loose = orbits.compare(GIANTS.remove("a rock"), dt=orbits.Adaptive(1e-3), duration=3652.5, samples=11, against=())
+    assert loose.rows[0].steps < ours.steps
+    assert loose.rows[0].position > 1e3 * ours.position
+    assert loose.settings["tolerance"] == 1e-3
+    assert "IAS15" not in loose.table
+
+
+def test_a_peer_with_constant_steps_has_a_row_with_the_reason_where_there_is_no_dt():
+    report = orbits.compare(FIGURE_EIGHT, GAUSS, duration=2.0, samples=3, against=("leapfrog", "ias15"))
+    leapfrog = rows(report)["REBOUND leapfrog"]
+    assert (leapfrog.verdict, leapfrog.steps) == ("n/a", None)
+    assert "this comparison has no dt" in leapfrog.note
+    assert rows(report)["REBOUND ias15"].position < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("reference", "kind"), [("auto", "taylor"), ("taylor", "taylor"), (0.01, "converged"), ("none", None)]
+)
+def test_the_reference_of_a_comparison_without_dt_can_be_chosen(reference, kind):
+    report = orbits.compare(FIGURE_EIGHT, duration=2.0, samples=3, against=(), reference=reference)
+    assert (report.reference.kind if report.reference else None) == kind
+    if kind is not None:
+        assert report.rows[0].position < 1e-14  # 3e-16
+    exact = orbits.compare(KEPLER.remove("circular").replaced(gm=[1.0, 1e-3]), duration=2.0, samples=3, against=())
+    assert exact.reference.kind == "exact"
+
+
+def test_a_taylor_series_can_be_the_reference_of_constant_steps_and_agrees_with_the_converged_one():
+    arguments = {"dt": 20.0, "duration": 3652.5, "samples": 5, "against": ()}
+    taylor, converged = (orbits.compare(GIANTS, GAUSS, reference=kind, **arguments) for kind in ("taylor", "converged"))
+    assert taylor.reference.error < converged.reference.error
+    for name in GIANTS.names:
+        assert abs(taylor.rows[0].positions[name] - converged.rows[0].positions[name]) < 1e-4  # km
+
+
+def test_a_series_that_would_take_long_is_left_out_and_the_report_says_so(monkeypatch):
+    from orbits.regression import reference_choice
+
+    monkeypatch.setattr(reference_choice, "AFFORDABLE", 1e-9)
+    report = orbits.compare(FIGURE_EIGHT, duration=2.0, samples=3, against=())
+    assert report.reference is None
+    assert "reference='taylor' computes it nevertheless" in " ".join(report.table.split())
+    assert orbits.compare(FIGURE_EIGHT, duration=2.0, samples=3, against=(), reference="taylor").reference is not None
+
+
+def test_bodies_that_meet_leave_a_comparison_without_reference_and_without_a_run():
+    falling = orbits.System(["a", "b"], [1, 1], [[-1, 0, 0], [1, 0, 0]], [[0, 0, 0]] * 2, units=orbits.DIMENSIONLESS)
+    report = orbits.compare(falling, duration=3.0, samples=3, against=())
+    assert not report.ok
+    assert "a and b meet" in " ".join(report.failures)
+    assert "reference solution failed" in " ".join(report.table.split())
+
+
+def test_angular_momentum_of_bodies_that_begin_at_rest_is_measured():
+    resting = orbits.System(
+        ["a", "b", "c"], [3, 4, 5], [[1, 3, 0], [-2, -1, 0], [1, -1, 0]], [[0, 0, 0]] * 3, units=orbits.DIMENSIONLESS
+    )
+    report = orbits.compare(resting, duration=3.0, samples=7, against=(), tolerances={"angular_momentum": 1e-15})
+    assert report.ok, report.table
+    assert 0.0 < report.rows[0].angular_momentum < 1e-15
+    assert any("angular momentum vanishes" in note for note in report.notes)
+
+
+def test_finished_runs_without_dt_are_used_and_those_with_other_steps_refused(tmp_path):
+    arguments = {"duration": 2.0, "samples": 3}
+    run = orbits.propagate(FIGURE_EIGHT, archive=tmp_path / "run.h5", **arguments)
+    report = orbits.compare(FIGURE_EIGHT, runs=[orbits.Trajectory.open(tmp_path / "run.h5")], against=(), **arguments)
+    fresh = orbits.compare(FIGURE_EIGHT, against=(), **arguments)
+    assert report.rows[0].positions == fresh.rows[0].positions
+    for dt in (0.01, orbits.Adaptive(1e-8)):
+        with pytest.raises(InputError, match="another system, step or samples"):
+            orbits.compare(FIGURE_EIGHT, dt=dt, runs=[run], against=(), **arguments)
+
+
+def test_a_comparison_ends_at_a_date_too():
+    system = orbits.System.solar_system("2020-01-01", bodies=["Sun", "Jupiter", "Saturn"])
+    report = orbits.compare(system, until="2019-01-01", samples=3, against=())
+    assert report.times[-1] == -365.0
+    assert report.rows[0].position < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"integrators": [GAUSS, "stormer-verlet"]}, r"StormerVerlet\(\) needs a dt"),
+        ({"reference": "converged"}, "there is no dt; give its step"),
+        ({"dt": "adaptive"}, r"expected dt=orbits.Adaptive\(\), or no dt"),
+        ({"duration": None}, "neither duration nor until"),
+    ],
+)
+def test_a_wrong_use_without_dt_is_refused_before_anything_runs(change, message, monkeypatch):
+    from orbits.regression import comparison
+
+    monkeypatch.setattr(comparison, "propagated", lambda *_, **__: pytest.fail("ran before it was checked"))
+    with pytest.raises(InputError, match=message):
+        orbits.compare(FIGURE_EIGHT, **{"duration": 2.0, "samples": 3, **change})
+
+
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [

@@ -22,11 +22,11 @@ from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
 from orbits.propagation import sample_store
 from orbits.scenario import bundled, load, perform
 from orbits.scenario.certificates import certify_scenario
-from orbits.scenario.typed import quantity
+from orbits.scenario.typed import quantity, step_or_clock
 
 STUDIES = [
-    *("arenstorf", "brouwer", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum"),
-    *("pleiades", "work_precision"),
+    *("arenstorf", "brouwer", "discrete_kepler", "eccentric", "figure_eight", "liouville", "outer_solar_system"),
+    *("pendulum", "planetesimals", "pleiades", "three_body_zoo", "work_precision"),
 ]
 SHORT = {
     "kepler": {"duration": 3.0, "samples": 21},
@@ -34,6 +34,10 @@ SHORT = {
     "asteroid_belt": {"duration": 60 * u.day, "samples": 5},
 }
 NAMES = sorted(SHORT)
+WITHOUT_DT = {
+    "pythagorean": {"duration": 66.0, "samples": 67},  # to the ejection
+    "close_encounter": {"duration": 205 * u.day, "samples": 21},
+}
 
 
 def pair(**changes):
@@ -54,7 +58,7 @@ def pair(**changes):
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
-    assert [each.name for each in bundled()] == sorted([*SHORT, *STUDIES])
+    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES])
     assert all(each.summary for each in bundled())
 
 
@@ -76,6 +80,67 @@ def test_each_bundled_scenario_shortened_gives_all_that_it_demands(name, tmp_pat
             width, height = struct.unpack(">II", path.read_bytes()[16:24])
             assert width >= 1300
             assert height >= 800
+
+
+def without_dt(name, monkeypatch, **changes):
+    """A bundled scenario without dt, shortened, with few rotated starts."""
+    scenario = load(name).with_changes(**{**WITHOUT_DT[name], **changes})
+    if name == "close_encounter":
+        monkeypatch.setitem(scenario.checks.__globals__, "STARTS", 2)
+    return scenario
+
+
+@pytest.mark.parametrize(("name", "claims"), [("pythagorean", 4), ("close_encounter", 6)])
+def test_each_bundled_scenario_without_dt_shortened_gives_all_that_it_demands(name, claims, tmp_path, monkeypatch):
+    scenario = without_dt(name, monkeypatch)
+    outcome = perform(scenario, out=tmp_path)
+    assert outcome.ok, outcome.failures
+    assert len(outcome.checks) == claims
+    record = json.loads((tmp_path / "report.json").read_text())
+    for case in record["cases"].values():
+        (run,) = case["runs"].values()
+        assert run["dt"] is None
+        assert run["tolerance"] == pytest.approx(1e-9, rel=1e-14)
+        assert [row["method"] for row in case["report"]["rows"]] == ["Gauss(stages=8)", "REBOUND ias15"]
+        assert case["report"]["reference"]["kind"] == "taylor"
+    width, height = struct.unpack(">II", (tmp_path / f"{name}.png").read_bytes()[16:24])
+    assert width >= 1300
+    assert height >= 800
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WITHOUT_DT)
+def test_each_bundled_scenario_without_dt_gives_all_that_it_demands_in_full(name, tmp_path):
+    outcome = perform(load(name), out=tmp_path)
+    assert outcome.ok, outcome.failures
+
+
+@pytest.mark.parametrize("name", WITHOUT_DT)
+def test_steps_that_resolve_too_little_fail_the_scenarios_without_dt(name, tmp_path, monkeypatch):
+    outcome = perform(without_dt(name, monkeypatch, dt=orbits.Adaptive(1e-3)), out=tmp_path, plot=False)
+    assert any("exceeds" in failure for failure in outcome.failures)
+    assert any(not check.ok for check in outcome.checks)
+
+
+def test_an_encounter_that_is_not_reached_is_not_judged_and_its_panels_say_so(tmp_path, monkeypatch):
+    outcome = perform(without_dt("close_encounter", monkeypatch, duration=20 * u.day), out=tmp_path)
+    assert outcome.ok, outcome.failures
+    assert outcome.checks == ()
+
+
+def test_the_plane_of_an_encounter_is_met_where_the_straight_line_would_have_met_it():
+    """On a hyperbola from far away: b is the offset of the asymptote, and its components are those of the line."""
+    names = load("close_encounter").checks.__globals__
+    gm, speed, far = np.array([2.0, 0.0]), 3.0, 1e9
+    planet = np.array([0.0, 5.0, 0.0])  # its velocity: zeta points along -y, xi along z for a line along x
+    coming = np.array([-far, -0.7, 0.4])
+    # Energy and angular momentum as those of the line at infinity, on which the body moves at `speed`.
+    velocity = planet + np.array([np.sqrt(speed**2 + 2 * gm.sum() / np.linalg.norm(coming)), 0.0, 0.0])
+    q, v = np.array([[0, 0, 0], [0, 0, 0], coming]), np.array([[0, 0, 0], planet, velocity])
+    (xi, zeta), speed2 = names["target_plane"](gm, q, v)
+    assert speed2 == pytest.approx(speed**2, rel=1e-9)
+    assert (xi, zeta) == (pytest.approx(-0.4, abs=1e-6), pytest.approx(0.7, abs=1e-6))
+    assert names["grazing"](1.0, gm, 4.0) == pytest.approx(np.sqrt(2.0))
 
 
 @pytest.mark.parametrize("share", [0.01, -0.5, 1.0, 10.0])
@@ -118,6 +183,30 @@ def test_steps_and_durations_in_words_are_the_same_for_run_comparison_and_certif
     assert one.certificate.dt == outcome.run.dt.value
 
 
+def test_a_scenario_needs_no_dt_and_no_method(tmp_path):
+    changes = {"dt": None, "against": ("whfast", "ias15"), "tolerances": {"position": 1e-13}}
+    settings = {name: value for name, value in vars(pair(**changes)).items() if name != "integrators"}
+    outcome = perform(orbits.Scenario(**settings), out=tmp_path, plot=False)
+    assert outcome.ok, outcome.failures
+    assert outcome.run.made_by == "Gauss(stages=8), adaptive steps (tolerance 1e-09)"
+    verdicts = {row.method: row.verdict for row in outcome.report.rows}
+    assert verdicts == {"Gauss(stages=8)": "ok", "REBOUND whfast": "n/a", "REBOUND ias15": "peer"}
+
+
+def test_a_method_that_needs_a_dt_is_refused_before_any_run(tmp_path):
+    with pytest.raises(InputError, match=r"StormerVerlet\(\) needs a dt"):
+        perform(pair(dt=None, integrators=[orbits.Gauss(stages=8), orbits.StormerVerlet()]), out=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_scenario_without_dt_is_certified_with_a_step_only(tmp_path):
+    for dt in (None, orbits.Adaptive(1e-8)):
+        with pytest.raises(InputError, match=r"'pair' has adaptive steps.*--dt"):
+            certify_scenario(pair(dt=dt), out=tmp_path)
+    (one,) = certify_scenario(pair(dt=None), dt=0.05, out=tmp_path).certified
+    assert one.certificate.dt == np.float32(0.05)
+
+
 def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
     perform(pair(), out=tmp_path)
     first = (tmp_path / "run.h5").read_bytes()
@@ -126,8 +215,9 @@ def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
     assert (tmp_path / "run.h5").read_bytes() != first
 
 
+@pytest.mark.parametrize("dt", [0.05, None], ids=["constant steps", "adaptive steps"])
 @pytest.mark.parametrize("changes", [{}, {"dt": 0.025}], ids=["the same", "with another step"])
-def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_another(tmp_path, changes, monkeypatch):
+def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_another(tmp_path, dt, changes, monkeypatch):
     add = sample_store.SampleStore.add
 
     def add_then_stop(self, q, v):
@@ -136,12 +226,12 @@ def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_anoth
 
     monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
     with pytest.raises(Interrupted):
-        perform(pair(), out=tmp_path / "stopped")
+        perform(pair(dt=dt), out=tmp_path / "stopped")
     monkeypatch.undo()
-    said = []
+    said, changes = [], {"dt": dt, **changes}
     again = perform(pair(**changes), out=tmp_path / "stopped", say=said.append)
     undisturbed = perform(pair(**changes), out=tmp_path / "whole")
-    assert any("going on with the unfinished run" in line for line in said) is not bool(changes)
+    assert any("going on with the unfinished run" in line for line in said) is (changes["dt"] == dt)
     assert again.run.complete
     for ours, theirs in ((again.run.q, undisturbed.run.q), (again.run.v, undisturbed.run.v)):
         assert ours.value.tobytes() == theirs.value.tobytes()
@@ -306,6 +396,40 @@ def test_times_are_read_as_people_type_them(text, expected):
 def test_times_that_cannot_be_read_are_refused_with_the_option(text):
     with pytest.raises(InputError, match="--dt = "):
         quantity(text, "--dt")
+
+
+@pytest.mark.parametrize("text", ["adaptive", " Adaptive ", "adaptive()", "Adaptive(tolerance=None)"])
+def test_adaptive_steps_are_typed_as_a_word(text):
+    assert step_or_clock(text, "--dt") == orbits.Adaptive()
+
+
+def test_a_tolerance_is_typed_as_a_methods_stages_are():
+    assert step_or_clock("adaptive(tolerance=1e-8)", "--dt") == orbits.Adaptive(tolerance=1e-8)
+    assert step_or_clock("adaptive(1e-8)", "--dt") == orbits.Adaptive(tolerance=1e-8)
+    assert step_or_clock("6 d", "--dt") == 6 * u.day
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("adaptive(", "write adaptive, or"),
+        ("adaptively", "write adaptive, or"),
+        ("adaptive(tolerence=1e-8)", "write adaptive, or"),
+        ("adaptive(tolerance=__import__('os'))", "write adaptive, or"),
+        ("adaptive(1, 2)", "write adaptive, or"),
+        ("adaptive(tolerance=1)", "tolerance is 1; expected 1e-15 ... 0.1"),
+        ("adaptive(tolerance='x')", "expected a number such as 1e-9"),
+    ],
+)
+def test_adaptive_steps_that_cannot_be_read_are_refused_in_words(text, message):
+    with pytest.raises(InputError, match=message):
+        step_or_clock(text, "--dt")
+
+
+@given(st.text(max_size=30).map("adaptive".__add__) | st.text(max_size=30))
+def test_whatever_is_typed_as_a_step_is_read_or_refused(text):
+    with contextlib.suppress(InputError):
+        step_or_clock(text, "--dt")
 
 
 @given(st.text(max_size=30))

@@ -17,6 +17,7 @@ from orbits.kernels.lanes.arithmetic import (
     minimum,
     rint,
     rsqrt_cubed,
+    rsqrt_cubed_pair,
     select,
     sqrt,
 )
@@ -54,6 +55,7 @@ __all__ = [
     "row_maxima",
     "row_sums",
     "rsqrt_cubed",
+    "rsqrt_cubed_pair",
     "select",
     "sqrt",
     "store",

@@ -7,6 +7,7 @@ import math
 from numba import types
 from numba.extending import intrinsic, overload
 
+from orbits.kernels.lanes.arithmetic import select
 from orbits.kernels.lanes.memory import full, lane
 from orbits.kernels.lanes.type import VECTOR, LanesType, lanes
 
@@ -147,6 +148,16 @@ def atan2(y, x):
 def power(x, y):
     """Return x to the power y; float64 or `Lanes`."""
     raise NotImplementedError("power() is for compiled code only")
+
+
+def positive(x):
+    """Return x where it is positive, else NaN; float64 or `Lanes`."""
+    raise NotImplementedError("positive() is for compiled code only")
+
+
+@overload(positive)
+def _positive(x):
+    return lambda x: select(x > 0.0, x, math.nan * x)
 
 
 for _stub in (sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, exp, log):

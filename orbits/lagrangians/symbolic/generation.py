@@ -10,14 +10,14 @@ from typing import Any
 
 from orbits.errors import InputError
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, TIME_DEPENDENT
-from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
+from orbits.lagrangians.symbolic.printing import FUNCTIONS, GUARD, Printer
 
 HEADER = '''"""Made by orbits from a Lagrangian in SymPy; made anew when it is missing, not to be edited."""
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed, sqrt
 from orbits.kernels.lanes.functions import (
-    acos, asin, atan, atan2, cos, cosh, exp, log, power, sin, sinh, tan, tanh,
+    acos, asin, atan, atan2, cos, cosh, exp, log, positive, power, sin, sinh, tan, tanh,
 )
 
 TRAITS = {traits!r}
@@ -160,7 +160,7 @@ def _in_plain_symbols(formula: Formula) -> tuple[Any, list[Any], list[Any], Any]
 def _check_functions(name: str, expressions: Sequence[Any]) -> None:
     import sympy
 
-    allowed = {"Symbol", "Dummy", "Add", "Mul", "Pow", *FUNCTIONS}
+    allowed = {"Symbol", "Dummy", "Add", "Mul", "Pow", GUARD, *FUNCTIONS}
     for expression in expressions:
         for part in sympy.preorder_traversal(expression):
             kind = type(part).__name__

@@ -56,6 +56,7 @@ def from_sympy(
         example=example,
         groups=symmetries,
         source=source,
+        symbolic=lambda: formula,
     )
 
 
@@ -77,9 +78,9 @@ def shipped(
 
     def compile_() -> Compiled:
         text = Path(inspect.getfile(expression)).read_text(encoding="utf-8")
-        return _compiled(name, digest(name, text), write)
+        return _compiled(name, digest(name, text), lambda: module_text(in_sympy()))
 
-    def write() -> str:
+    def in_sympy() -> Formula:
         import types
 
         import sympy
@@ -89,7 +90,7 @@ def shipped(
         t = sympy.Symbol("t")
         p = {key: sympy.Symbol(f"p_{key}") for key in parameters}
         L = sympy.sympify(expression(q, v, t, types.SimpleNamespace(**p)))
-        return module_text(Formula(name, L, tuple(q), tuple(v), t, tuple(p.values())))
+        return Formula(name, L, tuple(q), tuple(v), t, tuple(p.values()))
 
     return Lagrangian(
         name=name,
@@ -100,6 +101,7 @@ def shipped(
         example=example,
         groups=symmetries,
         source=source_,
+        symbolic=in_sympy,
     )
 
 

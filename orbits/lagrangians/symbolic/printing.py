@@ -15,6 +15,9 @@ from orbits.errors import InputError
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "atan2")
 """SymPy functions that have a kernel of the same name."""
 
+GUARD = "positive"
+"""A function that transformations of Lagrangians may put around an expression: NaN where it is not positive."""
+
 
 class Printer:
     """Collects the statements that compute some expressions.
@@ -64,7 +67,7 @@ class Printer:
         if e.is_Pow:
             return self._power(e.base, e.exp)
         name = type(e).__name__
-        if name in FUNCTIONS:
+        if name in FUNCTIONS or name == GUARD:
             return f"{name}({', '.join(self.text(a) for a in e.args)})"
         raise InputError(f"{name} cannot be compiled")
 

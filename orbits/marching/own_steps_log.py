@@ -1,0 +1,111 @@
+"""Massless particles that take several steps within one of the massive bodies, as observers see them.
+
+Observers look at the states at the beginning of each step of the bodies. For a particle with steps of its own that is
+too seldom in encounters and pericentres: there the states after its own steps are logged, those of the bodies are
+computed for the same times, and the observers are called for this particle alone, as for a march of unequal steps.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from orbits.kernels.binding import bodies
+from orbits.kernels.compile import kernel
+from orbits.kernels.dense import dense
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.observing import call_observer
+from orbits.kernels.paths import record_one
+from orbits.kernels.watch import watch_at
+from orbits.marching.bodies_between import length_of
+
+FEW = 4
+"""The number of steps within one of the bodies from which on they are logged for the pericentre they may contain."""
+
+ENTRIES, WANTED = 0, 1
+"""The counts of a log: its entries, and whether one of them is worth a look."""
+
+BESIDES = 64
+"""The entries of a log besides one for each step of a block."""
+
+
+class Log(NamedTuple):
+    """The states of one particle in a block: at the beginning of each step of the bodies, and after its own.
+
+    observer, context : see `orbits.kernels.observing`; no observer is called, and nothing logged, for address 0
+    counts : (2,) int64; at : (room, 2), number of a step of the bodies and the part of it that has passed
+    times, path, track : of the context, with room for as many states; track is NaN but for the particle's lane
+    found : (4,) int64, the first condition that was met, as in a row of `hits`; see `orbits.kernels.watch`
+    """
+
+    observer: Any
+    context: Any
+    counts: Any
+    at: Any
+    times: Any
+    path: Any
+    track: Any
+    found: Any
+
+
+@kernel(inline=True)
+def log_state(method, model, field, log, p, k, part, particle):
+    """Log the state of particle p at a part of step k."""
+    if log.context == 0:
+        return
+    if log.counts[ENTRIES] == log.at.shape[0]:
+        look(method, model, field, log, p)
+    row = log.counts[ENTRIES]
+    log.counts[ENTRIES] = row + 1
+    log.at[row, 0], log.at[row, 1] = k, part
+    record_one(
+        log.track, row, p % WIDTH, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
+    )
+
+
+@kernel
+def look(method, model, field, log, p):
+    """Call the observer for the states logged so far, and keep the last one."""
+    size, stride, last = 3 * bodies(model.tag, model.parameters), field.stages.shape[1] // 2, log.counts[ENTRIES] - 1
+    first = p - p % WIDTH
+    for row in range(last + 1):
+        k, part = int(log.at[row, 0]), log.at[row, 1]
+        begin, entry = 2 * k * stride, 2 * row * stride
+        q, v = field.path[begin : begin + stride], field.path[begin + stride : begin + 2 * stride]
+        Q, V = log.path[entry : entry + size], log.path[entry + stride : entry + stride + size]
+        log.times[row] = field.times[k]
+        if part > 0.0:
+            h = length_of(field, k)
+            log.times[row] += part * h
+            dense(method, h, q, v, field.kicks[k], part, Q, V)
+        else:
+            for i in range(size):
+                Q[i], V[i] = q[i], v[i]
+    watch = watch_at(log.context)
+    call_observer(log.observer, log.context, log.track, field.times[1] - field.times[0], last, first, p + 1)
+    if watch.then != 0:
+        hit = watch.hits[first // WIDTH]
+        if hit[0] <= last:
+            k = int(log.at[hit[0], 0]) + (1 if log.at[hit[0], 1] > 0.0 else 0)
+            if k < log.found[0]:
+                log.found[0], log.found[1], log.found[2], log.found[3] = k, hit[1], hit[2], hit[3]
+    for i in range(6):
+        log.track[i, p % WIDTH] = log.track[6 * last + i, p % WIDTH]
+    log.at[0, 0], log.at[0, 1], log.counts[ENTRIES] = log.at[last, 0], log.at[last, 1], 1
+
+
+@kernel(inline=True)
+def finish_log(method, model, field, log, p, steps, particle, track):
+    """Look at a particle at the end of a block, if that is worth it, and hide it from those who look at `track`."""
+    if log.context == 0:
+        return
+    lane = p % WIDTH
+    if log.counts[WANTED] != 0:
+        log_state(method, model, field, log, p, steps, 0.0, particle)
+        rows = log.track.shape[0] // 6
+        look(method, model, field, log, p)
+        for row in range(rows):
+            record_one(log.track, row, lane, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
+        for k in range(steps + 1):
+            record_one(track, k, lane, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
+    log.counts[ENTRIES], log.counts[WANTED] = 0, 0

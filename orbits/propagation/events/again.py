@@ -1,0 +1,52 @@
+"""The events of a run in an archive, made again to go on with them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from orbits.errors import ArchiveError, InputError
+from orbits.propagation import stop_conditions
+from orbits.propagation.acting import again, is_held
+from orbits.propagation.events import collision, kinds, orbital, own, planes, seen
+from orbits.propagation.events.base import Sought
+from orbits.propagation.events.seeking import Seeking
+
+if TYPE_CHECKING:
+    from orbits.archive import Archive
+
+MODULES = collision, kinds, orbital, own, planes, seen, stop_conditions
+"""The files of all kinds of events."""
+
+
+def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str | PathLike[str]) -> Seeking:
+    """Return the events of the run in an archive, to go on with them.
+
+    events : those of the run, if the archive does not hold all that is needed
+    Raises InputError for others, and if they are needed.
+    """
+    direction = archive.grid.clock.direction
+    if not archive.events_text:
+        if isinstance(events, Sought) or events:
+            raise InputError(f"the run in {path} sought no events, and cannot begin to; leave out events=...")
+        return Seeking(archive.system, [], direction)
+    known = json.loads(archive.events_text)
+    if isinstance(events, Sought) or events:
+        seeking = Seeking(archive.system, events, direction)
+        if json.loads(seeking.described()) != known:
+            raise InputError(f"events are not those of the run in {path}: {', '.join(e['kind'] for e in known)}.")
+        return seeking
+    missing = [event["kind"] for event in known if event["given"] is None or not is_held(event["then"])]
+    if missing:
+        raise InputError(
+            f"the run in {path} sought {', '.join(missing)}, with a function or an action that a file cannot hold; "
+            "give the same events again: orbits.resume(path, events=[...])."
+        )
+    classes = {name: value for module in MODULES for name, value in vars(module).items() if isinstance(value, type)}
+    try:
+        made = [classes[event["kind"]](**event["given"], then=again(event["then"])) for event in known]
+        return Seeking(archive.system, made, direction)
+    except (KeyError, TypeError, InputError) as error:
+        raise ArchiveError(f"{path}: its events cannot be sought here ({error}); is it of a later version?") from error

@@ -1,0 +1,355 @@
+"""Zeros of functions along the motion within steps.
+
+A function is checked at both ends of each step and at eight nodes between them, with its slope. A change of sign
+between two checks brackets a zero. Without one, slopes towards zero at both checks bracket an extremum, which is found;
+if the function has the other sign there, it brackets two zeros. A function with at most one extremum between two checks
+therefore has all its zeros found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.marching.motion import Motion
+from orbits.propagation.events.base import Array, Bound, Whole
+
+NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0]
+
+APART = 1e-5
+"""The distance of two checks that give a slope, as a fraction of a step."""
+
+CLOSE = 1e-15
+"""How close a zero is found, as a fraction of a step."""
+
+ROUGHLY = 1e-9
+"""The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
+
+ROUNDS, TINY = 200, np.finfo(np.float64).tiny
+"""The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
+
+REFINEMENTS, MISSED = 8, 1e-3
+"""The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
+march, from which on there is no zero.
+"""
+
+CHECKS = np.concatenate([[0.0], NODES])
+
+FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
+"""Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
+
+STEPS_AT_ONCE, POINTS = 256, 2_000_000
+"""The most steps that are searched at a time, and the most numbers that a function has in them."""
+
+
+class NotFiniteError(ArithmeticError):
+    """A function is not finite: its value, and the time of the state."""
+
+    def __init__(self, time: float, value: float) -> None:
+        super().__init__(time, value)
+        self.time, self.value = time, value
+
+
+class Zeros(NamedTuple):
+    """Zeros: the number and the fraction of the step of each, its column, and whether the function rises in time."""
+
+    steps: Whole
+    fractions: Array
+    columns: Whole
+    rising: NDArray[np.bool_]
+
+
+Along = Callable[[Whole, Array, Whole], Array]
+"""Returns functions at fractions of steps: numbers of the steps, fractions, and columns, (m,) each."""
+
+
+class Stretch:
+    """The motion of all bodies in consecutive steps.
+
+    motion : of the massive bodies; massive : (n,), which of the bodies these are
+    needed : (n,), those that matter
+    """
+
+    def __init__(self, motion: Motion, massive: NDArray[np.bool_], needed: NDArray[np.bool_]) -> None:
+        self._motion, self._massive = motion, massive
+        self._rows = np.flatnonzero(needed & massive)
+        self._needed = (np.cumsum(massive) - 1)[self._rows]
+        self.times = motion.times
+
+    def __len__(self) -> int:
+        return len(self._motion)
+
+    def at(self, steps: Whole, fractions: Array, rough: bool = False) -> tuple[Array, Array, Array]:
+        """Return t (m,), q and v (m, n, 3) at fractions of steps; see `Motion.roughly_at`."""
+        lengths = self._motion.lengths[steps]
+        states = self._motion.roughly_at(steps, fractions) if rough else self._motion.at(steps, fractions)
+        return self.times[steps] + fractions * lengths, *self._of_all(*states)
+
+    @property
+    def backwards(self) -> bool:
+        """Whether the steps go back in time."""
+        return bool(self.times[-1] < self.times[0])
+
+    def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
+        """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly."""
+        begin, length = self.times[:-1][steps], self._motion.lengths[steps]
+        t = (begin[:, None] + fractions * length[:, None]).ravel()
+        return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
+
+    def ends(self) -> tuple[Array, Array, Array]:
+        """Return t (steps + 1,), q and v at the ends of the steps, as they were marched."""
+        n = int(self._massive.sum())
+        path = self._motion.path[:, :, : 3 * n].reshape(-1, 2, 3, n).transpose(0, 1, 3, 2)
+        return self.times, *self._of_all(path[:, 0], path[:, 1])
+
+    def _of_all(self, q: Array, v: Array) -> tuple[Array, Array]:
+        if self._massive.all():
+            return q, v
+        every = np.full((2, len(q), len(self._massive), 3), np.nan)
+        every[0][:, self._massive], every[1][:, self._massive] = q, v
+        return every[0], every[1]
+
+
+def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zeros | NotFiniteError]:
+    """Return the zeros of each function in a stretch, in the order of steps; each counts once, also one at a check. Or
+    where a function is not finite.
+
+    first : whether the stretch is at the start of a run, where a zero does not count
+    """
+    ends = stretch.ends()
+    columns = [bound.near(*ends) for bound in bounds]
+    found: list[list[Brackets]] = [[] for _ in bounds]
+    failed: dict[int, NotFiniteError] = {}
+    most = max((len(some) for some in columns), default=0)
+    at_once = max(1, min(STEPS_AT_ONCE, POINTS // (len(FRACTIONS) * max(1, most))))
+    for begin in range(0, len(stretch) if most else 0, at_once):
+        steps = slice(begin, min(begin + at_once, len(stretch)))
+        states = stretch.at_checks(steps, FRACTIONS)
+        t, q, v = (x[steps.stop : steps.stop + 1] for x in ends)
+        for number, bound in enumerate(bounds):
+            if len(columns[number]) and number not in failed:
+                try:
+                    g, g_last = (_finite(bound, some, columns[number]) for some in (states, (t, q, v)))
+                except NotFiniteError as error:
+                    failed[number] = error
+                    continue
+                where = columns[number], steps, stretch.backwards, first and begin == 0
+                found[number].append(_brackets(bound.words, g, g_last, *where))
+    answers: list[Zeros | NotFiniteError] = []
+    for number, bound in enumerate(bounds):
+        try:
+            answers.append(_zeros(bound, stretch, found[number]))
+        except NotFiniteError as error:
+            failed.setdefault(number, error)
+            answers.append(error)
+        if number in failed:
+            answers[-1] = failed[number]
+    return answers
+
+
+class Brackets(NamedTuple):
+    """Where zeros, or extrema with two zeros about them, are between two checks: steps and columns, (m,); the fractions
+    of both checks, and the function there; and whether it is an extremum.
+    """
+
+    steps: Whole
+    columns: Whole
+    low: Array
+    high: Array
+    g_low: Array
+    g_high: Array
+    turns: NDArray[np.bool_]
+
+
+def _brackets(
+    words: tuple[str | None, str | None],
+    g: Array,
+    g_last: Array,
+    columns: Whole,
+    steps: slice,
+    backwards: bool,
+    start: bool,
+) -> Brackets:
+    """Return the brackets in consecutive steps.
+
+    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as marched
+    start : whether the first step is that of a run
+    """
+    size, count = len(CHECKS), steps.stop - steps.start
+    g = np.ascontiguousarray(g.T).reshape(len(columns), count, -1)
+    before = g[:, :, :size]
+    # The end of a step is the begin of the next one, as it was marched: no zero falls in between, or counts twice.
+    end = np.concatenate([before[:, 1:, 0], g_last.T], axis=1)
+    after = np.concatenate([before[:, :, 1:], end[:, :, None]], axis=2)
+    slope = g[:, :, size : 2 * size] - before
+    slope_after = np.concatenate([slope[:, :, 1:], (g[:, :, -1] - g[:, :, -2])[:, :, None]], axis=2)
+    positive = before >= 0.0
+    if start:
+        at_zero = before[:, 0, 0] == 0.0
+        positive[at_zero, 0, 0] = g[at_zero, 0, size] >= 0.0
+    changes = positive != (after >= 0.0)
+    turns = ~changes & np.where(positive, (slope < 0.0) & (slope_after > 0.0), (slope > 0.0) & (slope_after < 0.0))
+    for word, falling in zip(words, (True, False), strict=True):
+        if word is None:
+            changes &= positive != (falling != backwards)
+    c, k, i = np.nonzero(changes | turns)
+    edges = np.append(CHECKS, 1.0)
+    ends = edges[i], edges[i + 1], before[c, k, i], after[c, k, i]
+    return Brackets(steps.start + k, columns[c], *ends, turns[c, k, i])
+
+
+def _finite(bound: Bound, states: tuple[Array, Array, Array], columns: Whole) -> Array:
+    """Return a function, (m, columns). Raises NotFiniteError."""
+    g = bound.values(*states, columns)
+    _check_finite(g, states[0])
+    return g
+
+
+def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
+    """Return the zeros in brackets. Raises NotFiniteError."""
+    if not sum(len(some.steps) for some in found):
+        nothing = np.zeros(0, dtype=np.int64)
+        return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool))
+    k, c, low, high, g_low, g_high, turns = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    along = _along(bound, stretch)
+    if turns.any():
+        around = k[turns], c[turns], low[turns], high[turns], g_low[turns], g_high[turns]
+        middle, g_middle = _extrema(along, *around)
+        two = np.where(around[4] >= 0.0, g_middle < 0.0, g_middle > 0.0)
+        k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
+        middle, g_middle = middle[two], g_middle[two]
+        k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
+        low, high = np.concatenate([low[~turns], low2, middle]), np.concatenate([high[~turns], middle, high2])
+        g_low = np.concatenate([g_low[~turns], g_low2, g_middle])
+        g_high = np.concatenate([g_high[~turns], g_middle, g_high2])
+    rising = (g_low < 0.0) != stretch.backwards
+    wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
+    k, c, rising = k[wanted], c[wanted], rising[wanted]
+    low, high, g_low, g_high = low[wanted], high[wanted], g_low[wanted], g_high[wanted]
+    at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high)
+    at, there = _refined(along, _along(bound, stretch, False), k, c, at)
+    k, c, at, rising = k[there], c[there], at[there], rising[there]
+    order = np.lexsort((c, at, k))
+    return Zeros(k[order], at[order], c[order], rising[order])
+
+
+def _refined(rough: Along, exact: Along, k: Whole, c: Whole, at: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the zeros of functions of the exact motion from those of the rough one, and which there are.
+
+    By Newton's method, and then by secants; the slope of the rough motion is good enough to begin with.
+    """
+    if not len(at):
+        return at, np.ones(0, dtype=bool)
+    ahead = np.where(at < 0.5, APART, -APART)
+    g = exact(k, at, c)
+    with np.errstate(all="ignore"):
+        slope = (rough(k, at + ahead, c) - rough(k, at, c)) / ahead
+        last = np.where(g == 0.0, 0.0, -g / slope)
+    at, going = at.copy(), np.flatnonzero(np.abs(last) > CLOSE)
+    for _ in range(REFINEMENTS):
+        if not len(going):
+            break
+        moved = np.clip(at[going] + last[going], 0.0, 1.0)
+        way, before = moved - at[going], g[going]
+        at[going], g[going] = moved, exact(k[going], moved, c[going])
+        with np.errstate(all="ignore"):
+            change = g[going] - before
+            slope[going] = np.where((change != 0.0) & (way != 0.0), change / way, slope[going])
+            last[going] = np.where(g[going] == 0.0, 0.0, -g[going] / slope[going])
+        going = going[np.abs(last[going]) > CLOSE]
+    # A zero at the end of a step may lie behind it by the difference of the two motions.
+    return at, np.abs(last) < MISSED
+
+
+def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:
+    """Return the function of a column at a fraction of a step."""
+
+    def along(steps: Whole, fractions: Array, columns: Whole) -> Array:
+        t, q, v = stretch.at(steps, fractions, rough)
+        g = bound.at(t, q, v, columns)
+        _check_finite(g, t)
+        return g
+
+    return along
+
+
+def _check_finite(g: Array, t: Array) -> None:
+    if not np.isfinite(g).all():
+        rows = ~np.isfinite(g.reshape(len(t), -1)).all(axis=1)
+        row = int(np.argmax(rows))
+        value = g.reshape(len(t), -1)[row]
+        raise NotFiniteError(float(t[row]), float(value[~np.isfinite(value)][0]))
+
+
+def _extrema(
+    along: Along,
+    steps: Whole,
+    columns: Whole,
+    low: Array,
+    high: Array,
+    g_low: Array,
+    g_high: Array,
+) -> tuple[Array, Array]:
+    """Return where functions are least, or largest if they are negative, and their values there.
+
+    The search for one ends early at a place where the function has the other sign.
+    """
+    sign = np.where(g_low >= 0.0, 1.0, -1.0)
+    best, g_best = low.copy(), np.abs(g_low)
+
+    def slope(x: Array, which: Whole) -> Array:
+        apart = APART * (high - low)[which]
+        three = np.concatenate([x - apart, x, x + apart])
+        g = along(np.tile(steps[which], 3), three, np.tile(columns[which], 3)).reshape(3, -1) * sign[which]
+        lower = g[1] < g_best[which]
+        best[which[lower]], g_best[which[lower]] = x[lower], g[1][lower]
+        found = g[2] - g[0]
+        found[g[1] < 0.0] = 0.0  # the other sign: an answer
+        return np.asarray(found)
+
+    _root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
+    return best, sign * g_best
+
+
+def _root(
+    function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array
+) -> Array:
+    """Return a zero of each function in its bracket, roughly, all at once.
+
+    function : of places and of the numbers of the functions; f_low, f_high : at the ends, of different signs
+    Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
+    bisection.
+    """
+    # Zeros count as positive numbers, also at the ends: there may be another one between them.
+    a, b, fa, fb = high.copy(), low.copy(), *(np.where(f == 0.0, TINY, f) for f in (f_high, f_low))
+    c, fc = a.copy(), fa.copy()
+    fraction = np.full(len(a), 0.5)
+    found = np.where(np.abs(fa) < np.abs(fb), a, b)
+    going = np.arange(len(a))
+    for _ in range(ROUNDS):
+        if not len(going):
+            break
+        i = going
+        x = a[i] + fraction[i] * (b[i] - a[i])
+        fx = function(x, i)
+        same = (fx >= 0.0) == (fa[i] >= 0.0)
+        c[i], fc[i] = np.where(same, a[i], b[i]), np.where(same, fa[i], fb[i])
+        b[i], fb[i] = np.where(same, b[i], a[i]), np.where(same, fb[i], fa[i])
+        a[i], fa[i] = x, fx
+        width = np.abs(b[i] - a[i])
+        least = np.where(np.abs(fa[i]) <= np.abs(fb[i]), a[i], b[i])
+        found[i] = least
+        going = i[(fa[i] != 0.0) & (width > ROUGHLY)]
+        j = going
+        with np.errstate(all="ignore"):
+            xi, phi = (a[j] - b[j]) / (c[j] - b[j]), (fa[j] - fb[j]) / (fc[j] - fb[j])
+            alpha = (c[j] - a[j]) / (b[j] - a[j])
+            step = fa[j] / (fb[j] - fa[j]) * fc[j] / (fb[j] - fc[j])
+            step += alpha * fa[j] / (fc[j] - fa[j]) * fb[j] / (fc[j] - fb[j])
+            safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(step)
+            least_step = 0.5 * ROUGHLY / np.abs(b[j] - a[j])
+        fraction[j] = np.clip(np.where(safe, step, 0.5), least_step, 1.0 - least_step)
+    return found

@@ -1,0 +1,308 @@
+"""The events of a run, sought block by block as it is marched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.errors import EventError, InputError, shown
+from orbits.marching.motion import Collected, Motion
+from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
+from orbits.propagation.events.log import Log
+from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
+from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described
+from orbits.trajectory.retired import absent, moved
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from orbits.marching.marcher import Marcher
+    from orbits.system import System
+
+Array = NDArray[np.float64]
+
+STEPS, NUMBERS = 4096, 1 << 22
+"""The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
+
+SAME = 1e-9
+"""Events that act on one body at once are less than this fraction of a step apart."""
+
+
+class Found(NamedTuple):
+    """An event that interrupts a run: the number of its function, its column, and where it happened."""
+
+    number: int
+    column: int
+    rising: bool
+    steps: int
+    time: float
+
+
+class Seeking:
+    """The events of a run, and what was found of them.
+
+    events : as they were given;  direction : of the run in time, 1 or -1
+    Raises InputError for events that cannot be sought among these bodies.
+    """
+
+    def __init__(self, system: System, events: Sought | Sequence[Sought], direction: float) -> None:
+        given = [events] if isinstance(events, Sought) else events
+        if not isinstance(given, list | tuple) or not all(isinstance(event, Sought) for event in given):
+            raise InputError(
+                f"events = {shown(events)}; expected events such as orbits.CloseApproach('Apophis', 'Earth') or "
+                "orbits.Pericentre('Halley'), one or a list of them."
+            )
+        self._system, self._direction = system, direction
+        self.events: tuple[Sought, ...] = tuple(given)
+        self._of: list[Sought] = []
+        self._bounds: list[Bound] = []
+        for event in self.events:
+            if not isinstance(event.then, str):
+                event.then.check(event, system)
+            bounds = event.bound(system)
+            _check_massive(event, bounds, system)
+            self._bounds += bounds
+            self._of += [event] * len(bounds)
+        self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
+        if self.touching and len(self.touching) < len(self._bounds):
+            raise InputError(
+                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
+                "out the other events, or seek them in a run without collisions."
+            )
+        self.interrupts = not self.touching and any(event.interrupts for event in self.events)
+        self.act = any(not isinstance(event.then, str) for event in self.events)
+        self._needed = np.zeros(len(system), dtype=bool)
+        for bound in self._bounds:
+            bodies = bound.bodies()
+            self._needed[slice(None) if bodies is None else bodies] = True
+        self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
+        self._first = True
+        self.log = Log(direction)
+
+    def __bool__(self) -> bool:
+        """Whether there are functions whose zeros are sought."""
+        return len(self._bounds) > len(self.touching)
+
+    def check(self, marcher: Marcher) -> None:
+        """Raise InputError for a march that does not tell the motion within its steps."""
+        if self and not marcher.tells_motion:
+            raise InputError(
+                f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} "
+                "bodies of this run on several threads; use threads=1, or leave out events=..."
+            )
+
+    @property
+    def words(self) -> list[tuple[str | None, str | None]]:
+        """What the zeros of each function are called."""
+        return [bound.words for bound in self._bounds]
+
+    def table(self) -> Events:
+        """Return what was found so far."""
+        return Events(self._system, self.words, self.log.rows)
+
+    def described(self) -> str:
+        """Return the events as an archive holds them."""
+        return described(
+            {
+                "kind": type(event).__name__,
+                "given": _plain(event.given()) if event.stored else None,
+                "then": event.then if isinstance(event.then, str) else repr(event.then),
+                "words": [bound.words for of, bound in zip(self._of, self._bounds, strict=True) if of is event],
+            }
+            for event in self.events
+        )
+
+    def checkpoint(self) -> dict[str, NDArray[Any]]:
+        """Return what is found up to the state that the march has reached, as arrays of fixed shapes."""
+        return self.log.checkpoint() if self.events else {}
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], begun: bool, path: Any) -> None:
+        """Go on with the list of a checkpoint; begun : whether the march has taken steps."""
+        if self.events:
+            self.log.restore(checkpoint, len(self._bounds), len(self._system), path)
+            self._first = not begun
+
+    # ------------------------------------------------------------------------------------------- along the march
+
+    def after(self, marcher: Marcher) -> Found | None:
+        """Take the block that was just marched; return the first event in it that interrupts the run, if any.
+
+        The events before it are then recorded, and it is as well; the march is at the begin of its step.
+        """
+        if not self:
+            return None
+        motion = marcher.motion()
+        if self.interrupts:
+            found = self._seek(motion, True)
+            if found is not None:
+                marcher.go_back(found.steps)
+            return found
+        if not self._collected.takes(motion):
+            self.flush()
+            if not self._collected.takes(motion):
+                self._seek(motion, True)
+        return None
+
+    def flush(self) -> None:
+        """Seek events in all steps that were taken; call it before the list is stored."""
+        if len(self._collected):
+            self._seek(self._collected.emptied(), True)
+
+    def before(self, marcher: Marcher, time: float, record: bool) -> Found | None:
+        """Seek events between the state of the march and a time less than a step ahead.
+
+        record : whether to record them; otherwise only those up to one that interrupts the run are recorded, if any
+        """
+        self.flush()
+        if not self or (time - marcher.time) * self._direction <= 0.0:
+            return None
+        (rest, goal), found = marcher.towards(time), None
+        while found is None and rest.is_before(goal):
+            rest.approach(goal)
+            found = self._seek(rest.motion(), False, record)
+        return found
+
+    def before_in(self, steps: Iterable[Marcher], time: float) -> Found | None:
+        """Seek the first event that interrupts the run up to a time, in whole steps that lead beyond it.
+
+        steps : marches that have taken one step each. Events are then where they are without a sample at this time.
+        """
+        for rest in steps:
+            found = self._seek(rest.motion(), False, False, time)
+            if found is not None:
+                return found
+        return None
+
+    def event_of(self, number: int) -> Sought:
+        """Return the event, as it was given, to which a function belongs."""
+        return self._of[number]
+
+    def happening(self, found: Found, state: tuple[Array, Array]) -> Happening:
+        """Return an event that interrupts a run, with the bodies at its time; state : q and v of all, (n, 3)."""
+        system, bound = self._system, self._bounds[found.number]
+        names = [None if k == NOBODY else system.names[k] for k in bound.pairs[found.column]]
+        at = moved(system, *state, found.time, absent(*state, system.massive))
+        kind = bound.words[found.rising] or ""
+        return Happening(self._of[found.number], kind, u.Quantity(found.time, system.units.time), at, *names)
+
+    def _seek(self, motion: Motion, firm: bool, record: bool = True, until: float | None = None) -> Found | None:
+        """Find the events in a stretch of the march and record them; those after one that interrupts are left out, and
+        those after a time `until`.
+        """
+        if not len(motion):
+            return None
+        stretch = Stretch(motion, self._system.massive, self._needed)
+        rows, places, failure = self._found(stretch)
+        order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
+        if until is not None:
+            order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
+            failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
+        if self.log.known:
+            apart = SAME * float(abs(np.diff(stretch.times)).max())
+            order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
+        acting = [k for k in order if self._of[int(rows[k, NUMBER])].interrupts]
+        last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction
+        if record or acting:
+            for k in order[(rows[order, TIME] - last) * self._direction <= 0.0]:
+                self._add(rows[k], firm or bool(acting))
+        if failure is not None and (failure.time - last) * self._direction <= 0.0:
+            raise failure
+        if firm:
+            self._first = False
+        if not acting:
+            return None
+        self.log.pass_by(last)
+        self._check_alone(rows[acting], stretch)
+        number, column, steps = (int(x) for x in places[acting[0]])
+        return Found(number, column, bool(rows[acting[0], RISING]), steps, last)
+
+    def _found(self, stretch: Stretch) -> tuple[Array, NDArray[np.int64], EventError | None]:
+        """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
+        rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
+        for number, found in enumerate(zeros_of(self._bounds, stretch, self._first)):
+            bound = self._bounds[number]
+            if isinstance(found, NotFiniteError):
+                if failure is None or (found.time - failure.time) * self._direction < 0.0:
+                    failure = self._not_finite(number, found)
+                continue
+            if not len(found.steps):
+                continue
+            t, q, v = stretch.at(found.steps, found.fractions)
+            kept = bound.keeps(t, q, v, found.columns)
+            pairs, figures = bound.pairs[found.columns], bound.figures(t, q, v, found.columns)
+            numbers = np.full(len(t), number)
+            rows.append(np.column_stack([t, numbers, found.rising, pairs, figures])[kept])
+            places.append(np.column_stack([numbers, found.columns, found.steps])[kept])
+        every, where = np.concatenate(rows), np.concatenate(places)
+        if failure is not None:
+            before = (every[:, TIME] - failure.time) * self._direction < 0.0
+            every, where = every[before], where[before]
+        return every, where, failure
+
+    def note(self, row: Array) -> None:
+        """List an event that the march found. Raises EventError if there are too many."""
+        self._add(row, True)
+
+    def _add(self, row: Array, firm: bool) -> None:
+        if self.log.full:
+            often = np.bincount(self.log.rows[:, NUMBER].astype(int))
+            most, when = int(np.argmax(often)), f"t = {row[TIME]:.10g} {self._system.units.time}".rstrip()
+            raise EventError(
+                f"there are more than {MOST_EVENTS:,} events by {when}, {often[most]:,} of them "
+                f"{_said(self._bounds[most])}. Seek fewer (a bound, a direction, fewer bodies), or run in parts; all "
+                "before stays readable.",
+                time=float(row[TIME]),
+            )
+        self.log.add(row, firm)
+
+    def _check_alone(self, rows: Array, stretch: Stretch) -> None:
+        """Refuse two events that act on one body at once."""
+        one, rest = rows[0], rows[1:]
+        if isinstance(self._of[int(one[NUMBER])].then, str):
+            return
+        step = abs(float(np.diff(stretch.times).max()))
+        for two in rest[np.abs(rest[:, TIME] - one[TIME]) <= SAME * step]:
+            both = ({int(k) for k in one[BODY : OTHER + 1]} & {int(k) for k in two[BODY : OTHER + 1]}) - {NOBODY}
+            if both and not isinstance(self._of[int(two[NUMBER])].then, str):
+                names = [self._system.names[k] for k in both]
+                kinds = [self._bounds[int(row[NUMBER])].words[int(row[RISING])] for row in (one, two)]
+                raise EventError(
+                    f"{kinds[0]!r} and {kinds[1]!r} both act on {names[0]} at t = {one[TIME]:.10g} "
+                    f"{self._system.units.time}; expected one at a time. Let one of them only record.",
+                    time=float(one[TIME]),
+                    bodies=names,
+                )
+
+    def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
+        when = f"t = {error.time:.10g} {self._system.units.time}".rstrip()
+        return EventError(
+            f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend "
+            "the function; all before stays readable.",
+            time=error.time,
+        )
+
+
+def _said(bound: Bound) -> str:
+    return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
+
+
+def _check_massive(event: Sought, bounds: Sequence[Bound], system: System) -> None:
+    for bound in bounds:
+        for row in np.unique(bound.pairs[bound.pairs != NOBODY]):
+            if not system.massive[row]:
+                raise InputError(
+                    f"{type(event).__name__}: {system.names[row]} is a massless particle, whose motion within steps is "
+                    "not known; give it a small mass, such as gm=1e-20, or leave the event out."
+                )
+
+
+def _plain(given: dict[str, Any]) -> dict[str, Any]:
+    """Return fields as JSON can hold them: quantities as texts, with all their digits."""
+    return {
+        name: f"{value.value!r} {value.unit}" if isinstance(value, u.Quantity) else value
+        for name, value in given.items()
+    }

@@ -1,0 +1,265 @@
+"""The table of the events of a run: times, kinds, bodies, distances and speeds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import index_of
+from orbits.errors import ArchiveError
+from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.export.labelled import imported
+from orbits.system.presenting import attributes
+
+if TYPE_CHECKING:
+    import pandas
+    from astropy.table import QTable
+    from astropy.time import Time
+
+    from orbits.archive import Archive
+    from orbits.system import System
+
+Array = NDArray[np.float64]
+
+TIME, NUMBER, RISING, BODY, OTHER, DISTANCE, SPEED, ANGLE = range(8)
+"""The columns of a row: the time; the number of the function whose zero it is, among those of all events; 1 if the
+function rises in time, 0 if it falls; the numbers of the bodies, -1 for none; and distance, speed and angle (radians),
+NaN where there is none.
+"""
+
+COLUMNS = 8
+
+MOST_EVENTS = 1 << 15
+"""The most events of a run: room for as many is kept in each of the two checkpoints of an archive."""
+
+
+@dataclass(frozen=True)
+class FoundEvent:
+    """One event of a run.
+
+    time : since the epoch, with unit; date : as a Time (TDB), None without an epoch
+    kind : in words
+    body, other : names, None without them
+    distance, speed : of the two bodies relative to each other, None without them
+    angle : between the two bodies as seen from a third one, for events that are seen; else None
+    """
+
+    time: u.Quantity
+    date: Time | None
+    kind: str
+    body: str | None
+    other: str | None
+    distance: u.Quantity | None
+    speed: u.Quantity | None
+    angle: u.Quantity | None
+
+    def __str__(self) -> str:
+        when = f"t = {self.time:.10g}" if self.date is None else f"{self.date.iso[:19]} TDB, t = {self.time:.10g}"
+        bodies = " and ".join(name for name in (self.body, self.other) if name is not None)
+        figures = [f"{x:.6g}" for x in (self.distance, self.speed, self.angle) if x is not None]
+        return ", ".join([f"{when}: {self.kind}" + f" of {bodies}" * bool(bodies), *figures])
+
+
+class Events(Sequence[FoundEvent]):
+    """The events of a run in the order in which it met them: `run.events`.
+
+    By index one `FoundEvent`, by slice or by the name of a body several `Events`. `to_table` and `to_pandas` have one
+    row for each; `.time`, `.date`, `.kind`, `.distance`, `.speed` and `.angle` are its columns.
+
+    system : at the start of the run
+    words : for each function whose zeros were sought, what they are called where it falls and where it rises
+    rows : (n, 8), see `TIME`
+    """
+
+    def __init__(
+        self, system: System | None = None, words: Sequence[Sequence[str | None]] = (), rows: Any = ()
+    ) -> None:
+        self._system, self._words = system, [tuple(pair) for pair in words]
+        self._rows: Array = np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
+        self._rows.flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @overload
+    def __getitem__(self, key: int) -> FoundEvent: ...
+
+    @overload
+    def __getitem__(self, key: slice | str) -> Events: ...
+
+    def __getitem__(self, key: int | slice | str) -> FoundEvent | Events:
+        """Return one event by index, or several by a slice, or by the name of a body. Raises UnknownNameError."""
+        if isinstance(key, str):
+            row = index_of(key, self._names)
+            return Events(self._system, self._words, self._rows[(self._rows[:, [BODY, OTHER]] == row).any(axis=1)])
+        if isinstance(key, slice):
+            return Events(self._system, self._words, self._rows[key])
+        return self._one(self._rows[key])
+
+    def _one(self, row: Array) -> FoundEvent:
+        time = u.Quantity(row[TIME], self._units.time)
+        body, other = (None if row[k] < 0 else self._names[int(row[k])] for k in (BODY, OTHER))
+        distance, speed, angle = (
+            None if np.isnan(row[k]) else u.Quantity(row[k], unit)
+            for k, unit in ((DISTANCE, self._units.length), (SPEED, self._units.speed), (ANGLE, u.rad))
+        )
+        angle = None if angle is None else angle.to(u.deg)
+        return FoundEvent(time, self._date(time), self._kind(row), body, other, distance, speed, angle)
+
+    def _kind(self, row: Array) -> str:
+        return self._words[int(row[NUMBER])][int(row[RISING])] or ""
+
+    def _date(self, time: u.Quantity) -> Time | None:
+        epoch = None if self._system is None else self._system.epoch
+        return None if epoch is None else (epoch + time).copy(format="iso")
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return () if self._system is None else self._system.names
+
+    @property
+    def _units(self) -> Any:
+        assert self._system is not None
+        return self._system.units
+
+    @property
+    def time(self) -> u.Quantity:
+        """Times since the epoch, (n,)."""
+        return self._column(TIME, "time")
+
+    @property
+    def date(self) -> Time | None:
+        """Times as a Time (TDB), (n,); None without an epoch."""
+        return self._date(self.time)
+
+    @property
+    def kind(self) -> NDArray[np.str_]:
+        """The kinds in words, (n,)."""
+        return np.array([self._kind(row) for row in self._rows], dtype=str)
+
+    @property
+    def distance(self) -> u.Quantity:
+        """Distances of the two bodies, (n,); NaN without them."""
+        return self._column(DISTANCE, "length")
+
+    @property
+    def speed(self) -> u.Quantity:
+        """Relative speeds of the two bodies, (n,); NaN without them."""
+        return self._column(SPEED, "speed")
+
+    @property
+    def angle(self) -> u.Quantity:
+        """Angles between the two bodies as seen from a third one, (n,), in degrees; NaN for other events."""
+        return u.Quantity(self._rows[:, ANGLE], u.rad).to(u.deg)
+
+    def _column(self, column: int, unit: str) -> u.Quantity:
+        return u.Quantity(self._rows[:, column], u.one if self._system is None else getattr(self._units, unit))
+
+    def _bodies(self, column: int) -> NDArray[np.str_]:
+        return np.array(["" if row < 0 else self._names[int(row)] for row in self._rows[:, column]], dtype=str)
+
+    def to_table(self) -> QTable:
+        """Return an astropy QTable with the columns date (TDB, if there is an epoch), time, kind, body, other,
+        distance, speed, and angle if any event is seen from a body. Its meta has the epoch and further information.
+        """
+        from astropy.table import QTable
+
+        columns: dict[str, Any] = {} if self.date is None else {"date": self.date}
+        columns |= {"time": self.time, "kind": self.kind}
+        columns |= {"body": self._bodies(BODY), "other": self._bodies(OTHER)}
+        columns |= {"distance": self.distance, "speed": self.speed}
+        if np.isfinite(self._rows[:, ANGLE]).any():
+            columns["angle"] = self.angle
+        return QTable(columns, meta={} if self._system is None else attributes(self._system))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a pandas DataFrame with the columns of `to_table`; dates are datetime64[us] in TDB.
+
+        Units are strings in `frame.attrs["units"]`. Raises MissingPackageError without pandas.
+        """
+        module, table = imported("pandas", "to_pandas"), self.to_table()
+        columns: dict[str, Any] = {}
+        known: dict[str, str] = {}
+        for name in table.colnames:
+            column = table[name]
+            if name == "date":
+                columns[name] = np.array(column.datetime64, dtype="datetime64[us]")
+            elif isinstance(column, u.Quantity):
+                columns[name], known[name] = column.value, str(column.unit)
+            else:
+                columns[name] = np.array(column)
+        frame: pandas.DataFrame = module.DataFrame(columns)
+        frame.attrs = {"units": known, **table.meta}
+        return frame
+
+    def __repr__(self) -> str:
+        return text_table(self._caption(), *self._shown(), words=self._text_columns)
+
+    def _repr_html_(self) -> str:
+        return html_table(self._caption(), *self._shown(), words=self._text_columns)
+
+    @property
+    def _text_columns(self) -> int:
+        return 3 + (self._system is not None and self._system.epoch is not None)
+
+    def _caption(self) -> str:
+        return "no events" if not len(self) else f"{len(self):,} event{'s' * (len(self) > 1)}"
+
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        if not len(self):
+            return [], [], 0
+        dated = self._system is not None and self._system.epoch is not None
+        seen = bool(np.isfinite(self._rows[:, ANGLE]).any())
+        units = [("time", self._units.time), ("distance", self._units.length), ("speed", self._units.speed)]
+        head = [*["date (TDB)"] * dated, "kind", "body", "other", *(headed(*pair) for pair in units)]
+        head += ["angle [deg]"] * seen
+        rows = []
+        for event in self[:MOST_ROWS]:
+            date = [] if event.date is None else [event.date.iso[:19]]
+            figures = [event.time, event.distance, event.speed, *[event.angle] * seen]
+            texts = ["" if x is None else f"{x.value:.10g}" if x is event.time else f"{x.value:.6g}" for x in figures]
+            rows.append([*date, event.kind, event.body or "", event.other or "", *texts])
+        return head, rows, len(self) - len(rows)
+
+
+def rows_in(checkpoint: Mapping[str, NDArray[Any]]) -> Array | None:
+    """Return the rows of the events in a checkpoint, or None if it has none or their number is impossible."""
+    rows, counts = checkpoint.get("events"), checkpoint.get("event_counts")
+    if rows is None or counts is None or rows.shape != (MOST_EVENTS, COLUMNS) or counts.shape != (2,):
+        return None
+    return np.array(rows[: int(counts[0])]) if 0 <= int(counts[0]) <= MOST_EVENTS else None
+
+
+def events_of(archive: Archive) -> Events:
+    """Return the events in the last checkpoint of an archive. Raises ArchiveError for an impossible list."""
+    text = archive.events_text
+    if not text:
+        return Events(archive.system)
+    rows = rows_in(archive.checkpoint())
+    try:
+        words = [pair for event in json.loads(text) for pair in event["words"]]
+    except (TypeError, KeyError, ValueError):
+        rows = None
+    if rows is None or not is_possible(rows, len(words), len(archive.system)):
+        raise ArchiveError(f"{archive.path} is damaged: its list of events is impossible. Restore it from a copy.")
+    return Events(archive.system, words, rows)
+
+
+def is_possible(rows: Array, functions: int, bodies: int) -> bool:
+    """Return whether rows are of events of so many functions and bodies."""
+    numbers, pairs = rows[:, [NUMBER, RISING]], rows[:, [BODY, OTHER]]
+    whole = bool((numbers == np.floor(numbers)).all() and (pairs == np.floor(pairs)).all())
+    inside = bool(((numbers >= 0) & (numbers < [functions, 2])).all() and ((pairs >= -1) & (pairs < bodies)).all())
+    return whole and inside and bool(np.isfinite(rows[:, TIME]).all())
+
+
+def described(events: Iterable[Mapping[str, Any]]) -> str:
+    """Return the description of events for an archive, as JSON; "" without events."""
+    listed = list(events)
+    return json.dumps(listed, sort_keys=True) if listed else ""

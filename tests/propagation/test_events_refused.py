@@ -1,0 +1,143 @@
+"""What cannot be sought, and what fails on the way: said clearly, with all before it kept."""
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.trajectory import events as tables
+
+
+def pair(**changes):
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.3, "M": 0.3, "gm": 1e-9}}
+    return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS).replaced(**changes)
+
+
+def sought(*events, **options):
+    return orbits.propagate(pair(), duration=6.0, events=list(events), **options)
+
+
+REFUSED = [
+    (lambda: sought("pericentre"), "expected events such as"),
+    (lambda: orbits.propagate(pair(), duration=1.0, events=7), "expected events such as"),
+    (lambda: sought(orbits.CloseApproach("planet", "comet")), "there is no body 'comet'"),
+    (lambda: sought(orbits.Pericentre("star", "star")), "'star' twice; expected two bodies"),
+    (lambda: sought(orbits.CloserThan(0.1, "planet", "planet")), "'planet' twice"),
+    (lambda: orbits.CloseApproach("planet", within=-1.0), "expected a finite number above 0"),
+    (lambda: orbits.CloseApproach(3), "expected the name of a body, or None"),
+    (lambda: orbits.NodeCrossing("planet", direction=2), "direction is 2; expected 1"),
+    (lambda: orbits.NodeCrossing("planet", frame="galactic"), "there is no frame"),
+    (lambda: orbits.PlaneCrossing("planet", [0.0, 0.0, 0.0]), "needs a direction"),
+    (lambda: orbits.Pericentre("planet", then="halt"), "then = 'halt'; expected 'record', 'stop'"),
+    (lambda: orbits.ElementCrossing("planet", "z", 1.0), "expected one of a, q, Q, P, e, inc"),
+    (lambda: sought(orbits.ElementCrossing("planet", "P", -1.0)), "P = -1 is of no orbit"),
+    (lambda: orbits.Transit("planet", 3, observer="star"), "expected names, as in Transit"),
+    (lambda: sought(orbits.Conjunction("planet", "star", observer="star")), "'star' twice; expected three bodies"),
+    (lambda: sought(orbits.Ejection(-2.0)), "expected a finite number above 0"),
+    (lambda: orbits.Event(3), "expected a function of t, q and v, or a SymPy expression"),
+    (lambda: sought(orbits.Event(lambda t, q: t)), "fails at the start of the run: TypeError"),
+    (lambda: sought(orbits.Event(lambda t, q, v: q)), r"returned shape \(2, 2, 3\)"),
+    (lambda: sought(orbits.Event(lambda t, q, v: np.nan * t)), "is nan at the start of the run"),
+    (lambda: sought(orbits.Event(lambda t, q, v: t, bodies=("planet", "planet"))), "'planet' twice"),
+    (lambda: orbits.propagate(pair(), duration=1.0, stop=orbits.CloserThan(0.1, then="stop")), "give it in events="),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), REFUSED)
+def test_what_cannot_be_sought_is_refused(call, message):
+    with pytest.raises(orbits.InputError, match=message):
+        call()
+
+
+def test_a_transit_without_radii_is_refused_with_the_remedy():
+    system = pair().add("moon", primary="star", a=2.0, gm=1e-9)
+    event = orbits.Transit("planet", "star", observer="moon")
+    with pytest.raises(orbits.InputError, match=r"Transit needs the radius of planet; expected radii in the system"):
+        orbits.propagate(system, duration=1.0, events=event)
+    with pytest.raises(orbits.InputError, match="needs the radius of star"):
+        orbits.propagate(system.replaced(radii=[0.0, 0.1, 0.0]), duration=1.0, events=event)
+    apparent = orbits.Conjunction("planet", "star", observer="moon", apparent=True)
+    with pytest.raises(orbits.InputError, match="apparent positions need physical units"):
+        orbits.propagate(system, duration=1.0, events=apparent)
+
+
+def test_a_primary_is_needed_where_no_body_has_nearly_all_the_mass():
+    system = orbits.System(["a", "b"], [1.0, 0.5], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]],
+                           units=orbits.DIMENSIONLESS)  # fmt: skip
+    with pytest.raises(orbits.InputError, match="Pericentre: no body has nearly all the mass; name the primary"):
+        orbits.propagate(system, duration=1.0, events=orbits.Pericentre("b"))
+    assert orbits.propagate(system, duration=1.0, events=orbits.Pericentre("b", "a")).complete
+
+
+def failing(t, q, v):
+    return np.where(t > 3.0, np.inf, 1.0)
+
+
+def test_a_function_that_is_not_finite_ends_the_run_with_all_before_it(tmp_path):
+    events = [orbits.Apocentre("planet"), orbits.Event(failing, name="mine")]
+    for path in (None, tmp_path / "run.h5"):
+        with pytest.raises(orbits.EventError, match=r"'mine' is inf at t = 3\.\d+; expected finite numbers") as caught:
+            sought(*events, archive=path)
+        run = caught.value.trajectory
+        assert 3.0 < caught.value.time < 3.5
+        assert len(run) > 0
+        assert run.events.kind.tolist() == ["apocentre"]  # at 2.84, in the same stretch
+        run.close()
+    again = orbits.Trajectory.open(tmp_path / "run.h5")
+    assert again.events.kind.tolist() == ["apocentre"]
+    again.close()
+
+
+def test_what_happens_in_every_step_ends_at_a_bound_on_the_rows(monkeypatch, tmp_path):
+    for module in ("orbits.trajectory.events", "orbits.propagation.events.log", "orbits.propagation.events.seeking"):
+        monkeypatch.setattr(f"{module}.MOST_EVENTS", 50)
+    event = orbits.Event(lambda t, q, v: np.sin(300.0 * t), name="wave")
+    with pytest.raises(orbits.EventError, match=r"more than 50 events by t = 1\.\d+, 50 of them 'wave'\. Seek") as e:
+        sought(event, archive=tmp_path / "run.h5")
+    assert len(e.value.trajectory.events) == 50
+    e.value.trajectory.close()
+
+
+def test_two_events_that_act_on_one_body_at_once_are_refused():
+    calls = []
+    events = [
+        orbits.Pericentre("planet", then=lambda t, system: calls.append(t)),
+        orbits.CloseApproach("planet", "star", then=lambda t, system: calls.append(t)),
+    ]
+    with pytest.raises(orbits.EventError, match=r"'pericentre' and 'close approach' both act on (planet|star) at t"):
+        sought(*events)
+    assert not calls
+    with pytest.raises(orbits.EventError):
+        sought(*events[::-1])
+    one = [events[0], orbits.CloseApproach("planet", "star")]
+    assert len(sought(*one).events) == 2
+
+
+def test_massless_bodies_are_refused_with_a_remedy():
+    system = pair().add("probe", primary="star", a=2.0)
+    with pytest.raises(orbits.InputError, match=r"probe is a massless particle.*give it a small mass"):
+        orbits.propagate(system, dt=0.05, duration=1.0, events=orbits.Pericentre("probe"))
+    run = orbits.propagate(system, dt=0.05, duration=6.0, events=orbits.Pericentre("planet"))
+    assert run.events.kind.tolist() == ["pericentre"]
+
+
+def test_an_expression_of_other_symbols_is_refused():
+    import sympy
+
+    with pytest.raises(orbits.InputError, match=r"expected t, and symbols of orbits\.Event\.symbols"):
+        sought(orbits.Event(sympy.Symbol("a") - 1))
+    with pytest.raises(orbits.UnknownNameError, match="there is no body 'comet'"):
+        sought(orbits.Event(orbits.Event.symbols("comet")[0] - 1))
+
+
+def test_a_quantity_of_the_wrong_kind_is_refused():
+    system = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
+    with pytest.raises(orbits.InputError, match="length"):
+        orbits.propagate(system, duration=1 * u.yr, events=orbits.CloseApproach("Jupiter", "Sun", within=1 * u.s))
+    assert tables.MOST_EVENTS == 32_768
+
+
+def test_a_function_at_an_event_that_returns_something_else_ends_the_run():
+    with pytest.raises(orbits.EventError, match=r"returned 3 at t = 5.98.*; expected a System, or None") as caught:
+        sought(orbits.Pericentre("planet", then=lambda t, system: 3))
+    assert len(caught.value.trajectory) > 90
