@@ -127,6 +127,16 @@ def step(method, model, t, h, state, storage):
     return OK, 0, 1
 
 
+@kernel
+def stretch(method, unit, factor):
+    """Write the coefficients of a step `factor` times as long."""
+    own, one = method.coefficients, unit.coefficients
+    for row in range(own.shape[0]):
+        for k in range(own.shape[1]):
+            own[row, k] = factor * one[row, k]
+    own[0, SHIFT], own[0, LAZY] = factor * (factor * one[0, SHIFT]), one[0, LAZY]
+
+
 @dataclass(frozen=True)
 class KeplerSplitting(Form):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
@@ -137,7 +147,14 @@ class KeplerSplitting(Form):
     kernel: str
     corrector: int
 
-    kernels: ClassVar[Mapping[str, Any]] = {"enter": enter, "leave": leave, "show": show, "begin": begin, "step": step}
+    kernels: ClassVar[Mapping[str, Any]] = {
+        "enter": enter,
+        "leave": leave,
+        "show": show,
+        "begin": begin,
+        "step": step,
+        "stretch": stretch,
+    }
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""

@@ -148,25 +148,29 @@ def _step(method, model, t, h, state, storage):
 
 
 def enter(method, model, h, state, storage):
-    """Compute what is marched from what is seen."""
+    """Compute what is marched from what is seen; does nothing for a method that marches this."""
     raise NotImplementedError("enter() is for compiled code only")
 
 
 @overload(enter, jit_options=OPTIONS)
 def _enter(method, model, h, state, storage):
     compiled = _kernel(method, "enter")
-    return compiled and (lambda method, model, h, state, storage: compiled(method, model, h, state, storage))
+    if compiled is None:
+        return lambda method, model, h, state, storage: None
+    return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
 
 
 def leave(method, model, h, state, storage):
-    """Compute what is seen from what is marched."""
+    """Compute what is seen from what is marched; does nothing for a method that marches this."""
     raise NotImplementedError("leave() is for compiled code only")
 
 
 @overload(leave, jit_options=OPTIONS)
 def _leave(method, model, h, state, storage):
     compiled = _kernel(method, "leave")
-    return compiled and (lambda method, model, h, state, storage: compiled(method, model, h, state, storage))
+    if compiled is None:
+        return lambda method, model, h, state, storage: None
+    return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
 
 
 def show(method, model, state, storage):

@@ -105,6 +105,26 @@ def leave_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry,
 
 
 @kernel
+def leave_each(form, coefficients, tag, parameters, h, begun, carries, room, carry, scratch, stages, path):
+    """Write the states that are seen at the ends of steps, for a form with `leave`.
+
+    begun, carries : the carry before the first step, and after each, (steps, rows, 8)
+    room, carry : workspace, (4, padded), and like `begun`; path : (steps + 1, 2, padded), receives q and p
+    The other arguments are those of `march`.
+    """
+    method, model, size = Method(form, coefficients), Model(tag, parameters), dimension(tag, parameters)
+    state, storage = State(room[0], room[1], room[2], room[3]), Storage(carry, scratch, stages[0], Share(0, size, None))
+    for step in range(path.shape[0]):
+        seen = begun if step == 0 else carries[step - 1]
+        for row in range(carry.shape[0]):
+            for k in range(carry.shape[1]):
+                carry[row, k] = seen[row, k]
+        leave(method, model, h, state, storage)
+        for k in range(size):
+            path[step, 0, k], path[step, 1, k] = room[0, k], room[2, k]
+
+
+@kernel
 def march_to_each(
     form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
     limits, limit, own_numbers, own, own_carry, out

@@ -39,12 +39,19 @@ from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
 
 APART = 64
-"""The number of steps between the states that are kept of a run with massless particles."""
+"""The number of steps between the states that are kept of a run of which not all are; see `steps_apart`."""
 
 
 def available_threads() -> int:
     """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def steps_apart(integrator: Integrator, massive: NDArray[np.bool_]) -> int:
+    """Return the number of steps between the states that are kept of a run, for dense output: 1 if partial steps lead
+    on from each. With massless particles, and for methods whose states are costly to see, a march does.
+    """
+    return 1 if massive.all() and not integrator.follows_kepler else APART
 
 
 class Marcher:
@@ -103,7 +110,7 @@ class Marcher:
         self.particle_evaluations = 0
         self._massive = np.asarray(massive).nonzero()[0]
         self._particles = (~np.asarray(massive)).nonzero()[0]
-        self._counts = 0, 0
+        self._counts, self._apart = (0, 0), steps_apart(integrator, np.asarray(massive))
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
         names_of_forces = [force.name for force in forces]
@@ -186,7 +193,7 @@ class Marcher:
 
     def _most(self) -> int:
         """Return the number of steps up to the next state that is kept, if not all are."""
-        return self.block if self._keep is None or not len(self._particles) else APART - self.step % APART
+        return self.block if self._keep is None or self._apart == 1 else APART - self.step % APART
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -225,7 +232,7 @@ class Marcher:
         self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
     ) -> None:
         """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
-        the order of the caller: at the ends of all its steps, or, with massless particles, of every `APART`-th step.
+        the order of the caller: at the ends of all its steps, or of every `APART`-th; see `steps_apart`.
 
         take_back : called with a number of states passed last that are no longer of the run; see `go_back`
         """
@@ -241,7 +248,7 @@ class Marcher:
         else:
             times[0, 0] = self._time_of(self.step - count)
         times_reached(self._loops.lengths(count), times)
-        if not len(self._particles):
+        if self._apart == 1:
             n = self._bodies
             states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
             self._keep(times[1:], *states)
@@ -348,7 +355,7 @@ class Marcher:
         count = self._block[0]
         if steps < count:
             if self._keep is not None:
-                self._take_back(int(self.step % APART == 0) if len(self._particles) else count - steps)
+                self._take_back(int(self.step % APART == 0) if self._apart > 1 else count - steps)
             self.step -= count
             self._retired.return_to(self.step + steps)
             self._replay(steps)
@@ -413,7 +420,8 @@ class Marcher:
         """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense
         output, and the place of that time in it.
         """
-        q, v = (self._state[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
+        seen = self._as_seen()
+        q, v = (seen[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
         options: dict[str, Any] = {"names": self.names, "forces": self._forces, "start": self.time, "dense": True}
         clock: Clock = self.clock
         place = Place(0, time)
@@ -559,6 +567,8 @@ class Marcher:
             step = self.step - count
             reached, lengths = self._start + self.clock.time(step + np.arange(count + 1.0)), self._loops.lengths(count)
         path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
+        if self._form.transforms:  # observers see states that are good enough for them, but not to step on from
+            path, kicks = self._loops.seen(self._backup["memory"], count), kicks[:0]
         return Motion(self._form, reached, lengths, path, kicks, self.partial_steps())
 
     def partial_steps(self) -> PartialSteps:

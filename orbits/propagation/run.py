@@ -163,7 +163,7 @@ def propagated(
             "run.at(times) marches on from the preceding sample, through the collisions."
         )
     if dense and archive is None:
-        check_memory(system, grid)
+        check_memory(system, integrator, grid)
     steps = StepStore(of_this_leg(marcher), in_memory=archive is None) if dense else None
     if archive is None:
         if certificate is not None and certificate is not False:
@@ -191,7 +191,7 @@ def propagated(
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
             events=seeking.described(),
-            steps=room_for_steps(system, grid) if dense else 0,
+            steps=room_for_steps(system, integrator, grid) if dense else 0,
             overwrite=replace,
         )
 
