@@ -10,7 +10,8 @@ planets, and F = f - m_0 u / u^3 with the pull of the dominant body,
 
     r''_i = M_i/M_(i-1) f_i + sum_(k>i) m_k F_k / M_(i-1) + M_i [r'_i / r'_i^3 - (m_0 / M_(i-1)) u_i / u_i^3]
 
-in which the bracket is exactly 0 for the first planet.
+in which the bracket is exactly 0 for the first planet. The masses in front of it are rounded; what that takes from the
+pull of the dominant body, 1e-16 of it, is part of the interaction too.
 
 Arrays are (rows, 8). `planets`, the state, has for each register of eight planets 12 rows: r' and its velocity, then
 their low parts; then two rows of the centre of mass, its position and velocity and their low parts, with the number of
@@ -41,9 +42,9 @@ from orbits.kernels.lanes import (
     total,
     unit,
 )
-from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
+from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_product, two_sum
 
-STATE_ROWS, ROWS = 12, 21
+STATE_ROWS, ROWS = 12, 22
 """Rows of a register in `planets` and in `room`."""
 
 FORCE, PLACE, SHIFTED, CHANGE, MOVED = 0, 3, 6, 9, 18
@@ -53,8 +54,9 @@ by the Kepler motion and the kick before it; the displacement of u."""
 IN_ORDER = 2.0
 """The planets are numbered as the bodies, and the dominant body is the first."""
 
-ATTRACTING, MASS, SHARE, OUTER, INNER, CENTRAL = 12, 13, 14, 15, 16, 17
-"""Rows of `room`: M_i; m_i; w_i; M_i / M_(i-1); 1 / M_(i-1); m_0 / M_(i-1); all 0 in lanes without a planet."""
+ATTRACTING, MASS, SHARE, OUTER, INNER, CENTRAL, REST = 12, 13, 14, 15, 16, 17, 21
+"""Rows of `room`: M_i; m_i; w_i; M_i / M_(i-1); 1 / M_(i-1); m_0 / M_(i-1); what rounding takes from the product of the
+first and the last, with which the dominant body attracts; all 0 in lanes without a planet."""
 
 
 @kernel
@@ -79,7 +81,17 @@ def prepare_room(strength, planets, room):
             room[first + OUTER, k] = here * (all_in / inside)
             room[first + INNER, k] = here / inside
             room[first + CENTRAL, k] = here * (central / inside)
+            room[first + REST, k] = here * _rest(central, gm, all_in, central / inside)
             inside = all_in
+
+
+@kernel(inline=True, exact=True)
+def _rest(central, gm, all_in, share):
+    """Return m_0 M_i / M_(i-1) = m_0 + m_i m_0 / M_(i-1), less the product of the rounded M_i and m_0 / M_(i-1). Without
+    it, planets would be ahead, or behind, in proportion to time.
+    """
+    product, lost = two_product(all_in, share)
+    return exact_sub(fma(gm, share, exact_sub(central, product)), lost)
 
 
 @kernel(inline=True, exact=True)
@@ -126,7 +138,7 @@ def interact(planets, room, count, shifted):
         pull = load(room, first + CENTRAL) * near
         kepler = rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
         outer, inner, mass = load(room, first + OUTER), load(room, first + INNER), load(room, first + MASS)
-        attracting = load(room, first + ATTRACTING)
+        attracting, rest = load(room, first + ATTRACTING), load(room, first + REST) * near
         # m_0 = (m_0 / M_(i-1)) / (1 / M_(i-1)); lanes without a planet have mass 0.
         central = room[CENTRAL, 0] / room[INNER, 0]
         sx, sy, sz = (
@@ -134,17 +146,22 @@ def interact(planets, room, count, shifted):
             mass * fma(-central * near, uy, fy),
             mass * fma(-central * near, uz, fz),
         )
-        store(room, first + FORCE, _whole(outer, fx, inner, bx + sums_after(sx), attracting, x, kepler, ux, pull))
-        store(room, first + FORCE + 1, _whole(outer, fy, inner, by + sums_after(sy), attracting, y, kepler, uy, pull))
-        store(room, first + FORCE + 2, _whole(outer, fz, inner, bz + sums_after(sz), attracting, z, kepler, uz, pull))
+        gx, gy, gz = (
+            fma(inner, bx + sums_after(sx), -rest * ux),
+            fma(inner, by + sums_after(sy), -rest * uy),
+            fma(inner, bz + sums_after(sz), -rest * uz),
+        )
+        store(room, first + FORCE, _whole(outer, fx, gx, attracting, x, kepler, ux, pull))
+        store(room, first + FORCE + 1, _whole(outer, fy, gy, attracting, y, kepler, uy, pull))
+        store(room, first + FORCE + 2, _whole(outer, fz, gz, attracting, z, kepler, uz, pull))
         if registers > 1:
             bx, by, bz = bx + total(sx), by + total(sy), bz + total(sz)
 
 
 @kernel(inline=True)
-def _whole(outer, own, inner, further, attracting, x, kepler, u, pull):
+def _whole(outer, own, further, attracting, x, kepler, u, pull):
     """Return a component of the interaction from its three parts."""
-    return fma(attracting, _difference(x, kepler, u, pull), fma(outer, own, inner * further))
+    return fma(attracting, _difference(x, kepler, u, pull), fma(outer, own, further))
 
 
 @kernel(inline=True)
