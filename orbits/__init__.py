@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from orbits.integrators.stormer_verlet import StormerVerlet
     from orbits.integrators.symplectic_euler import SymplecticEuler
     from orbits.integrators.vprk import VPRK
+    from orbits.integrators.wisdom_holman import WisdomHolman
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
@@ -142,6 +143,7 @@ __all__ = [
     "UnitSystem",
     "UnknownNameError",
     "WallTimeOver",
+    "WisdomHolman",
     "ZonalHarmonics",
     "__version__",
     "asteroids",
@@ -194,6 +196,7 @@ _HOME = {
     "integrators.stormer_verlet": ["StormerVerlet"],
     "integrators.symplectic_euler": ["SymplecticEuler"],
     "integrators.vprk": ["VPRK"],
+    "integrators.wisdom_holman": ["WisdomHolman"],
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],

@@ -19,7 +19,7 @@ OTHER_NAMES = {
 }
 """Names that other packages use for methods of this one."""
 
-PEERS = {"whfast": "whfast", "wisdom-holman": "whfast", "ias15": "ias15", "saba": "saba-10-6-4"}
+PEERS = {"whfast": "whfast", "ias15": "ias15", "saba": "saba-10-6-4"}
 """Methods of REBOUND, and the name of the peer to compare with."""
 
 OTHERS_OF_REBOUND = ("mercurius", "trace", "janus", "eos", "bs", "sei")

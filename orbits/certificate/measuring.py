@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from orbits import discrete
 from orbits.diagnostics import loops
 from orbits.diagnostics.convergence import Slope, slope
+from orbits.diagnostics.symplecticity import symplecticity
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
+from orbits.integrators.wisdom_holman import outwards
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.flow import DiscretePath, Flow
 
@@ -121,7 +123,11 @@ class Problem:
         return scaled
 
     def has_discrete_lagrangian(self) -> bool:
-        """Whether the method's tableau is a symplectic pair, and so has an L_d."""
+        """Whether the method's tableau is a symplectic pair, and so has an L_d; or it is one on Kepler orbits that has
+        one.
+        """
+        if self.integrator.follows_kepler:
+            return self.integrator.variational
         tableau = self.integrator.tableau
         defect = tableau.b[:, None] * tableau.a_bar + (tableau.b[:, None] * tableau.a).T
         return bool(np.max(np.abs(defect - np.outer(tableau.b, tableau.b))) < 1e-14)
@@ -148,6 +154,10 @@ class Problem:
     @cached_property
     def discrete_lagrangian(self) -> discrete.DiscreteLagrangian:
         """The method's own discrete Lagrangian."""
+        if self.integrator.follows_kepler:
+            gm, v = self.lagrangian.parameter_vector[1:], self.lagrangian.velocity(self.q, self.p, self.t)
+            order = outwards(gm, self.q.reshape(-1, 3), v.reshape(-1, 3))
+            return discrete.kepler_splitting(self.lagrangian, order)
         return discrete.vprk(self.lagrangian, self.integrator.tableau)
 
     def _in_ulps(self, residual: Array) -> tuple[float, float]:
@@ -183,8 +193,15 @@ class Problem:
             yield symmetry.name, Measured(drift, 4.0 * EPS * math.sqrt(len(self.path)), "relative")
 
     def symplecticity(self) -> Measured:
-        """The largest |M^T J M - J| of three steps, M being the exact derivative of a step."""
+        """The largest |M^T J M - J| of three steps, M being the exact derivative of a step; for a method without a
+        tableau, of the step from the start, by differences.
+        """
         worst = 0.0
+        if self.integrator.follows_kepler:
+            gm, v = self.lagrangian.parameter_vector[1:], self.lagrangian.velocity(self.q, self.p, self.t)
+            found = symplecticity(gm, self.q.reshape(-1, 3), v.reshape(-1, 3), self.integrator, self.dt)
+            bound = 32.0 * EPS * (2 * len(self.q)) ** 0.5 + 4.0 * found.noise
+            return Measured(found.massive, bound, "", "derivative of the step by differences")
         for k in (0, len(self.path) // 3, 2 * len(self.path) // 3):
             step = plain_step(
                 self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
@@ -235,11 +252,9 @@ class Problem:
             float(np.max(np.abs(q - self.q) * self.weights)) / self.size,
             float(np.max(np.abs(p - self.p) / self.weights)) / self.momentum_size,
         )
-        grown = 1.0
+        grown, tableau = 1.0, (Gauss() if self.integrator.follows_kepler else self.integrator).tableau
         for k in range(steps):
-            at = plain_step(
-                self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
-            )
+            at = plain_step(self.lagrangian, tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k])
             grown = max(grown, float(np.max(np.abs(at.derivative * self.scaling))))
         # The low parts are dropped at the turn; the motion amplifies that rounding by at most this much.
         return Measured(off / EPS, 8.0 * steps * grown, "x 2^-53")

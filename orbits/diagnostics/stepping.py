@@ -67,12 +67,12 @@ class Bodies:
 
 def turned(marcher: Marcher) -> None:
     """Flip all velocities of a marcher, low parts included, and clear what it carries from earlier steps."""
-    checkpoint: dict[str, Floats] = {name: np.asarray(x) for name, x in marcher.checkpoint().items()}
+    checkpoint: dict[str, Floats] = {name: np.asarray(x) for name, x in marcher.checkpoint(seen=True).items()}
     for name in ("v", "v_lo", "particle_v", "particle_v_lo"):
         checkpoint[name] = -checkpoint[name]
     for name in ("memory", "particle_memory"):
         checkpoint[name] = np.zeros_like(checkpoint[name])
-    marcher.restore(checkpoint)
+    marcher.restore(checkpoint, seen=True)
 
 
 class StepMap:
@@ -83,7 +83,8 @@ class StepMap:
 
     def __init__(self, bodies: Bodies, integrator: Integrator, dt: float, *, particles: bool) -> None:
         self._marcher = bodies.marcher(integrator, dt)
-        self._start: dict[str, Floats] = {name: np.asarray(x) for name, x in self._marcher.checkpoint().items()}
+        start = self._marcher.checkpoint(seen=True)
+        self._start: dict[str, Floats] = {name: np.asarray(x) for name, x in start.items()}
         n, self._names = int(np.sum(bodies.massive)), ("q", "v")
         if particles:
             n, self._names = int(np.sum(~bodies.massive)), ("particle_q", "particle_v")
@@ -99,9 +100,9 @@ class StepMap:
             where[...] = exact.hi
             self._view(lo)[...] += exact.lo
             state[name], state[f"{name}_lo"] = hi, lo
-        self._marcher.restore(state)
+        self._marcher.restore(state, seen=True)
         self._marcher.advance(1)
-        after: dict[str, Floats] = {name: np.asarray(x) for name, x in self._marcher.checkpoint().items()}
+        after: dict[str, Floats] = {name: np.asarray(x) for name, x in self._marcher.checkpoint(seen=True).items()}
         hi, lo = (np.array([self._view(after[name + part]).T for name in self._names]) for part in ("", "_lo"))
         return Pair(hi, lo)
 
@@ -130,7 +131,7 @@ def march(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int
     states: list[list[Floats]] = []
     for step in (0, *steps):
         marcher.advance(int(step) - marcher.step)
-        now = marcher.checkpoint()
+        now = marcher.checkpoint(seen=True)
         arrays = (np.asarray(now[name], dtype=np.float64) for name in ("q", "q_lo", "v", "v_lo"))
         states.append([array[: 3 * n].reshape(3, n).T for array in arrays])
     q, q_lo, v, v_lo = (np.array(each) for each in zip(*states, strict=True))

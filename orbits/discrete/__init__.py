@@ -5,6 +5,7 @@ from orbits.discrete.boundary import boundary_value
 from orbits.discrete.evolution import advance, march_pairs, start, step
 from orbits.discrete.exact import exact, exact_by_collocation
 from orbits.discrete.exact_linear import exact_free_particle, exact_harmonic_oscillator, exact_linear
+from orbits.discrete.jacobi import kepler_splitting
 from orbits.discrete.lambert import exact_kepler
 from orbits.discrete.legendre import (
     canonical_form,
@@ -45,6 +46,7 @@ __all__ = [
     "invariance",
     "inverse_legendre_minus",
     "inverse_legendre_plus",
+    "kepler_splitting",
     "legendre_derivative",
     "legendre_minus",
     "legendre_plus",

@@ -41,6 +41,7 @@ class Integrator:
     requires : traits that a Lagrangian must have
     declares : properties that hold to round-off; contract tests check each, and that the others fail
     variational : whether the step solves the Euler–Lagrange equations of the discrete Lagrangian of its tableau
+    follows_kepler : whether the motion of two bodies about a dominant one is exact, and its steps are judged as such
     source : the literature on the method
 
     A method has one or two forms, see `Form`: `second_order` for separable Lagrangians, in positions and
@@ -52,6 +53,7 @@ class Integrator:
     requires: ClassVar[frozenset[str]]
     declares: ClassVar[frozenset[str]]
     variational: ClassVar[bool] = False
+    follows_kepler: ClassVar[bool] = False
     source: ClassVar[str]
 
     @classmethod

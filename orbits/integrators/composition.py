@@ -71,6 +71,12 @@ class Composition(Integrator):
                 f"{self.base.label} is not symmetric, and these schemes cancel errors of symmetric methods only; use "
                 "StormerVerlet(), Gauss(...) or LobattoIIIAB(...)"
             )
+        form = self.base.second_order
+        if form is not None and form.transforms:
+            raise InputError(
+                f"{self.base.label} marches other coordinates than those seen and cannot be composed; use it with a "
+                "corrector, which raises its order"
+            )
         require_order(self.base.order, self.order)
         if self.scheme is None:
             object.__setattr__(self, "scheme", self._default())

@@ -63,6 +63,14 @@ class Form:
         return "step_particles" in self.own_kernels()
 
     @property
+    def transforms(self) -> bool:
+        """Whether what is marched is not what is seen, so that `enter` and `leave` lead from one to the other."""
+        return "enter" in self.own_kernels()
+
+    def check_start(self, parameters: Any, q: Array, v: Array) -> None:
+        """Raise InputError if bodies in this state cannot be marched; q, v : (n, 3), with the vector of parameters."""
+
+    @property
     def is_dense(self) -> bool:
         """Whether the carry after a step defines the motion within it: then the form has the kernels `dense` and
         `resolves`.

@@ -10,7 +10,8 @@ c_kj = (2k + 1) P_k(c_j).
 
 Where no polynomial resolves the motion, it is that of partial steps: steps of theta h from the beginning of the step,
 by the method itself. Their coefficients are those of a step of unit length, stretched; they start cold, so that each
-state depends on its own step alone. `stretch`, `dense` and `resolves` are optional functions of a method:
+state depends on its own step alone. A method that marches other variables than those seen enters them, and leaves them
+again, with a partial step's own coefficients. `stretch`, `dense` and `resolves` are optional functions of a method:
 
     stretch(method, unit, factor)
         writes the coefficients of steps `factor` times as long as those of `unit`, a method of the same form
@@ -27,7 +28,7 @@ from numba.extending import overload
 from orbits.kernels.binding import OPTIONS, dimension, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, load, store
-from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, part
+from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, enter, leave, part
 from orbits.kernels.summation import two_sum
 
 
@@ -162,10 +163,12 @@ def partial_steps(
                     for k in range(carry.shape[1]):
                         carry[row, k] = 0.0
                 stretch(method, base, h)
+                enter(method, model, h, state, storage)
                 begin(method, model, times[i], h, state, storage)
                 status, _, _ = part(method, model, times[i], h, state, storage)
                 if status != OK:
                     return i, status
+                leave(method, model, h, state, storage)
             for k in range(size):
                 q[i, k], v[i, k] = room[0, k], room[2, k]
     return -1, OK

@@ -11,6 +11,12 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         one step of h from time t, in place. A step that fails returns the body or coordinate. It may leave state and
         carry invalid: to go on, restore both and call `begin` again. Explicit methods always succeed: the driver checks
         once a block that the state is finite
+    enter(method, model, h, state, storage), leave(method, model, h, state, storage)
+        for methods that march other variables than those seen: compute what is marched, in `storage.carry`, from the
+        state that is seen, and the reverse; called at the start of a run and on copies: outputs do not change it
+    show(method, model, state, storage)
+        the same as `leave` to the accuracy that observers of each step need, and fast: called before each step that is
+        recorded, and at the end of a block
     prepare(method, h, before, storage)
         for clocks that change h: writes the coefficients of a step of h that follows one of `before`
     signal(method, model, h, state, storage) -> float
@@ -139,6 +145,45 @@ def step(method, model, t, h, state, storage):
 def _step(method, model, t, h, state, storage):
     compiled = _kernel(method, "step")
     return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
+
+
+def enter(method, model, h, state, storage):
+    """Compute what is marched from what is seen; does nothing for a method that marches this."""
+    raise NotImplementedError("enter() is for compiled code only")
+
+
+@overload(enter, jit_options=OPTIONS)
+def _enter(method, model, h, state, storage):
+    compiled = _kernel(method, "enter")
+    if compiled is None:
+        return lambda method, model, h, state, storage: None
+    return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
+
+
+def leave(method, model, h, state, storage):
+    """Compute what is seen from what is marched; does nothing for a method that marches this."""
+    raise NotImplementedError("leave() is for compiled code only")
+
+
+@overload(leave, jit_options=OPTIONS)
+def _leave(method, model, h, state, storage):
+    compiled = _kernel(method, "leave")
+    if compiled is None:
+        return lambda method, model, h, state, storage: None
+    return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
+
+
+def show(method, model, state, storage):
+    """Compute what observers see; does nothing for a method that marches what is seen."""
+    raise NotImplementedError("show() is for compiled code only")
+
+
+@overload(show, jit_options=OPTIONS)
+def _show(method, model, state, storage):
+    compiled = _kernel(method, "show")
+    if compiled is None:
+        return lambda method, model, state, storage: None
+    return lambda method, model, state, storage: compiled(method, model, state, storage)
 
 
 def prepare(method, h, before, storage):

@@ -30,6 +30,8 @@ MASSLESS_PARTICLES = "massless particles"
 GRADIENTS = "gradients"
 """It has kernels for dL/dq, dL/dv and the second derivatives: implicit methods in canonical form are possible."""
 
+NEWTONIAN = "Newtonian"
+"""It is that of point masses that attract each other, and of nothing else: their two-body motion is known exactly."""
 
 TIME_DEPENDENT = "time-dependent"
 """L depends on t: energy is not conserved."""

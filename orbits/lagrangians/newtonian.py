@@ -35,7 +35,7 @@ from orbits.kernels.gravity import (
     share_of_accelerations,
 )
 from orbits.kernels.lanes import get, put, sqrt
-from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Compiled, Lagrangian, Motion
+from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, NEWTONIAN, SEPARABLE, Compiled, Lagrangian, Motion
 from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
 from orbits.lagrangians.terms.base import Summand, SumOfTerms, compiled_sum, kept
 
@@ -127,7 +127,7 @@ def _compiled() -> Compiled:
         "gross_field": gross_field,
         "particle_gradients": particle_gradients,
     }
-    return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS}))
+    return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS, NEWTONIAN}))
 
 
 def parameters(gm: NDArray[np.float64], softening: float = 0.0) -> NDArray[np.float64]:

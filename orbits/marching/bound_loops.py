@@ -44,9 +44,10 @@ class BoundLoops:
     form : of the method; tag, vectors : of what acts on the bodies, and its parameters
     clock : of the march
     threads : how many threads particles, and thousands of massive bodies, may use
-    dense : whether the kicks of each step are recorded, for the dense output of methods with a polynomial
+    dense : whether the carry after each step is recorded, for the dense output of methods with a polynomial, whose
+        kicks it holds, and of those that march other variables than those seen
 
-    steps : the most steps of a block; kicks : (steps, rows, 8), those of a block, with no steps if not `dense`
+    steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
     """
 
@@ -90,8 +91,8 @@ class BoundLoops:
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
-        polynomials = own or (dense and form.is_dense)
-        self.kicks = np.empty((self.steps if polynomials else 0, form.carry_rows(3 * n), WIDTH))
+        recorded = own or (dense and (form.is_dense or form.transforms))
+        self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
         self._n = n
         self._copies: tuple[Array, ...] | None = None
         self._own_clocks = [_OwnClocks(form, self._usual, n, self.steps) for _ in self.tasks] if own else []
@@ -145,6 +146,29 @@ class BoundLoops:
         room = (self._scratch, self._stages)
         status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
+
+    def enter(self, state: dict[str, Array], clock: Clock) -> None:
+        """Compute what is marched with this clock from what is seen, for a form that `transforms`."""
+        driver.enter_march(*self._transformation(state, clock))
+
+    def leave(self, state: dict[str, Array], clock: Clock) -> None:
+        """Compute what is seen from what is marched with this clock, in a copy of a state that is not marched on."""
+        driver.leave_march(*self._transformation(state, clock))
+
+    def seen(self, begun: Array, count: int) -> Array:
+        """Return q and v as they are seen before the first of the `count` steps of the last block and after each, for a
+        form that `transforms` and a march with `dense`: (count + 1, 2, padded); begun : the carry before the first.
+        """
+        width = len(self.state["q"])
+        room, carry = aligned((4, width), begun.shape)
+        path = np.zeros((count + 1, 2, width))
+        bound, room_for_steps = self.bound(self._clock, self.times)[:4], (carry, self._scratch, self._stages)
+        driver.leave_each(*bound, self._clock.h, begun, self.kicks[:count], room, *room_for_steps, path)
+        return path
+
+    def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        return *self.bound(clock, self.times)[:4], clock.h, *vectors, self._scratch, self._stages
 
     def march_to_each(self, state: dict[str, Array], bound: tuple[Any, ...], limits: Array) -> Array:
         """March copies of the state of massive bodies to each of these times, by steps that the clock chooses.

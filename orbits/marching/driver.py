@@ -37,7 +37,10 @@ from orbits.kernels.steps import (
     Storage,
     begin,
     begin_particles,
+    enter,
     lanes_of,
+    leave,
+    show,
     step_particles,
 )
 
@@ -70,6 +73,8 @@ def march(
     evaluations, slot, left, row = 0, 0, 0, 0
     for k in range(steps):
         if left == 0:
+            if path.shape[0]:
+                show(method, model, state, Storage(carry, scratch, stages[slot], share))
             record_strip(path, row, q, p, 0, size)
             left, row = every, row + 1
         left -= 1
@@ -81,7 +86,42 @@ def march(
         if k < kicks.shape[0]:
             record_carry(kicks, k, carry)
         slot = slot + 1 if slot + 1 < stages.shape[0] else 0
+    show(method, model, state, Storage(carry, scratch, stages[slot], share))
     return (OK if all_finite(q, p, size) else NOT_FINITE), steps, 0, evaluations
+
+
+@kernel
+def enter_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages):
+    """Compute what is marched from what is seen, for a form with `enter`; the arguments are those of `march`."""
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    enter(method, model, h, state, Storage(carry, scratch, stages[0], Share(0, dimension(tag, parameters), None)))
+
+
+@kernel
+def leave_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages):
+    """Compute what is seen from what is marched, which is changed: `carry` must be a copy."""
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    leave(method, model, h, state, Storage(carry, scratch, stages[0], Share(0, dimension(tag, parameters), None)))
+
+
+@kernel
+def leave_each(form, coefficients, tag, parameters, h, begun, carries, room, carry, scratch, stages, path):
+    """Write the states that are seen at the ends of steps, for a form with `leave`.
+
+    begun, carries : the carry before the first step, and after each, (steps, rows, 8)
+    room, carry : workspace, (4, padded), and like `begun`; path : (steps + 1, 2, padded), receives q and p
+    The other arguments are those of `march`.
+    """
+    method, model, size = Method(form, coefficients), Model(tag, parameters), dimension(tag, parameters)
+    state, storage = State(room[0], room[1], room[2], room[3]), Storage(carry, scratch, stages[0], Share(0, size, None))
+    for step in range(path.shape[0]):
+        seen = begun if step == 0 else carries[step - 1]
+        for row in range(carry.shape[0]):
+            for k in range(carry.shape[1]):
+                carry[row, k] = seen[row, k]
+        leave(method, model, h, state, storage)
+        for k in range(size):
+            path[step, 0, k], path[step, 1, k] = room[0, k], room[2, k]
 
 
 @kernel

@@ -169,7 +169,11 @@ class Flow:
         bound = (self._form.tag, self._coefficients, self.lagrangian.tag, self.lagrangian.parameter_vector)
         clock = ConstantSteps(self.dt)
         samples, d, stride = len(out_q), len(q), padded(len(q))
-        room = max(1, min(samples, PATH_BYTES // (16 * stride)))
+        transforms = self._form.transforms
+        room = 1 if transforms else max(1, min(samples, PATH_BYTES // (16 * stride)))
+        if transforms:
+            self._form.check_start(self.lagrangian.parameter_vector, q.reshape(-1, 3), second.reshape(-1, 3))
+            driver.enter_march(*bound, self.dt, *state, self._carry, self._scratch, self._stages)
         path = np.empty((room, 2, stride))
         evaluations = status = done = 0
         for first in range(0, samples, room):
@@ -183,6 +187,8 @@ class Flow:
             done += first * every
             # Recorded are the states at the beginning of each sample; the first is the last of the block before.
             last = first + count - 1
+            if transforms:
+                driver.leave_march(*bound, self.dt, *state, self._carry.copy(), self._scratch, self._stages)
             out_q[first:last], out_p[first:last] = path[1:count, 0, :d], path[1:count, 1, :d]
             out_q[last], out_p[last] = state[0][:d], state[2][:d]
             if status != OK:

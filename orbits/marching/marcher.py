@@ -39,12 +39,19 @@ from orbits.marching.retirement import Lost, Retired, Retirement, retirements
 from orbits.marching.watcher import Watcher, empty_record, thresholds
 
 APART = 64
-"""The number of steps between the states that are kept of a run with massless particles."""
+"""The number of steps between the states that are kept of a run of which not all are; see `steps_apart`."""
 
 
 def available_threads() -> int:
     """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def steps_apart(integrator: Integrator, massive: NDArray[np.bool_]) -> int:
+    """Return the number of steps between the states that are kept of a run, for dense output: 1 if partial steps lead
+    on from each. With massless particles, and for methods whose states are costly to see, a march does.
+    """
+    return 1 if massive.all() and not integrator.follows_kepler else APART
 
 
 class Marcher:
@@ -103,7 +110,7 @@ class Marcher:
         self.particle_evaluations = 0
         self._massive = np.asarray(massive).nonzero()[0]
         self._particles = (~np.asarray(massive)).nonzero()[0]
-        self._counts = 0, 0
+        self._counts, self._apart = (0, 0), steps_apart(integrator, np.asarray(massive))
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
         names_of_forces = [force.name for force in forces]
@@ -114,6 +121,9 @@ class Marcher:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense)
         self._loops.begin(q, v, self._massive, self._particles)
+        if self._form.transforms:
+            self._form.check_start(self.parameters, q[self._massive], v[self._massive])
+            self._loops.enter(self._loops.state, self.clock)
         self.block = self._loops.steps
         self._state = self._loops.state
         if isinstance(self.clock, ChangingSteps):
@@ -130,10 +140,16 @@ class Marcher:
         self._nothing = np.zeros(0)
         self._seen = self._state["memory"]
         self._retire, self._retired = retire, Retired(m)
+        if energy_bound is not None and self._form.transforms:
+            raise InputError(
+                f"{integrator.label} marches other coordinates than those seen, whose energy oscillates: the condition "
+                "EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at run.drift()."
+            )
         self._stops, self._energy_bound = stops, energy_bound
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
-        limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
+        resolved = self.clock.changes or integrator.follows_kepler
+        limits = (math.inf, 1.0, math.inf) if resolved else thresholds(integrator.order)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -177,7 +193,7 @@ class Marcher:
 
     def _most(self) -> int:
         """Return the number of steps up to the next state that is kept, if not all are."""
-        return self.block if self._keep is None or not len(self._particles) else APART - self.step % APART
+        return self.block if self._keep is None or self._apart == 1 else APART - self.step % APART
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -216,7 +232,7 @@ class Marcher:
         self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
     ) -> None:
         """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
-        the order of the caller: at the ends of all its steps, or, with massless particles, of every `APART`-th step.
+        the order of the caller: at the ends of all its steps, or of every `APART`-th; see `steps_apart`.
 
         take_back : called with a number of states passed last that are no longer of the run; see `go_back`
         """
@@ -232,7 +248,7 @@ class Marcher:
         else:
             times[0, 0] = self._time_of(self.step - count)
         times_reached(self._loops.lengths(count), times)
-        if not len(self._particles):
+        if self._apart == 1:
             n = self._bodies
             states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
             self._keep(times[1:], *states)
@@ -339,7 +355,7 @@ class Marcher:
         count = self._block[0]
         if steps < count:
             if self._keep is not None:
-                self._take_back(int(self.step % APART == 0) if len(self._particles) else count - steps)
+                self._take_back(int(self.step % APART == 0) if self._apart > 1 else count - steps)
             self.step -= count
             self._retired.return_to(self.step + steps)
             self._replay(steps)
@@ -404,7 +420,8 @@ class Marcher:
         """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense
         output, and the place of that time in it.
         """
-        q, v = (self._state[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
+        seen = self._as_seen()
+        q, v = (seen[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
         options: dict[str, Any] = {"names": self.names, "forces": self._forces, "start": self.time, "dense": True}
         clock: Clock = self.clock
         place = Place(0, time)
@@ -422,7 +439,15 @@ class Marcher:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self._retired.begin()
         self._seen = self._state["memory"]
-        return self._gather(self._state)
+        return self._gather(self._as_seen())
+
+    def _as_seen(self) -> dict[str, Array]:
+        """Return the state as it is seen: a copy, unless it is what is marched."""
+        if not (self._form.transforms and self.step):
+            return self._state
+        copy = self._copied()
+        self._loops.leave(copy, self.clock)
+        return copy
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) after a partial step of `offset`; computed on a copy, without changing the march."""
@@ -430,17 +455,22 @@ class Marcher:
             return self.state()
         if self.clock.changes:
             return self.state_at(Place(0, self.time + offset))
-        copy = self._copied()
+        copy, part = {name: array.copy() for name, array in self._as_seen().items()}, ConstantSteps(offset)
+        copy.pop("approaches", None)
         # The carry belongs to steps of h; a partial step has a cold start.
         self._form.forget(copy["memory"])
         copy["particle_memory"][:] = 0.0
+        if self._form.transforms:
+            self._loops.enter(copy, part)
         self._seen = copy["memory"]
         before = self.evaluations, self.particle_evaluations
         try:
-            self._march_block(copy, ConstantSteps(offset), 1)
+            self._march_block(copy, part, 1)
             self._raise_for_lost()
         finally:
             self.evaluations, self.particle_evaluations = before
+        if self._form.transforms:
+            self._loops.leave(copy, part)
         return self._gather(copy)
 
     def part_of_a_step(self, offset: float) -> Marcher:
@@ -468,15 +498,21 @@ class Marcher:
         now = self.time if self.clock.changes else 0.0
         return self._watcher.approaches(self._state["approaches"], self.step, now, self._loops.tracks[0], state)
 
-    def checkpoint(self) -> dict[str, NDArray[np.generic]]:
-        """Return all that is needed to resume bit for bit; the arrays are copies."""
+    def checkpoint(self, *, seen: bool = False) -> dict[str, NDArray[np.generic]]:
+        """Return all that is needed to resume bit for bit; the arrays are copies.
+
+        seen : with q, v and their low parts as they are seen, for methods that march other variables
+        """
         counts = np.array([self.step, self.evaluations, self.particle_evaluations], dtype=np.int64)
-        state = {name: array.copy() for name, array in self._state.items()}
+        whole = {**self._state, **self._as_seen()} if seen else self._state
+        state = {name: array.copy() for name, array in whole.items()}
         return {"counts": counts, **state, **self._passages.checkpoint(), **self._retired.checkpoint()}
 
-    def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[np.generic]], *, seen: bool = False) -> None:
         """Restore a checkpoint of a marcher bound in the same way. Raises InputError if it belongs to another
         problem.
+
+        seen : whether to go on from q, v and their low parts as they are seen, whatever was marched
         """
         for name, array in self._state.items():
             if name not in checkpoint or checkpoint[name].shape != array.shape:
@@ -488,6 +524,8 @@ class Marcher:
         self.step, self.evaluations, self.particle_evaluations = (int(x) for x in checkpoint["counts"])
         self._passages.restore(checkpoint)
         self._retired.restore(checkpoint.get("retired"), self.step)
+        if seen and self._form.transforms:
+            self._loops.enter(self._state, self.clock)
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
@@ -529,6 +567,8 @@ class Marcher:
             step = self.step - count
             reached, lengths = self._start + self.clock.time(step + np.arange(count + 1.0)), self._loops.lengths(count)
         path, kicks = self._watcher.recorded(count), self._loops.kicks[:count]
+        if self._form.transforms:  # observers see states that are good enough for them, but not to step on from
+            path, kicks = self._loops.seen(self._backup["memory"], count), kicks[:0]
         return Motion(self._form, reached, lengths, path, kicks, self.partial_steps())
 
     def partial_steps(self) -> PartialSteps:

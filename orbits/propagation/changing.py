@@ -496,6 +496,11 @@ def march_of_run(
             "the bodies of a run change in the time of the system, not in transformed time: leave dt away, or give a "
             "step."
         )
+    if events.touching and integrator.follows_kepler:
+        raise InputError(
+            f"collisions are sought, but {integrator.label} cannot follow bodies that come close to each other. Use "
+            "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
+        )
     if events.touching and clock.changes and not system.massive.all():
         raise InputError(
             "collisions of massless bodies are sought in steps of one length, which all bodies share: give dt=..., or "

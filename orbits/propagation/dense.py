@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.integrators.forms import padded
+from orbits.marching.marcher import steps_apart
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.legs import LegsAgain
 from orbits.propagation.marchers import bound
@@ -87,7 +88,7 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         _marched(trajectory, trajectory.times, before, trajectory.sample, times, missing, q, v)
         return q, v, times
     begun, marched = kept.times[:, 0], missing
-    if trajectory.system.massive.all():
+    if steps_apart(trajectory.integrator, trajectory.system.massive) == 1:
         # Behind the last step, one that is chosen may have to be shorter than up to the end of the run.
         marched = missing & ((times - begun[-1]) * direction > 0.0) & trajectory.clock.changes
         if (missing & ~marched).any():

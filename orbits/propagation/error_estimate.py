@@ -101,8 +101,8 @@ def _followed(
 
 def _change(marcher: Marcher) -> None:
     """Change the start of a march beyond the last bit, but not the zeros in it: a plane problem stays plane."""
-    start, random = marcher.checkpoint(), np.random.default_rng(SEED)
+    start, random = marcher.checkpoint(seen=True), np.random.default_rng(SEED)
     for name in ("q", "v", "particle_q", "particle_v"):
         x = start[name]
         start[f"{name}_lo"] = random.uniform(-CHANGED, CHANGED, x.shape) * np.spacing(np.abs(x)) * (x != 0.0)
-    marcher.restore(start)
+    marcher.restore(start, seen=True)

@@ -12,6 +12,7 @@ from orbits.errors import RetiredWarning, StepWarning, level_of_caller
 from orbits.kernels.steps import IMPACT
 from orbits.marching.retirement import REASONS
 from orbits.propagation.approach import Approach, as_error, said
+from orbits.propagation.kepler_splitting import encounters
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
 from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit, without_dt
@@ -42,7 +43,7 @@ def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
 
 
 def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
-    if run.clock.changes:  # such steps resolve all passages
+    if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
         return None
     passage, end = seen.passages[k], _end(run, seen)
     pair = passage.pair(run.system, seen.dominant)
@@ -57,6 +58,8 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
     """
     if run.clock.changes:
         return []
+    if run.integrator.follows_kepler:
+        return [(k, math.nan) for k in encounters(run, seen)]
     end = _end(run, seen)
     bounds = {k: bound for k in range(len(seen.passages)) if (bound := _most(run, seen, seen.passages[k], end)) > 0.0}
     judged: dict[frozenset[int], list[tuple[int, Effect]]] = {}

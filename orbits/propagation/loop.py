@@ -22,7 +22,7 @@ from orbits.errors import (
     StorageError,
 )
 from orbits.integrators.base import Integrator
-from orbits.propagation import judgement
+from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Found, Seeking
@@ -185,7 +185,8 @@ def march(
             judgement.warn_of_retired(trajectory)
         if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
-                judgement.warn_of(trajectory, seen_by(trajectory))
+                warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of
+                warn(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
     except (RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost

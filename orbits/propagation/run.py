@@ -12,7 +12,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.propagation import step_check
+from orbits.propagation import kepler_splitting, step_check
 from orbits.propagation.changing import March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
@@ -153,7 +153,8 @@ def propagated(
     if grid.clock.changes:
         _refuse_endless(system, grid)
     if checked_flag(check_step, "check_step") and not grid.clock.changes:
-        step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
+        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
+        check(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step, seeking)
     accounts = no_accounts(len(grid), len(system.forces))
     if checked_flag(dense, "dense") and seeking.touching:
@@ -162,7 +163,7 @@ def propagated(
             "run.at(times) marches on from the preceding sample, through the collisions."
         )
     if dense and archive is None:
-        check_memory(system, grid)
+        check_memory(system, integrator, grid)
     steps = StepStore(of_this_leg(marcher), in_memory=archive is None) if dense else None
     if archive is None:
         if certificate is not None and certificate is not False:
@@ -190,7 +191,7 @@ def propagated(
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
             events=seeking.described(),
-            steps=room_for_steps(system, grid) if dense else 0,
+            steps=room_for_steps(system, integrator, grid) if dense else 0,
             overwrite=replace,
         )
 

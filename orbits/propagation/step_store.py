@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, InputError, StorageError
+from orbits.integrators.base import Integrator
 from orbits.marching.kept_steps import PIECE_BYTES, StepsInMemory
-from orbits.marching.marcher import APART
+from orbits.marching.marcher import steps_apart
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.time_grid import TimeGrid, dynamical_time
 
@@ -65,11 +66,11 @@ class StepStore:
         self.kept.clear()
 
 
-def check_memory(system: System, grid: TimeGrid) -> None:
+def check_memory(system: System, integrator: Integrator, grid: TimeGrid) -> None:
     """Refuse to keep in memory the steps of a run that has more than fit; those of one length are known beforehand."""
     if grid.clock.changes:
         return
-    rows, bodies = _rows(system, grid.whole_steps), len(system)
+    rows, bodies = _rows(system, integrator, grid.whole_steps), len(system)
     needed = rows * (48 * bodies + 16)
     if needed > MEMORY_SHARE * memory():
         raise InputError(
@@ -78,18 +79,18 @@ def check_memory(system: System, grid: TimeGrid) -> None:
         )
 
 
-def _rows(system: System, steps: int) -> int:
+def _rows(system: System, integrator: Integrator, steps: int) -> int:
     """Return the number of states that are kept of so many steps."""
-    return 1 + (steps if system.massive.all() else steps // APART)
+    return 1 + steps // steps_apart(integrator, system.massive)
 
 
-def room_for_steps(system: System, grid: TimeGrid) -> int:
+def room_for_steps(system: System, integrator: Integrator, grid: TimeGrid) -> int:
     """Return for how many states a new archive has room: for all, if the steps are of one length; else for some,
     estimated from the dynamical time at the start.
     """
     if not grid.clock.changes:
-        return _rows(system, grid.whole_steps)
-    expected = _rows(system, math.ceil(abs(grid.end) / (SHORT * dynamical_time(system))))
+        return _rows(system, integrator, grid.whole_steps)
+    expected = _rows(system, integrator, math.ceil(abs(grid.end) / (SHORT * dynamical_time(system))))
     return max(64, min(expected, FIRST_BYTES // (48 * len(system) + 16)))
 
 
@@ -101,7 +102,7 @@ def continued(archive: Archive, marcher: Marcher) -> StepStore | None:
     if archive.steps is None:
         return None
     rows = len(archive.steps)
-    if rows != _rows(archive.system, marcher.step) and (rows or marcher.step):
+    if rows != _rows(archive.system, marcher.integrator, marcher.step) and (rows or marcher.step):
         raise ArchiveError(
             f"{archive.path} is damaged: it keeps {rows} steps, but its checkpoint is after {marcher.step}. Restore it "
             "from a copy."

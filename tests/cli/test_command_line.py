@@ -293,7 +293,7 @@ def bad(tmp_path):
         (["run", "kepler", "--integrator", "velocity-verlet"], "did you mean stormer-verlet?"),
         (["run", "kepler", "--integrator", "midpoint"], "did you mean implicit-midpoint?"),
         (["run", "kepler", "--integrator", "euler"], "did you mean explicit-euler or symplectic-euler?"),
-        (["run", "kepler", "--integrator", "wisdom-holman"], "REBOUND's: compare with it by against=['whfast']"),
+        (["run", "kepler", "--integrator", "ias15"], "REBOUND's: compare with it by against=['ias15']"),
         (["run", "kepler", "--integrator", "WHFast"], "or --against whfast."),
         (["run", "kepler", "--integrator", "gauss(stages=33)"], "between 1 and 32"),
         (["run", "kepler", "--samples", "1"], "samples"),

@@ -14,6 +14,7 @@ from .problems import errors_against_the_exact_orbit, jacobian, march, marcher, 
 
 ALL = [*methods(), orbits.Gauss(stages=12)]  # and one of more stages than a register has lanes
 IDS = [m.label for m in ALL]
+WITH_PARTICLES = [m for m in ALL if m.second_order.serves_particles]
 H = 0.15
 
 
@@ -38,14 +39,15 @@ def test_symplectic_if_and_only_if_declared(method):
     # Positions and momenta of light bodies differ by their masses: compare in units in which all are of order one.
     weight = np.concatenate([np.sqrt(m), 1 / np.sqrt(m)])
     defect = np.abs(weight[:, None] ** -1 * (M.T @ J @ M - J) * weight[None, :] ** -1).max()
-    # Round-off of the differences, 2^-53 over a step of 0.003; 1.3e-13 at most was reached.
+    # Round-off of the differences, 2^-53 over a step of 0.003; 1.3e-13 at most was reached, and 1.4e-12 by the method
+    # with a corrector, which applies and undoes it in each of these steps: 63 Kepler motions.
     if SYMPLECTIC in method.declares:
-        assert defect < 1e-12
+        assert defect < (4e-12 if method.follows_kepler else 1e-12)
     else:
         assert defect > 1e-7
 
 
-@pytest.mark.parametrize("method", ALL, ids=IDS)
+@pytest.mark.parametrize("method", WITH_PARTICLES, ids=lambda method: method.label)
 def test_each_particle_fibre_is_symplectic_if_and_only_if_declared(method):
     """For given massive bodies, the map of one particle's (q, v) preserves dq ^ dv."""
     gm, q, v = three_bodies()
@@ -74,6 +76,9 @@ def test_symmetric_if_and_only_if_declared(method):
     # The low parts are dropped at the turning point, 1e-16, and grow with the motion; 3.3e-16 at most was reached.
     if SYMMETRIC in method.declares:
         assert defect < 2e-15
+    elif method.follows_kepler:
+        # A corrector is a palindrome, symmetric but for the third order in the planets' masses; 1e-13 was reached.
+        assert defect < 1e-12
     else:
         assert defect > 1e-7
 
@@ -94,10 +99,11 @@ def test_momentum_maps_conserved_if_and_only_if_declared(method):
         assert angular > 1e-6
 
 
-@pytest.mark.parametrize("method", methods(), ids=lambda method: method.label)
+@pytest.mark.parametrize("method", [m for m in methods() if not m.follows_kepler], ids=lambda method: method.label)
 def test_order_of_convergence_is_the_declared_one(method):
     """The error against the exact two-body orbit falls as h^order, between the first decay and the round-off
-    plateau. (An order of 24 leaves no room between them: `test_many_stages` measures it in 58 digits.)
+    plateau. (An order of 24 leaves no room between them: `test_many_stages` measures it in 58 digits. A method that
+    follows two bodies exactly is measured on three, in `test_wisdom_holman`.)
     """
     if method.order <= 8:
         steps, errors = errors_against_the_exact_orbit(method, 0.3, 2.0, 2 ** np.arange(18))
@@ -111,7 +117,7 @@ def test_order_of_convergence_is_the_declared_one(method):
     assert abs(measured - method.order) < 0.08 * method.order
 
 
-@pytest.mark.parametrize("method", ALL, ids=IDS)
+@pytest.mark.parametrize("method", WITH_PARTICLES, ids=lambda method: method.label)
 def test_a_massless_particle_moves_as_a_body_without_mass_would(method):
     """Against the same method with the particle as a body of GM = 1e-30, which pulls on nothing."""
     gm, q, v = three_bodies()
@@ -123,7 +129,7 @@ def test_a_massless_particle_moves_as_a_body_without_mass_would(method):
     assert np.abs(light[1] - heavy[1]).max() < 2e-15
 
 
-@pytest.mark.parametrize("method", ALL, ids=IDS)
+@pytest.mark.parametrize("method", WITH_PARTICLES, ids=lambda method: method.label)
 def test_bits_do_not_depend_on_threads_blocks_or_neighbours(method):
     gm, q, v = three_bodies()
     x, w = particles_around(37)
@@ -141,7 +147,7 @@ def test_bits_do_not_depend_on_threads_blocks_or_neighbours(method):
         assert np.array_equal(a[[0, 1, 2, 20]], c)
 
 
-@pytest.mark.parametrize("method", ALL, ids=IDS)
+@pytest.mark.parametrize("method", WITH_PARTICLES, ids=lambda method: method.label)
 def test_a_checkpoint_continues_bit_for_bit(method):
     gm, q, v = three_bodies()
     x, w = particles_around(9)
@@ -181,7 +187,7 @@ def test_every_method_says_where_it_comes_from_and_what_it_is(method):
 
 
 def test_no_kernel_of_a_method_has_the_name_of_another_function_of_the_contract():
-    contract = {"begin", "step", "prepare", "signal", "begin_particles", "step_particles"}
+    contract = {"begin", "step", "enter", "leave", "show", "prepare", "signal", "begin_particles", "step_particles"}
     kinds = [Form]
     for kind in kinds:
         kinds.extend(kind.__subclasses__())

@@ -14,7 +14,12 @@ from orbits.integrators.base import SYMMETRIC, SYMPLECTIC
 
 from ..problems import three_bodies
 
-METHODS = [method for _, cls in sorted(registry().items()) for method in cls.examples()]
+METHODS = [
+    method
+    for _, cls in sorted(registry().items())
+    for method in cls.examples()
+    if method.second_order.serves_particles
+]
 IDS = [method.label for method in METHODS]
 
 

@@ -371,3 +371,15 @@ def test_kernels_know_what_processor_they_are_compiled_for():
     if os.environ.get("ORBITS_TEST_PLAIN_CPU"):
         assert "avx512f" not in cpu_features()
     assert all(isinstance(name, str) and name for name in cpu_features())
+
+
+def test_sums_of_the_lanes_before_and_after_each_lane_leave_it_out():
+    @kernel
+    def run(x, out):
+        L.store(out, 0, L.sums_before(L.load(x, 0)))
+        L.store(out, 8, L.sums_after(L.load(x, 0)))
+
+    x, out = np.random.default_rng(7).integers(-50, 50, 8).astype(float), np.empty(16)
+    run(x, out)
+    assert out[:8].tolist() == [x[:k].sum() for k in range(8)]
+    assert out[8:].tolist() == [x[k + 1 :].sum() for k in range(8)]

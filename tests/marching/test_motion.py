@@ -79,6 +79,8 @@ def test_the_motion_of_every_method_is_that_of_its_partial_steps(method):
     # 2e-14 of a position and, as it is once less integrated, 1e-12 of a velocity; 2e-15 and 8e-14 were reached.
     polynomial = method == orbits.Gauss(stages=8)
     bound, speeds = (4e-15, 50.0) if polynomial else (1e-15, 1.0)
+    if method.follows_kepler:  # the corrector has 32 stages, there and back; 1.7e-15
+        bound = 4e-15
     assert worst_against_partial_steps(system, method, H, speeds=speeds) < bound
 
 

@@ -22,7 +22,16 @@ from orbits.kernels.lanes.arithmetic import (
     sqrt,
 )
 from orbits.kernels.lanes.memory import full, get, lane, load, put, store, store_some, unit
-from orbits.kernels.lanes.reductions import any_lane, largest, row_maxima, row_sums, total, transposed
+from orbits.kernels.lanes.reductions import (
+    any_lane,
+    largest,
+    row_maxima,
+    row_sums,
+    sums_after,
+    sums_before,
+    total,
+    transposed,
+)
 from orbits.kernels.lanes.type import WIDTH, LanesType, lanes
 
 __all__ = [
@@ -51,6 +60,8 @@ __all__ = [
     "sqrt",
     "store",
     "store_some",
+    "sums_after",
+    "sums_before",
     "total",
     "transposed",
     "unit",

@@ -133,3 +133,33 @@ def transposed(typingctx, array, row):
         return context.make_tuple(builder, sig.return_type, vectors)
 
     return types.UniTuple(lanes, WIDTH)(array, row), codegen
+
+
+def _running(typing_name, doc, up):
+    def typing(typingctx, value):
+        if not isinstance(value, LanesType):
+            return None
+
+        def codegen(context, builder, sig, args):
+            zero = constant(0.0)
+
+            def moved(x, step):
+                indices = [i - step if i >= step else WIDTH + i for i in range(WIDTH)]
+                if not up:
+                    indices = [i + step if i + step < WIDTH else WIDTH + i for i in range(WIDTH)]
+                return shuffle(builder, x, zero, indices)
+
+            x = moved(args[0], 1)
+            for step in (1, 2, 4):
+                x = builder.fadd(x, moved(x, step))
+            return x
+
+        return lanes(value), codegen
+
+    typing.__doc__ = doc
+    typing.__name__ = typing_name
+    return intrinsic(typing)
+
+
+sums_before = _running("sums_before", "Return in each lane the sum of the lanes before it.", True)
+sums_after = _running("sums_after", "Return in each lane the sum of the lanes after it.", False)

@@ -1,0 +1,178 @@
+"""Is a run fit for a method that moves planets on Kepler orbits about a dominant body? Before and after it.
+
+Such a method follows the two-body motion about the dominant body exactly, so that its error on a single passage (see
+`step_check`) says nothing. Steps must resolve the fastest pericentre, or they are in resonance with it; and the planets
+must stay away from each other, because a close pair is not near a Kepler orbit about the dominant body.
+
+Source: Rauch & Holman (1999), AJ 117, 1087; Wisdom (2015), AJ 150, 127.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from orbits.errors import StepWarning, level_of_caller
+from orbits.integrators.base import Integrator
+from orbits.propagation.approach import Approach
+
+if TYPE_CHECKING:
+    from orbits.integrators.forms import Array
+    from orbits.propagation.passages_seen import Seen
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+LEAST_STEPS = 16
+"""Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there."""
+
+HILL_RADII = 3.0
+"""Mutual Hill radii within which two planets disturb each other as much as a few steps can follow."""
+
+POINTS = 180
+"""Points on each orbit at which the distance of two orbits is looked for."""
+
+SHOWN = 5
+"""The most encounters named in a warning."""
+
+
+class _Orbit(NamedTuple):
+    """An orbit about the dominant body: row of the system, GM of both, pericentre, eccentricity, plane."""
+
+    row: int
+    mu: float
+    pericentre: float
+    e: float
+    along: Array
+    across: Array
+
+    @property
+    def speed(self) -> float:
+        """At the pericentre."""
+        return math.sqrt(self.mu * (1.0 + self.e) / self.pericentre)
+
+    def points(self) -> Array:
+        """Return points of an ellipse, equally spaced in eccentric anomaly, (POINTS, 3)."""
+        E = np.linspace(0.0, 2.0 * math.pi, POINTS, endpoint=False)[:, None]
+        a = self.pericentre / (1.0 - self.e)
+        points: Array = a * (np.cos(E) - self.e) * self.along + a * math.sqrt(1.0 - self.e**2) * np.sin(E) * self.across
+        return points
+
+
+def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
+    """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, or if planets come so close to
+    each other, now or at a crossing of their orbits, that the method cannot follow them.
+    """
+    orbits = [_orbit(system, int(row)) for row in np.flatnonzero(system.massive) if row != _dominant(system)]
+    units, centre = system.units, system.names[_dominant(system)]
+    angles = [(abs(h) * orbit.speed / orbit.pericentre, orbit) for orbit in orbits if _is_ahead(system, orbit, span)]
+    angle, fastest = max(angles, default=(0.0, None), key=lambda pair: pair[0])
+    # The motion of a single planet is exact.
+    if fastest is not None and len(orbits) > 1 and angle > 2.0 * math.pi / LEAST_STEPS:
+        enough = abs(h) * 2.0 * math.pi / LEAST_STEPS / angle
+        body, passed = system.names[fastest.row], _said(fastest.pericentre, units.length)
+        warnings.warn(
+            f"dt = {_said(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes {centre}, at "
+            f"{passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} they are in "
+            f"resonance with it; dt <= {_said(enough, units.time, 2)} resolves it, or leave dt and the method away: "
+            "steps are then chosen one by one.",
+            StepWarning,
+            stacklevel=level_of_caller(),
+        )
+    close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
+    if close:
+        hidden = f"\n  And {len(close) - SHOWN:,} more pairs." if len(close) > SHOWN else ""
+        warnings.warn(
+            f"{integrator.label} cannot follow close encounters of massive bodies, and these may have some:\n"
+            + "\n".join(f"  {text}." for text in close[:SHOWN])
+            + f"{hidden}\nUse Gauss(stages=8), the default, without dt: steps are then chosen one by one.",
+            StepWarning,
+            stacklevel=level_of_caller(),
+        )
+
+
+def encounters(run: Trajectory, seen: Seen) -> list[int]:
+    """Return the numbers of the passages of two planets within `HILL_RADII` of each other, closest first."""
+    gm, found = run.system.values.gm, []
+    for k, passage in enumerate(seen.passages):
+        if seen.dominant in (passage.body, passage.other) or passage.about is None:
+            continue
+        share = (gm[passage.body] + gm[passage.other]) / (3.0 * gm[seen.dominant])
+        reach = HILL_RADII * float(np.linalg.norm(passage.about[:3])) * float(np.cbrt(share))
+        if passage.distance < reach:
+            found.append((passage.distance / reach, k))
+    return [k for _, k in sorted(found)]
+
+
+def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
+    """Warn, with `StepWarning`, about close encounters of planets in a run that its method did not follow."""
+    found = encounters(run, seen)
+    if not found:
+        return
+    passages = [Approach.of(run.system, run.clock, seen.passages[k], None) for k in found[:SHOWN]]
+    hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
+    warnings.warn(
+        f"{run.integrator.label} cannot follow close encounters of massive bodies, within {HILL_RADII:.0f} Hill radii, "
+        f"and had {len(found):,}; the rest of the run is not to be trusted for these bodies:\n"
+        + "\n".join(f"  {passage}." for passage in passages)
+        + f"{hidden}\nUse Gauss(stages=8), the default, without dt: steps are then chosen one by one.",
+        StepWarning,
+        stacklevel=level_of_caller(),
+    )
+
+
+def _dominant(system: System) -> int:
+    return int(system.values.gm.argmax())
+
+
+def _orbit(system: System, row: int) -> _Orbit:
+    """Return the orbit of a body about the dominant one."""
+    values, sun = system.values, _dominant(system)
+    q, v = values.q[row] - values.q[sun], values.v[row] - values.v[sun]
+    mu, r = float(values.gm[row] + values.gm[sun]), float(np.linalg.norm(q))
+    spin = np.cross(q, v)
+    h2 = float(spin @ spin)
+    vector = np.cross(v, spin) / mu - q / r
+    e = float(np.linalg.norm(vector))
+    along = vector / e if e > 1e-12 else q / r
+    plane = np.cross(spin, along)
+    across = plane / (np.linalg.norm(plane) or 1.0)
+    return _Orbit(row, mu, h2 / mu / (1.0 + e), e, along, across)
+
+
+def _is_ahead(system: System, orbit: _Orbit, span: float) -> bool:
+    """Return whether a body passes its pericentre within `span`, roughly: an open orbit only if it is falling in."""
+    values, sun = system.values, _dominant(system)
+    falling = float((values.q[orbit.row] - values.q[sun]) @ (values.v[orbit.row] - values.v[sun])) * span < 0.0
+    if orbit.e >= 1.0:
+        return falling
+    a = orbit.pericentre / (1.0 - orbit.e)
+    period = 2.0 * math.pi * math.sqrt(a**3 / orbit.mu)
+    return abs(span) >= period or orbit.e < 0.1 or falling
+
+
+def _close(system: System, one: _Orbit, other: _Orbit) -> str:
+    """Return in words how close two planets are, or can come; nothing if that is far enough."""
+    values, units, sun = system.values, system.units, _dominant(system)
+    share = float(values.gm[one.row] + values.gm[other.row]) / (3.0 * float(values.gm[sun]))
+    hill = HILL_RADII * float(np.cbrt(share))
+    names = f"{system.names[one.row]} and {system.names[other.row]}"
+    apart = float(np.linalg.norm(values.q[one.row] - values.q[other.row]))
+    if apart < hill * float(np.linalg.norm(values.q[one.row] - values.q[sun])):
+        return f"{names} are {_said(apart, units.length)} apart, less than {HILL_RADII:.0f} Hill radii"
+    if max(one.e, other.e) >= 1.0:
+        return ""
+    a, b = one.points(), other.points()
+    distance = np.linalg.norm(a[:, None] - b[None, :], axis=2) - hill * np.linalg.norm(a, axis=1)[:, None]
+    i, j = np.unravel_index(int(distance.argmin()), distance.shape)
+    if distance[i, j] >= 0.0:
+        return ""
+    gap = float(np.linalg.norm(a[i] - b[j]))
+    return f"the orbits of {names} come within {_said(gap, units.length, 2)}, less than {HILL_RADII:.0f} Hill radii"
+
+
+def _said(x: float, unit: object, digits: int = 4) -> str:
+    return f"{x:.{digits}g} {unit}".rstrip()
