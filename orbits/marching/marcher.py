@@ -195,7 +195,7 @@ class Marcher:
         lost, reached, begun = self._retired.lost(), {}, self.step
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
             within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
-            count, reached = lost.steps + within, self._reached(lost)  # or that step as well, if it may hit a body in it
+            count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
             self._replay(count)
         if self._overflowed and count > 1:  # more passages than the list of a block holds: repeat in shorter blocks
             self._replay(0)

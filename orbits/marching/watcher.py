@@ -248,7 +248,7 @@ class Watcher:
         """
         groups = np.flatnonzero(self._touched[:-1] <= steps) if self._collide else np.zeros(0, dtype=np.intp)
         rows = (WIDTH * groups[:, None] + np.arange(WIDTH)).ravel()
-        return self._particles[rows[rows < len(self._particles)]]
+        return np.asarray(self._particles[rows[rows < len(self._particles)]])
 
     def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
         """Return a copy of a record that includes the distances at the end of the run."""

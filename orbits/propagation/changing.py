@@ -30,8 +30,8 @@ from orbits.propagation.collisions import Collisions, rows_of_change
 from orbits.propagation.events.base import RECORD
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.impact import Impact, Step, impacts
-from orbits.propagation.own_impacts import alone, own_steps
 from orbits.propagation.marchers import WORK, bound
+from orbits.propagation.own_impacts import alone, own_steps
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.trajectory import changes

@@ -1,7 +1,7 @@
 """A massless particle in a step of the massive bodies that it covers by steps of its own, one after the other.
 
-Its collisions are sought in its own steps, each of which resolves its motion; in the whole step it may have gone round a
-body many times. It is marched again, alone among the bodies, by steps of all that end where its own do.
+Its collisions are sought in its own steps, each of which resolves its motion; in the whole step it may have gone round
+a body many times. It is marched again, alone among the bodies, by steps of all that end where its own do.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from orbits.marching.own_clocks import BEFORE, NEXT, SHORTEST, STRETCH
 from orbits.propagation.impact import Step
 
 Array = NDArray[np.float64]
+Checkpoint = dict[str, NDArray[Any]]
 
 WHOLE = 0.99
 """The fraction of a part of a step that the particle's last step covers if it is the only one in it."""
 
 
-def alone(checkpoint: dict[str, NDArray[Any]], fresh: dict[str, NDArray[Any]], particle: int) -> dict[str, NDArray[Any]]:
+def alone(checkpoint: Checkpoint, fresh: Checkpoint, particle: int) -> Checkpoint:
     """Return the checkpoint of a march of several particles as that of a march of one of them among the same bodies.
 
     fresh : a checkpoint of that march; particle : the number of the one among the particles
@@ -66,7 +67,7 @@ def own_steps(march: Marcher, particle: int, end: float) -> Iterator[Step]:
         march.restore(there)
 
 
-def _one_step(march: Marcher, particle: int, here: dict[str, NDArray[Any]], end: float) -> float | None:
+def _one_step(march: Marcher, particle: int, here: Checkpoint, end: float) -> float | None:
     """March from a checkpoint by one step of the particle, not beyond a time; return its end, or None if it is lost."""
     begin, direction = march.time, march.clock.direction
     length = float(here["particle_clock"][0, NEXT]) or _first_length(march, particle)
@@ -82,7 +83,7 @@ def _one_step(march: Marcher, particle: int, here: dict[str, NDArray[Any]], end:
 
 
 def _first_length(march: Marcher, particle: int) -> float:
-    """Return the length of the first step of a particle, from its dynamical time; infinite where nothing attracts it."""
+    """Return the length of the first step of a particle, from its dynamical time; infinite if nothing attracts it."""
     q, _ = march.state()
     bodies = np.delete(q, particle, axis=0)
     rate = float((march.parameters[1 : 1 + len(bodies)] / np.linalg.norm(bodies - q[particle], axis=1) ** 3).sum())
