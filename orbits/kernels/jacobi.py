@@ -87,8 +87,9 @@ def prepare_room(strength, planets, room):
 
 @kernel(inline=True, exact=True)
 def _rest(central, gm, all_in, share):
-    """Return m_0 M_i / M_(i-1) = m_0 + m_i m_0 / M_(i-1), less the product of the rounded M_i and m_0 / M_(i-1). Without
-    it, planets would be ahead, or behind, in proportion to time.
+    """Return m_0 M_i / M_(i-1) = m_0 + m_i m_0 / M_(i-1), less the product of the rounded M_i and m_0 / M_(i-1).
+
+    Without it, planets would be ahead, or behind, in proportion to time.
     """
     product, lost = two_product(all_in, share)
     return exact_sub(fma(gm, share, exact_sub(central, product)), lost)
