@@ -13,7 +13,8 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         once a block that the state is finite
     enter(method, model, h, state, storage), leave(method, model, h, state, storage)
         for methods that march other variables than those seen: compute what is marched, in `storage.carry`, from the
-        state that is seen, and the reverse; called at the start of a run and on copies: outputs do not change it
+        state that is seen, and the reverse; called at the start of a run, before and after partial steps, and on
+        copies: outputs do not change the run
     show(method, model, state, storage)
         the same as `leave` to the accuracy that observers of each step need, and fast: called before each step that is
         recorded, and at the end of a block
