@@ -20,6 +20,7 @@ hits : (groups + 1, 4) int64; for each group of eight particles, and last for th
 radii : (n + m + padding,), radii of the bodies, then of the particles; negative where nothing collides
 touched : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps after
     which two bodies may have touched
+touched_own : (m,) int64; the same for each particle that was observed in steps of its own, and 0 for the others
 passage_angle : angle of a step, h x speed / distance, above which every passage of a body other than the dominant one
     is listed
 least_eccentricity, pericentre_angle : eccentricity and angle of a step above which pericentres about the dominant body
@@ -73,6 +74,7 @@ _KINDS: dict[str, Any] = {
     "hits": _array(2, types.int64),
     "radii": _array(1),
     "touched": _array(1, types.int64),
+    "touched_own": _array(1, types.int64),
     "passage_angle": types.float64,
     "least_eccentricity": types.float64,
     "pericentre_angle": types.float64,

@@ -28,6 +28,9 @@ ENTRIES, WANTED = 0, 1
 TOUCH = 4
 """The place in `found` of the number of steps after which a body may have been touched."""
 
+NEVER = 1 << 62
+"""A number of steps beyond any block."""
+
 BESIDES = 64
 """The entries of a log besides one for each step of a block."""
 
@@ -99,8 +102,11 @@ def look(method, model, field, log, p):
             k = steps_until(log, hit[0])
             if k < log.found[0]:
                 log.found[0], log.found[1], log.found[2], log.found[3] = k, hit[1], hit[2], hit[3]
-    if watch.collide != 0 and watch.touched[first // WIDTH] <= last:
-        log.found[TOUCH] = min(log.found[TOUCH], steps_until(log, watch.touched[first // WIDTH]))
+    if watch.collide != 0:
+        touched, own = watch.touched[first // WIDTH], watch.touched_own
+        until = steps_until(log, touched) if touched <= last else NEVER
+        own[p] = until if own[p] == 0 else min(own[p], until)
+        log.found[TOUCH] = min(log.found[TOUCH], until)
     for i in range(6):
         log.track[i, p % WIDTH] = log.track[6 * last + i, p % WIDTH]
     log.at[0, 0], log.at[0, 1], log.counts[ENTRIES] = log.at[last, 0], log.at[last, 1], 1

@@ -112,6 +112,7 @@ class Watcher:
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
         self._collide = radii is not None
         self._touched = np.zeros(len(self._hits), dtype=np.int64)
+        self._touched_own = np.zeros(len(particles), dtype=np.int64)
         self._radii = np.full(padded(len(self._rows)), -np.inf)
         if radii is not None:
             self._radii[: len(self._rows)] = radii[self._rows]
@@ -136,6 +137,7 @@ class Watcher:
             hits=self._hits,
             radii=self._radii,
             touched=self._touched,
+            touched_own=self._touched_own,
             passage_angle=passage_angle,
             least_eccentricity=least_eccentricity,
             pericentre_angle=pericentre_angle,
@@ -164,6 +166,7 @@ class Watcher:
             self._compile()
         self.contexts.enter(record=record, first=first, origin=origin)
         self._listed[:] = 0
+        self._touched_own[:] = 0
 
     def _compile(self) -> None:
         """Compile, or load from the cache, the kernels shared by the observers."""
@@ -243,12 +246,11 @@ class Watcher:
         return self._collide and int(self._touched.min()) == step
 
     def touching(self, steps: int) -> NDArray[np.intp]:
-        """Return the particles, in the numbers of the caller, of each group of eight in which one may have touched a
-        body in the `steps` steps just observed.
+        """Return the particles, in the numbers of the caller, that may have touched a body in the `steps` steps just
+        observed: of each group of eight in which one may have, all that were not observed alone.
         """
-        groups = np.flatnonzero(self._touched[:-1] <= steps) if self._collide else np.zeros(0, dtype=np.intp)
-        rows = (WIDTH * groups[:, None] + np.arange(WIDTH)).ravel()
-        return np.asarray(self._particles[rows[rows < len(self._particles)]])
+        may = self._collide & (np.repeat(self._touched[:-1], WIDTH)[: len(self._particles)] <= steps)
+        return np.asarray(self._particles[may & (self._touched_own <= steps)])
 
     def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
         """Return a copy of a record that includes the distances at the end of the run."""

@@ -219,7 +219,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
         Raises UnknownNameError for a name that it does not have, InputError if no massive body would be left.
         """
-        gone = {self.index(name) for name in names}
+        places = {name: k for k, name in enumerate(self.names)}
+        gone = {places[name] if isinstance(name, str) and name in places else self.index(name) for name in names}
         keep = [i for i in range(len(self)) if i not in gone]
         gm, q, v, _ = self.values
         radii = None if self._radii is None else self._radii[keep]
