@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,9 +13,9 @@ from numpy.typing import NDArray
 from orbits.errors import EventError, InputError, shown
 from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
-from orbits.propagation.events.log import Log
+from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
-from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described
+from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described, in_order
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ Array = NDArray[np.float64]
 
 STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
+
+MOST_PARTICLES = 64
+"""The most massless bodies whose events are sought: each is marched again with the bodies that have mass."""
 
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
@@ -46,6 +50,8 @@ class Seeking:
     """The events of a run, and what was found of them.
 
     events : as they were given;  direction : of the run in time, 1 or -1
+
+    particles : searches like this one for the events of massless bodies, each on a motion with those of its `subjects`
     Raises InputError for events that cannot be sought among these bodies.
     """
 
@@ -64,7 +70,6 @@ class Seeking:
             if not isinstance(event.then, str):
                 event.then.check(event, system)
             bounds = event.bound(system)
-            _check_massive(event, bounds, system)
             self._bounds += bounds
             self._of += [event] * len(bounds)
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
@@ -73,19 +78,34 @@ class Seeking:
                 f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
                 "out the other events, or seek them in a run without collisions."
             )
-        self.interrupts = not self.touching and any(event.interrupts for event in self.events)
         self.act = any(not isinstance(event.then, str) for event in self.events)
+        groups = _by_particles(self._bounds, self._of, system, self.act)
+        self.particles: list[Seeking] = []
+        for particles, numbers in groups.items():
+            if particles:
+                search = copy(self)
+                search.particles = []
+                search._narrow(numbers, particles)
+                self.particles.append(search)
+        self._narrow(groups.get((), []), ())
+
+    def _narrow(self, numbers: list[int], particles: tuple[int, ...]) -> None:
+        """Seek the zeros of some of the functions, on the motion of the bodies with mass and of these particles."""
+        self._numbers, self.subjects, system = numbers, particles, self._system
+        self._there = system.massive.copy()
+        self._there[list(particles)] = True
+        self.interrupts = not self.touching and any(self._of[k].interrupts for k in numbers)
         self._needed = np.zeros(len(system), dtype=bool)
-        for bound in self._bounds:
-            bodies = bound.bodies()
+        for k in numbers:
+            bodies = self._bounds[k].bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
         self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
         self._first = True
-        self.log = Log(direction)
+        self.log = Log(self._direction)
 
     def __bool__(self) -> bool:
-        """Whether there are functions whose zeros are sought."""
-        return len(self._bounds) > len(self.touching)
+        """Whether there are functions whose zeros are sought on the motion of the bodies with mass."""
+        return len(self._numbers) > len(self.touching)
 
     def check(self, marcher: Marcher) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
@@ -102,7 +122,8 @@ class Seeking:
 
     def table(self) -> Events:
         """Return what was found so far."""
-        return Events(self._system, self.words, self.log.rows)
+        rows = [self.log.rows, *(search.log.rows for search in self.particles)]
+        return Events(self._system, self.words, in_order(rows, self._direction) if self.particles else rows[0])
 
     def described(self) -> str:
         """Return the events as an archive holds them."""
@@ -118,13 +139,24 @@ class Seeking:
 
     def checkpoint(self) -> dict[str, NDArray[Any]]:
         """Return what is found up to the state that the march has reached, as arrays of fixed shapes."""
-        return self.log.checkpoint() if self.events else {}
+        known = self.log.checkpoint() if self.events else {}
+        if self.particles:
+            logs = [search.log for search in self.particles]
+            firm = in_order([log.rows[: log.firm] for log in logs], self._direction)
+            later = in_order([log.rows[log.firm :] for log in logs], self._direction)
+            known |= dict(zip(PARTICLES, padded_rows(np.concatenate([firm, later]), len(firm)), strict=True))
+        return known
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], begun: bool, path: Any) -> None:
         """Go on with the list of a checkpoint; begun : whether the march has taken steps."""
         if self.events:
             self.log.restore(checkpoint, len(self._bounds), len(self._system), path)
             self._first = not begun
+        if self.particles:
+            rows = rows_of_particles(checkpoint, len(self._bounds), len(self._system), path)
+            for search in self.particles:
+                search.log.take(rows[np.isin(rows[:, NUMBER], search._numbers)])
+                search._first = not begun
 
     # ------------------------------------------------------------------------------------------- along the march
 
@@ -177,6 +209,12 @@ class Seeking:
                 return found
         return None
 
+    def along(self, motion: Motion) -> Found | None:
+        """Seek events in the next stretch of a motion; return the first one that interrupts the run, if any."""
+        found = self._seek(motion, False)
+        self._first = False
+        return found
+
     def event_of(self, number: int) -> Sought:
         """Return the event, as it was given, to which a function belongs."""
         return self._of[number]
@@ -195,7 +233,7 @@ class Seeking:
         """
         if not len(motion):
             return None
-        stretch = Stretch(motion, self._system.massive, self._needed)
+        stretch = Stretch(motion, self._there, self._needed)
         rows, places, failure = self._found(stretch)
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
         if until is not None:
@@ -223,8 +261,8 @@ class Seeking:
     def _found(self, stretch: Stretch) -> tuple[Array, NDArray[np.int64], EventError | None]:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
-        for number, found in enumerate(zeros_of(self._bounds, stretch, self._first)):
-            bound = self._bounds[number]
+        bounds = [self._bounds[number] for number in self._numbers]
+        for number, bound, found in zip(self._numbers, bounds, zeros_of(bounds, stretch, self._first), strict=True):
             if isinstance(found, NotFiniteError):
                 if failure is None or (found.time - failure.time) * self._direction < 0.0:
                     failure = self._not_finite(number, found)
@@ -290,14 +328,39 @@ def _said(bound: Bound) -> str:
     return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
 
 
-def _check_massive(event: Sought, bounds: Sequence[Bound], system: System) -> None:
-    for bound in bounds:
-        for row in np.unique(bound.pairs[bound.pairs != NOBODY]):
-            if not system.massive[row]:
-                raise InputError(
-                    f"{type(event).__name__}: {system.names[row]} is a massless particle, whose motion within steps is "
-                    "not known; give it a small mass, such as gm=1e-20, or leave the event out."
-                )
+def _by_particles(
+    bounds: Sequence[Bound], of: Sequence[Sought], system: System, act: bool
+) -> dict[tuple[int, ...], list[int]]:
+    """Return the numbers of the functions of the same massless bodies, by the numbers of these bodies.
+
+    Raises InputError for what cannot be sought of massless bodies.
+    """
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for number, (bound, event) in enumerate(zip(bounds, of, strict=True)):
+        needed = bound.bodies()
+        concerned = np.unique(np.concatenate([bound.pairs.ravel(), [] if needed is None else needed]).astype(int))
+        particles = tuple(int(k) for k in concerned if k != NOBODY and not system.massive[k])
+        groups.setdefault(particles, []).append(number)
+        if not particles:
+            continue
+        what, name = type(event).__name__, system.names[particles[0]]
+        if not isinstance(event.then, str):
+            raise InputError(
+                f"{what}: {name} is a massless particle, on which nothing acts in a run: its events are recorded, or "
+                "end the run (then='stop'). Give it a small mass, such as gm=1e-20, or leave out then=..."
+            )
+        if act:
+            raise InputError(
+                f"{what}: {name} is a massless particle, whose events are not sought in a run whose bodies may be "
+                "changed by others (then=...). Give it a small mass, such as gm=1e-20, or seek its events in a run of "
+                "their own."
+            )
+    if len(groups) - (() in groups) > MOST_PARTICLES:
+        raise InputError(
+            f"events of {len(groups) - (() in groups)} massless bodies; at most {MOST_PARTICLES} are followed one by "
+            "one between the samples. Seek those of fewer, or in several runs."
+        )
+    return groups
 
 
 def _plain(given: dict[str, Any]) -> dict[str, Any]:
