@@ -176,7 +176,7 @@ def propagated(
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
         return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
-    from orbits.archive import Archive, ArchiveWriter
+    from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
     if not isinstance(certificate, bool | Certificate | None):

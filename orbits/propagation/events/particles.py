@@ -136,7 +136,7 @@ class Followed:
         begun = self._last
         state = begun.q[there], begun.v[there]
         march = bound(system, self._integrator, self._clock, threads=1, state=state, start=begun.time, dense=True)
-        if self._clock.changes:  # their marches count the time from where they begin
+        if self._clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
             march, place = march.towards(time - begun.time)
             while march.is_before(place):
                 march.approach(place)

@@ -15,7 +15,18 @@ from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
-from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described, in_order
+from orbits.trajectory.events import (
+    BODY,
+    COLUMNS,
+    MOST_EVENTS,
+    NUMBER,
+    OTHER,
+    RISING,
+    TIME,
+    Events,
+    described,
+    in_order,
+)
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
