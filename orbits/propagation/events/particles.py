@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, IntegrationError
 from orbits.integrators.base import Integrator
-from orbits.marching.clocks import Clock
+from orbits.marching.clocks import Clock, Place
+from orbits.marching.marcher import Marcher
 from orbits.marching.motion import Motion
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.marchers import bound
 from orbits.system import System
+from orbits.time_grid import dynamical_time
 from orbits.trajectory.events import MOST_EVENTS
 
 Array = NDArray[np.float64]
@@ -29,7 +31,7 @@ LIGHT = 1e-36
 """The mass of a followed body as a fraction of the lightest massive one: it moves no last bit of any."""
 
 NOTHING = 1e-9
-"""The fraction of a step at the end of a stretch that is not searched on its own."""
+"""The fraction of a step, or of the dynamical time, in which the motion is straight."""
 
 
 class Sample(NamedTuple):
@@ -52,6 +54,7 @@ class Followed:
         self._system, self._integrator, self._clock = system, integrator, clock
         self._searches, self._last = seeking.particles, begun
         self._light = [_with_light(system, search.subjects) for search in self._searches]
+        self._scales = [dynamical_time(light) for light, _ in self._light]
         self.stops = any(search.interrupts for search in self._searches)
 
     def __bool__(self) -> bool:
@@ -70,9 +73,10 @@ class Followed:
         lost : the times at which particles were retired, by their numbers; end : the sample there, if there is one
         """
         direction, first = self._clock.direction, None
-        for search, (system, there) in zip(self._searches, self._light, strict=True):
+        for k, search in enumerate(self._searches):
             until = min([time, *(lost[k] for k in search.subjects if k in lost)], key=lambda t: t * direction)
-            found = self._one(search, system, there, until, end if until == time else None)
+            gone = end is not None and bool(np.isnan(end.q[list(search.subjects)]).any())
+            found = self._one(k, until, None if gone or until != time else end, gone or until != time)
             if found is not None and (first is None or (found.time - first[1].time) * direction < 0.0):
                 first = search, found
         count = sum(len(search.log.rows) for search in self._searches)
@@ -104,12 +108,15 @@ class Followed:
         march.advance_to(place)
         return march.state_at(place)
 
-    def _one(
-        self, search: Seeking, system: System, there: NDArray[np.bool_], time: float, end: Sample | None
-    ) -> Found | None:
-        """Seek the events of one search up to a time."""
+    def _one(self, number: int, time: float, end: Sample | None, lost: bool) -> Found | None:
+        """Seek the events of one search up to a time; lost : whether a particle is retired there."""
+        search, (system, there) = self._searches[number], self._light[number]
         if not ((time - self._last.time) * self._clock.direction > 0.0 and np.isfinite(self._last.q[there]).all()):
             return None
+        begun, first = self._last, self._last.time == 0.0
+        if end is not None and abs(time - begun.time) < NOTHING * self._scales[number]:
+            t, q, v = (np.array(pair) for pair in zip(begun, end, strict=True))
+            return search.between(t, q, v, first)
         try:
             for motion, ends in self._motions(system, there, time):
                 if ends and end is not None:
@@ -117,17 +124,22 @@ class Followed:
                     path = motion.path[-1].reshape(2, -1)
                     size = 3 * int(there.sum())
                     path[:, :size] = end.q[there].T.ravel(), end.v[there].T.ravel()
-                found = search.along(motion)
+                found = search.along(motion, first)
+                first = False
                 if found is not None:
                     return found
         except EventError:
             raise
         except IntegrationError as error:
+            if lost:
+                return None
             names = " and ".join(self._system.names[k] for k in search.subjects)
+            unit = self._system.units.time
             raise EventError(
-                f"the events of {names} cannot be sought after t = {self._last.time:.10g} {self._system.units.time}: "
-                f"{error} Leave them out, or end the run before; all before stays readable.",
-                time=self._last.time,
+                f"the events of {names} cannot be sought from t = {begun.time:.10g} to {time:.10g} {unit}".rstrip()
+                + ": a step of its motion fails there. Use a smaller dt, or softening if bodies come very close, or "
+                "leave these events out; all before stays readable.",
+                time=begun.time,
             ) from error
         return None
 
@@ -137,22 +149,29 @@ class Followed:
         state = begun.q[there], begun.v[there]
         march = bound(system, self._integrator, self._clock, threads=1, state=state, start=begun.time, dense=True)
         if self._clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
-            march, place = march.towards(time - begun.time)
-            while march.is_before(place):
-                march.approach(place)
-                motion = march.motion()
+            for motion, ends in _stretches(*march.towards(time - begun.time)):
                 times = motion.times + begun.time
-                yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), not march.is_before(place)
+                yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), ends
             return
         place = self._clock.place(time - begun.time)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
-        while march.is_before(place):
-            march.approach(place)
-            yield march.motion(), not rest and not march.is_before(place)
+        for motion, ends in _stretches(march, place):
+            yield motion, ends and not rest
         if rest:
-            march, place = march.towards(time)
+            yield from _stretches(*march.towards(time))
+
+
+def _stretches(march: Marcher, place: Place) -> Iterator[tuple[Motion, bool]]:
+    """Yield the motion up to a place, block by block, and whether each is the last one. Raises what `approach` raises,
+    after the steps before the one that failed.
+    """
+    while march.is_before(place):
+        try:
             march.approach(place)
-            yield march.motion(), True
+        except IntegrationError:
+            yield march.motion(), False
+            raise
+        yield march.motion(), not march.is_before(place)
 
 
 def _with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:

@@ -167,7 +167,6 @@ class Seeking:
             rows = rows_of_particles(checkpoint, len(self._bounds), len(self._system), path)
             for search in self.particles:
                 search.log.take(rows[np.isin(rows[:, NUMBER], search._numbers)])
-                search._first = not begun
 
     # ------------------------------------------------------------------------------------------- along the march
 
@@ -220,11 +219,35 @@ class Seeking:
                 return found
         return None
 
-    def along(self, motion: Motion) -> Found | None:
-        """Seek events in the next stretch of a motion; return the first one that interrupts the run, if any."""
-        found = self._seek(motion, False)
-        self._first = False
-        return found
+    def along(self, motion: Motion, first: bool) -> Found | None:
+        """Seek events in the next stretch of a motion; return the first one that interrupts the run, if any.
+
+        first : whether the run starts with it
+        """
+        self._first = first
+        return self._seek(motion, False)
+
+    def between(self, t: Array, q: Array, v: Array, first: bool) -> Found | None:
+        """Seek events between two states, t (2,), q and v (2, n, 3), that are too close for more than one zero of any
+        function; as `along`.
+        """
+        rows, places = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)]
+        for number in self._numbers:
+            bound = self._bounds[number]
+            g, g_end = bound.values(t, q, v, np.arange(len(bound.pairs)))
+            wanted = np.array([word is not None for word in bound.words])
+            rising = (g < 0.0) != (self._direction < 0.0)
+            columns = np.flatnonzero(((g < 0.0) != (g_end < 0.0)) & wanted[rising.astype(int)] & ~(first & (g == 0.0)))
+            if not len(columns):
+                continue
+            at = t[0] + (t[1] - t[0]) * (g / (g - g_end))[columns]
+            states = (np.repeat(x[1:], len(columns), axis=0) for x in (q, v))
+            there = at, *states, columns
+            kept = bound.keeps(*there)
+            found = [at, np.full(len(at), number), rising[columns], bound.pairs[columns], bound.figures(*there)]
+            rows.append(np.column_stack(found)[kept])
+            places.append(np.column_stack([found[1], columns, np.zeros(len(at), dtype=np.int64)])[kept])
+        return self._take(np.concatenate(rows), np.concatenate(places), None, t, False, True, None)
 
     def event_of(self, number: int) -> Sought:
         """Return the event, as it was given, to which a function belongs."""
@@ -245,13 +268,25 @@ class Seeking:
         if not len(motion):
             return None
         stretch = Stretch(motion, self._there, self._needed)
-        rows, places, failure = self._found(stretch)
+        return self._take(*self._found(stretch), stretch.times, firm, record, until)
+
+    def _take(
+        self,
+        rows: Array,
+        places: NDArray[np.int64],
+        failure: EventError | None,
+        times: Array,
+        firm: bool,
+        record: bool,
+        until: float | None,
+    ) -> Found | None:
+        """Record what `_found` found in steps that begin and end at these times; see `_seek`."""
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
         if until is not None:
             order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
             failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if self.log.known:
-            apart = SAME * float(abs(np.diff(stretch.times)).max())
+            apart = SAME * float(abs(np.diff(times)).max())
             order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
         acting = [k for k in order if self._of[int(rows[k, NUMBER])].interrupts]
         last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction
@@ -265,7 +300,7 @@ class Seeking:
         if not acting:
             return None
         self.log.pass_by(last)
-        self._check_alone(rows[acting], stretch)
+        self._check_alone(rows[acting], times)
         number, column, steps = (int(x) for x in places[acting[0]])
         return Found(number, column, bool(rows[acting[0], RISING]), steps, last)
 
@@ -308,12 +343,12 @@ class Seeking:
             )
         self.log.add(row, firm)
 
-    def _check_alone(self, rows: Array, stretch: Stretch) -> None:
+    def _check_alone(self, rows: Array, times: Array) -> None:
         """Refuse two events that act on one body at once."""
         one, rest = rows[0], rows[1:]
         if isinstance(self._of[int(one[NUMBER])].then, str):
             return
-        step = abs(float(np.diff(stretch.times).max()))
+        step = abs(float(np.diff(times).max()))
         for two in rest[np.abs(rest[:, TIME] - one[TIME]) <= SAME * step]:
             both = ({int(k) for k in one[BODY : OTHER + 1]} & {int(k) for k in two[BODY : OTHER + 1]}) - {NOBODY}
             if both and not isinstance(self._of[int(two[NUMBER])].then, str):
