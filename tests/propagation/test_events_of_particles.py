@@ -5,7 +5,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.propagation.events import particles, seeking
+from orbits.propagation.events import particles, subjects
 from orbits.trajectory.events import NUMBER
 
 BODIES = ["Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune"]
@@ -91,6 +91,15 @@ def test_events_at_the_times_of_samples_are_found_once(dt):
     again = sought(SEVERAL, dt=dt, samples=samples)
     assert listed(again.events) == listed(whole.events)
     np.testing.assert_allclose(again.events.time.value, times, rtol=0.0, atol=1e-11)
+
+
+@STEPS
+def test_a_zero_exactly_at_the_start_is_no_event(dt):
+    q, v = [[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1 / 3, 0], [0, 1.1, 0]]
+    bodies = orbits.System(["star", "planet", "probe"], [1.0, 1e-12, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    run = sought(orbits.Pericentre("probe"), bodies, dt=dt)
+    period = 2.0 * np.pi * (2.0 - 1.1**2) ** -1.5
+    np.testing.assert_allclose(run.events.time.value, period * np.arange(1, 4), rtol=0.0, atol=1e-9)
 
 
 @STEPS
@@ -248,7 +257,7 @@ def test_what_cannot_be_sought_is_refused_with_a_remedy(monkeypatch):
         sought([acting, orbits.Pericentre("probe")])
     with pytest.raises(orbits.InputError, match=r"dense=True .* leave one of the two out"):
         sought(orbits.Pericentre("probe", then="stop"), dense=True)
-    monkeypatch.setattr(seeking, "MOST_PARTICLES", 1)
+    monkeypatch.setattr(subjects, "MOST_PARTICLES", 1)
     with pytest.raises(orbits.InputError, match=r"events of 2 massless bodies; at most 1 are followed"):
         sought([orbits.Pericentre("probe"), orbits.Pericentre("dust")])
 

@@ -15,6 +15,7 @@ from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
+from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
     BODY,
     COLUMNS,
@@ -39,9 +40,6 @@ Array = NDArray[np.float64]
 
 STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
-
-MOST_PARTICLES = 64
-"""The most massless bodies whose events are sought: each is marched again with the bodies that have mass."""
 
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
@@ -90,7 +88,7 @@ class Seeking:
                 "out the other events, or seek them in a run without collisions."
             )
         self.act = any(not isinstance(event.then, str) for event in self.events)
-        groups = _by_particles(self._bounds, self._of, system, self.act)
+        groups = by_particles(self._bounds, self._of, system, self.act)
         self.particles: list[Seeking] = []
         for particles, numbers in groups.items():
             if particles:
@@ -372,41 +370,6 @@ class Seeking:
 
 def _said(bound: Bound) -> str:
     return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
-
-
-def _by_particles(
-    bounds: Sequence[Bound], of: Sequence[Sought], system: System, act: bool
-) -> dict[tuple[int, ...], list[int]]:
-    """Return the numbers of the functions of the same massless bodies, by the numbers of these bodies.
-
-    Raises InputError for what cannot be sought of massless bodies.
-    """
-    groups: dict[tuple[int, ...], list[int]] = {}
-    for number, (bound, event) in enumerate(zip(bounds, of, strict=True)):
-        needed = bound.bodies()
-        concerned = np.unique(np.concatenate([bound.pairs.ravel(), [] if needed is None else needed]).astype(int))
-        particles = tuple(int(k) for k in concerned if k != NOBODY and not system.massive[k])
-        groups.setdefault(particles, []).append(number)
-        if not particles:
-            continue
-        what, name = type(event).__name__, system.names[particles[0]]
-        if not isinstance(event.then, str):
-            raise InputError(
-                f"{what}: {name} is a massless particle, on which nothing acts in a run: its events are recorded, or "
-                "end the run (then='stop'). Give it a small mass, such as gm=1e-20, or leave out then=..."
-            )
-        if act:
-            raise InputError(
-                f"{what}: {name} is a massless particle, whose events are not sought in a run whose bodies may be "
-                "changed by others (then=...). Give it a small mass, such as gm=1e-20, or seek its events in a run of "
-                "their own."
-            )
-    if len(groups) - (() in groups) > MOST_PARTICLES:
-        raise InputError(
-            f"events of {len(groups) - (() in groups)} massless bodies; at most {MOST_PARTICLES} are followed one by "
-            "one between the samples. Seek those of fewer, or in several runs."
-        )
-    return groups
 
 
 def _plain(given: dict[str, Any]) -> dict[str, Any]:
