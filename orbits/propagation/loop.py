@@ -24,7 +24,8 @@ from orbits.errors import (
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
-from orbits.propagation.events.base import Sought
+from orbits.propagation.events.base import Happening, Sought
+from orbits.propagation.events.particles import Followed, Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.progress import Progress
@@ -53,12 +54,13 @@ AT_ONCE = 256
 
 @dataclass
 class RunEnds:
-    """The conditions that may end a run early, and the one that did."""
+    """The conditions that may end a run early, and the one that did; before : the sample from which the run goes on."""
 
     conditions: Conditions
     callback: Callback | None
     check_step: bool
     events: Seeking
+    before: Sample | None = None
     stopped: Stop | None = None
     begun: float = 0.0
 
@@ -88,10 +90,16 @@ class RunEnds:
             if changed is not None and isinstance(marcher, ChangingMarch):
                 marcher.change(happening.kind, found.time, *state, happening.system, changed)
             return False
+        self.end_at(system, marcher, happening, found.time, state)
+        return True
+
+    def end_at(
+        self, system: System, marcher: March, happening: Happening, time: float, state: tuple[Array, Array]
+    ) -> None:
+        """Note the event that ends the run."""
         names = [name for name in (happening.body, happening.other) if name is not None]
         reason = " and ".join(names) + ": " * bool(names) + happening.kind
-        self.note(system, marcher, found.time, state, reason, happening.event)
-        return True
+        self.note(system, marcher, time, state, reason, happening.event)
 
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
@@ -145,8 +153,10 @@ def march(
             bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
             try:
                 try:
-                    _sample(system, marcher, grid, first, store, bar, stop, watch)
+                    particles = _Particles(system, integrator, marcher, grid, watch)
+                    _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
                     watch.events.flush()
+                    particles.end()
                 except IntegrationError as error:
                     failure = error
                     with suppress(EventError):
@@ -210,6 +220,63 @@ def march(
     return trajectory
 
 
+class _Particles:
+    """The events of massless bodies along the loop of a run."""
+
+    def __init__(
+        self, system: System, integrator: Integrator, marcher: March, grid: TimeGrid, watch: RunEnds
+    ) -> None:
+        begun = watch.before or Sample(0.0, system.values.q, system.values.v)
+        self._system, self._watch, self._marcher = system, watch, of_this_leg(marcher)
+        self._followed = Followed(system, integrator, grid.clock, watch.events, begun)
+        self._clock, self._kept = grid.clock, self._now()
+
+    def reach(self, sample: Sample) -> bool:
+        """Seek events up to the next sample, before it is stored; return whether one of them ends the run."""
+        if not self._followed:
+            return False
+        if self._ends_by(sample.time, sample):
+            return True
+        self._followed.go_on(Sample(sample.time, sample.q.copy(), sample.v.copy()))
+        self._kept = self._now()
+        return False
+
+    def end(self) -> None:
+        """Seek events up to the time at which the run was ended, if it was; an earlier one ends it instead."""
+        stopped = self._watch.stopped
+        if self._followed and stopped is not None:
+            self._ends_by(float(stopped.time.value), None)
+
+    def _ends_by(self, time: float, end: Sample | None) -> bool:
+        if (time - self._followed.last.time) * self._clock.direction <= 0.0:
+            return False
+        system, watch, marcher = self._system, self._watch, self._marcher
+        lost = {one.body: float(self._clock.time(one.reading)) for one in marcher.retired()}
+        first = self._followed.seek(time, lost, end)
+        if first is None:
+            return False
+        search, found = first
+        state = self._followed.state_at(found.time)
+        watch.end_at(system, marcher, search.happening(found, state), found.time, state)
+        if self._kept is not None:
+            # The march has gone beyond: an archive goes on from the last sample, and finds again what comes after.
+            checkpoint, firm = self._kept
+            if (found.time - marcher.time) * self._clock.direction > 0.0:
+                watch.events.before(marcher, found.time, record=True)
+            watch.events.flush()
+            watch.events.log.drop_after(found.time)
+            watch.events.log.firm = min(firm, len(watch.events.log.rows))
+            marcher.restore(checkpoint)
+        return True
+
+    def _now(self) -> tuple[dict[str, NDArray[np.generic]], int] | None:
+        """Return where the march is, and how many of its events are firm, if particles may end it after that."""
+        if not self._followed.stops:
+            return None
+        self._watch.events.flush()
+        return self._marcher.checkpoint(), self._watch.events.log.firm
+
+
 def _was_stopped(stop: StopRequest, trajectory: Trajectory, watch: RunEnds) -> bool:
     """Return whether a signal ended a run early."""
     return bool(stop.name) and not trajectory.complete and watch.stopped is None
@@ -252,6 +319,7 @@ def _sample(
     bar: Progress,
     stop: StopRequest,
     watch: RunEnds,
+    particles: _Particles,
 ) -> None:
     """Visit every sample from `first` on, until a stop is requested."""
     watch.begun = time.perf_counter()
@@ -281,6 +349,8 @@ def _sample(
         if not known and marcher.clock.changes:
             known = marcher.states_before_next(grid.times[index : index + AT_ONCE])[::-1]
         state = known.pop() if known else marcher.state_at(place)
+        if particles.reach(Sample(float(grid.times[index]), *state)):
+            return
         store.note(marcher.accounts())
         store.add(*state)
         if watch.callback is not None:

@@ -37,7 +37,7 @@ PASSAGES = frozenset({"passages", "passage_counts"})
 """Arrays of a checkpoint that list the passages of a march."""
 
 
-EVENTS = frozenset({"events", "event_counts"})
+EVENTS = frozenset({"events", "event_counts", "particle_events", "particle_event_counts"})
 """Arrays of a checkpoint that list the events of a run."""
 
 RETIRED = frozenset({"retired"})

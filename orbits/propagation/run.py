@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Unpack
 
+import numpy as np
+
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
@@ -17,6 +19,7 @@ from orbits.propagation.changing import March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
 from orbits.propagation.events.base import Sought
+from orbits.propagation.events.particles import Sample
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import differences, provenance, restore
@@ -29,7 +32,7 @@ from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from orbits.archive import ArchiveWriter
+    from orbits.archive import Archive, ArchiveWriter
     from orbits.certificate import Certificate
 
 Path = str | PathLike[str]
@@ -162,6 +165,11 @@ def propagated(
             "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
             "run.at(times) marches on from the preceding sample, through the collisions."
         )
+    if dense and any(search.interrupts for search in seeking.particles):
+        raise InputError(
+            "dense=True keeps the steps of a run that goes on, but events of massless bodies with then='stop' end it "
+            "between samples; leave one of the two out: run.at(times) marches on from the preceding sample."
+        )
     if dense and archive is None:
         check_memory(system, integrator, grid)
     steps = StepStore(of_this_leg(marcher), in_memory=archive is None) if dense else None
@@ -267,8 +275,16 @@ def resume(
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(system, ()), None, True, seeking)
+    watch = RunEnds(Conditions(system, ()), None, True, seeking, _last_sample(old))
     return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps)
+
+
+def _last_sample(archive: Archive) -> Sample | None:
+    """Return the last sample in an archive, if there is one."""
+    if not archive.committed:
+        return None
+    k = archive.committed - 1
+    return Sample(float(archive.times[k]), np.array(archive.q[k]), np.array(archive.v[k]))
 
 
 def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> None:

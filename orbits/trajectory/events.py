@@ -228,9 +228,14 @@ class Events(Sequence[FoundEvent]):
         return head, rows, len(self) - len(rows)
 
 
-def rows_in(checkpoint: Mapping[str, NDArray[Any]]) -> Array | None:
-    """Return the rows of the events in a checkpoint, or None if it has none or their number is impossible."""
-    rows, counts = checkpoint.get("events"), checkpoint.get("event_counts")
+def rows_in(
+    checkpoint: Mapping[str, NDArray[Any]], name: str = "events", numbers: str = "event_counts"
+) -> Array | None:
+    """Return the rows of the events in a checkpoint, or None if it has none or their number is impossible.
+
+    name, numbers : of the arrays with the rows and with their number
+    """
+    rows, counts = checkpoint.get(name), checkpoint.get(numbers)
     if rows is None or counts is None or rows.shape != (MOST_EVENTS, COLUMNS) or counts.shape != (2,):
         return None
     return np.array(rows[: int(counts[0])]) if 0 <= int(counts[0]) <= MOST_EVENTS else None
@@ -241,7 +246,11 @@ def events_of(archive: Archive) -> Events:
     text = archive.events_text
     if not text:
         return Events(archive.system)
-    rows = rows_in(archive.checkpoint())
+    checkpoint = archive.checkpoint()
+    rows = rows_in(checkpoint)
+    if rows is not None and "particle_events" in checkpoint:
+        of_particles = rows_in(checkpoint, "particle_events", "particle_event_counts")
+        rows = None if of_particles is None else in_order([rows, of_particles], archive.grid.clock.direction)
     try:
         words = [pair for event in json.loads(text) for pair in event["words"]]
     except (TypeError, KeyError, ValueError):
@@ -249,6 +258,12 @@ def events_of(archive: Archive) -> Events:
     if rows is None or not is_possible(rows, len(words), len(archive.system)):
         raise ArchiveError(f"{archive.path} is damaged: its list of events is impossible. Restore it from a copy.")
     return Events(archive.system, words, rows)
+
+
+def in_order(parts: Sequence[Array], direction: float) -> Array:
+    """Return the rows of several lists in the order of a run, which is that of time or against it."""
+    rows = np.concatenate(parts)
+    return np.asarray(rows[np.lexsort((rows[:, NUMBER], rows[:, TIME] * direction))])
 
 
 def is_possible(rows: Array, functions: int, bodies: int) -> bool:

@@ -113,10 +113,11 @@ def test_two_events_that_act_on_one_body_at_once_are_refused():
     assert len(sought(*one).events) == 2
 
 
-def test_massless_bodies_are_refused_with_a_remedy():
+def test_actions_on_massless_bodies_are_refused_with_a_remedy():
     system = pair().add("probe", primary="star", a=2.0)
-    with pytest.raises(orbits.InputError, match=r"probe is a massless particle.*give it a small mass"):
-        orbits.propagate(system, dt=0.05, duration=1.0, events=orbits.Pericentre("probe"))
+    event = orbits.Pericentre("probe", then=lambda t, bodies: None)
+    with pytest.raises(orbits.InputError, match=r"probe is a massless particle.*Give it a small mass"):
+        orbits.propagate(system, dt=0.05, duration=1.0, events=event)
     run = orbits.propagate(system, dt=0.05, duration=6.0, events=orbits.Pericentre("planet"))
     assert run.events.kind.tolist() == ["pericentre"]
 

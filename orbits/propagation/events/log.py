@@ -13,6 +13,9 @@ from orbits.trajectory.events import COLUMNS, MOST_EVENTS, TIME, is_possible, ro
 
 Array = NDArray[np.float64]
 
+PARTICLES = "particle_events", "particle_event_counts"
+"""The arrays of a checkpoint with the events of massless bodies."""
+
 
 class Log:
     """The rows of the events found so far, in the order of the run; see `orbits.trajectory.events` for their columns.
@@ -62,17 +65,48 @@ class Log:
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return the rows as arrays of a fixed shape."""
-        padded = np.zeros((MOST_EVENTS, COLUMNS))
-        padded[: self._count] = self.rows
-        return {"events": padded, "event_counts": np.array([self._count, self.firm], dtype=np.int64)}
+        return dict(zip(("events", "event_counts"), padded_rows(self.rows, self.firm), strict=True))
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], functions: int, bodies: int, path: Any) -> None:
         """Restore a checkpoint, for a march that goes on. Raises ArchiveError for an impossible one."""
-        rows = rows_in(checkpoint)
-        firm = int(checkpoint["event_counts"][1]) if rows is not None else -1
-        if rows is None or not 0 <= firm <= len(rows) or not is_possible(rows, functions, bodies):
-            raise ArchiveError(f"{path} is damaged: the list of events in its checkpoint is impossible.")
-        for row in rows[:firm]:
+        self.take(_firm_rows(checkpoint, ("events", "event_counts"), functions, bodies, path))
+
+    def take(self, rows: Array) -> None:
+        """Begin with rows that are known."""
+        for row in rows:
             self.add(row, True)
-        if firm:
-            self.pass_by(float(rows[firm - 1, TIME]))
+        if len(rows):
+            self.pass_by(float(rows[-1, TIME]))
+
+    def settle(self) -> None:
+        """Take all rows as firm."""
+        self.firm = self._count
+
+    def drop_after(self, time: float) -> None:
+        """Take the rows after a time out of the list."""
+        kept = self.rows[(self.rows[:, TIME] - time) * self._direction <= 0.0]
+        self._count = len(kept)
+        self._rows[: self._count] = kept
+        self.firm = min(self.firm, self._count)
+
+
+def padded_rows(rows: Array, firm: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return rows in an array of a fixed shape, and two numbers: of all, and of those that are firm."""
+    padded = np.zeros((MOST_EVENTS, COLUMNS))
+    padded[: len(rows)] = rows
+    return padded, np.array([len(rows), firm], dtype=np.int64)
+
+
+def rows_of_particles(checkpoint: Mapping[str, NDArray[Any]], functions: int, bodies: int, path: Any) -> Array:
+    """Return the firm rows of the events of massless bodies. Raises ArchiveError for an impossible list."""
+    return _firm_rows(checkpoint, PARTICLES, functions, bodies, path)
+
+
+def _firm_rows(
+    checkpoint: Mapping[str, NDArray[Any]], names: tuple[str, str], functions: int, bodies: int, path: Any
+) -> Array:
+    rows = rows_in(checkpoint, *names)
+    firm = int(checkpoint[names[1]][1]) if rows is not None else -1
+    if rows is None or not 0 <= firm <= len(rows) or not is_possible(rows, functions, bodies):
+        raise ArchiveError(f"{path} is damaged: the list of events in its checkpoint is impossible.")
+    return rows[:firm]

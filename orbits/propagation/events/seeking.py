@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,9 +13,21 @@ from numpy.typing import NDArray
 from orbits.errors import EventError, InputError, shown
 from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
-from orbits.propagation.events.log import Log
+from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
-from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME, Events, described
+from orbits.propagation.events.subjects import by_particles
+from orbits.trajectory.events import (
+    BODY,
+    COLUMNS,
+    MOST_EVENTS,
+    NUMBER,
+    OTHER,
+    RISING,
+    TIME,
+    Events,
+    described,
+    in_order,
+)
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
@@ -46,6 +59,8 @@ class Seeking:
     """The events of a run, and what was found of them.
 
     events : as they were given;  direction : of the run in time, 1 or -1
+
+    particles : searches like this one for the events of massless bodies, each on a motion with those of its `subjects`
     Raises InputError for events that cannot be sought among these bodies.
     """
 
@@ -64,7 +79,6 @@ class Seeking:
             if not isinstance(event.then, str):
                 event.then.check(event, system)
             bounds = event.bound(system)
-            _check_massive(event, bounds, system)
             self._bounds += bounds
             self._of += [event] * len(bounds)
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
@@ -73,19 +87,34 @@ class Seeking:
                 f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
                 "out the other events, or seek them in a run without collisions."
             )
-        self.interrupts = not self.touching and any(event.interrupts for event in self.events)
         self.act = any(not isinstance(event.then, str) for event in self.events)
+        groups = by_particles(self._bounds, self._of, system, self.act)
+        self.particles: list[Seeking] = []
+        for particles, numbers in groups.items():
+            if particles:
+                search = copy(self)
+                search.particles = []
+                search._narrow(numbers, particles)
+                self.particles.append(search)
+        self._narrow(groups.get((), []), ())
+
+    def _narrow(self, numbers: list[int], particles: tuple[int, ...]) -> None:
+        """Seek the zeros of some of the functions, on the motion of the bodies with mass and of these particles."""
+        self._numbers, self.subjects, system = numbers, particles, self._system
+        self._there = system.massive.copy()
+        self._there[list(particles)] = True
+        self.interrupts = not self.touching and any(self._of[k].interrupts for k in numbers)
         self._needed = np.zeros(len(system), dtype=bool)
-        for bound in self._bounds:
-            bodies = bound.bodies()
+        for k in numbers:
+            bodies = self._bounds[k].bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
         self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
         self._first = True
-        self.log = Log(direction)
+        self.log = Log(self._direction)
 
     def __bool__(self) -> bool:
-        """Whether there are functions whose zeros are sought."""
-        return len(self._bounds) > len(self.touching)
+        """Whether there are functions whose zeros are sought on the motion of the bodies with mass."""
+        return len(self._numbers) > len(self.touching)
 
     def check(self, marcher: Marcher) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
@@ -102,7 +131,8 @@ class Seeking:
 
     def table(self) -> Events:
         """Return what was found so far."""
-        return Events(self._system, self.words, self.log.rows)
+        rows = [self.log.rows, *(search.log.rows for search in self.particles)]
+        return Events(self._system, self.words, in_order(rows, self._direction) if self.particles else rows[0])
 
     def described(self) -> str:
         """Return the events as an archive holds them."""
@@ -118,13 +148,23 @@ class Seeking:
 
     def checkpoint(self) -> dict[str, NDArray[Any]]:
         """Return what is found up to the state that the march has reached, as arrays of fixed shapes."""
-        return self.log.checkpoint() if self.events else {}
+        known = self.log.checkpoint() if self.events else {}
+        if self.particles:
+            logs = [search.log for search in self.particles]
+            firm = in_order([log.rows[: log.firm] for log in logs], self._direction)
+            later = in_order([log.rows[log.firm :] for log in logs], self._direction)
+            known |= dict(zip(PARTICLES, padded_rows(np.concatenate([firm, later]), len(firm)), strict=True))
+        return known
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], begun: bool, path: Any) -> None:
         """Go on with the list of a checkpoint; begun : whether the march has taken steps."""
         if self.events:
             self.log.restore(checkpoint, len(self._bounds), len(self._system), path)
             self._first = not begun
+        if self.particles:
+            rows = rows_of_particles(checkpoint, len(self._bounds), len(self._system), path)
+            for search in self.particles:
+                search.log.take(rows[np.isin(rows[:, NUMBER], search._numbers)])
 
     # ------------------------------------------------------------------------------------------- along the march
 
@@ -177,6 +217,36 @@ class Seeking:
                 return found
         return None
 
+    def along(self, motion: Motion, first: bool) -> Found | None:
+        """Seek events in the next stretch of a motion; return the first one that interrupts the run, if any.
+
+        first : whether the run starts with it
+        """
+        self._first = first
+        return self._seek(motion, False)
+
+    def between(self, t: Array, q: Array, v: Array, first: bool) -> Found | None:
+        """Seek events between two states, t (2,), q and v (2, n, 3), that are too close for more than one zero of any
+        function; as `along`.
+        """
+        rows, places = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)]
+        for number in self._numbers:
+            bound = self._bounds[number]
+            g, g_end = bound.values(t, q, v, np.arange(len(bound.pairs)))
+            wanted = np.array([word is not None for word in bound.words])
+            rising = (g < 0.0) != (self._direction < 0.0)
+            columns = np.flatnonzero(((g < 0.0) != (g_end < 0.0)) & wanted[rising.astype(int)] & ~(first & (g == 0.0)))
+            if not len(columns):
+                continue
+            at = t[0] + (t[1] - t[0]) * (g / (g - g_end))[columns]
+            states = (np.repeat(x[1:], len(columns), axis=0) for x in (q, v))
+            there = at, *states, columns
+            kept = bound.keeps(*there)
+            found = [at, np.full(len(at), number), rising[columns], bound.pairs[columns], bound.figures(*there)]
+            rows.append(np.column_stack(found)[kept])
+            places.append(np.column_stack([found[1], columns, np.zeros(len(at), dtype=np.int64)])[kept])
+        return self._take(np.concatenate(rows), np.concatenate(places), None, t, False, True, None)
+
     def event_of(self, number: int) -> Sought:
         """Return the event, as it was given, to which a function belongs."""
         return self._of[number]
@@ -195,14 +265,26 @@ class Seeking:
         """
         if not len(motion):
             return None
-        stretch = Stretch(motion, self._system.massive, self._needed)
-        rows, places, failure = self._found(stretch)
+        stretch = Stretch(motion, self._there, self._needed)
+        return self._take(*self._found(stretch), stretch.times, firm, record, until)
+
+    def _take(
+        self,
+        rows: Array,
+        places: NDArray[np.int64],
+        failure: EventError | None,
+        times: Array,
+        firm: bool,
+        record: bool,
+        until: float | None,
+    ) -> Found | None:
+        """Record what `_found` found in steps that begin and end at these times; see `_seek`."""
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
         if until is not None:
             order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
             failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if self.log.known:
-            apart = SAME * float(abs(np.diff(stretch.times)).max())
+            apart = SAME * float(abs(np.diff(times)).max())
             order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
         acting = [k for k in order if self._of[int(rows[k, NUMBER])].interrupts]
         last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction
@@ -216,15 +298,15 @@ class Seeking:
         if not acting:
             return None
         self.log.pass_by(last)
-        self._check_alone(rows[acting], stretch)
+        self._check_alone(rows[acting], times)
         number, column, steps = (int(x) for x in places[acting[0]])
         return Found(number, column, bool(rows[acting[0], RISING]), steps, last)
 
     def _found(self, stretch: Stretch) -> tuple[Array, NDArray[np.int64], EventError | None]:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
-        for number, found in enumerate(zeros_of(self._bounds, stretch, self._first)):
-            bound = self._bounds[number]
+        bounds = [self._bounds[number] for number in self._numbers]
+        for number, bound, found in zip(self._numbers, bounds, zeros_of(bounds, stretch, self._first), strict=True):
             if isinstance(found, NotFiniteError):
                 if failure is None or (found.time - failure.time) * self._direction < 0.0:
                     failure = self._not_finite(number, found)
@@ -259,12 +341,12 @@ class Seeking:
             )
         self.log.add(row, firm)
 
-    def _check_alone(self, rows: Array, stretch: Stretch) -> None:
+    def _check_alone(self, rows: Array, times: Array) -> None:
         """Refuse two events that act on one body at once."""
         one, rest = rows[0], rows[1:]
         if isinstance(self._of[int(one[NUMBER])].then, str):
             return
-        step = abs(float(np.diff(stretch.times).max()))
+        step = abs(float(np.diff(times).max()))
         for two in rest[np.abs(rest[:, TIME] - one[TIME]) <= SAME * step]:
             both = ({int(k) for k in one[BODY : OTHER + 1]} & {int(k) for k in two[BODY : OTHER + 1]}) - {NOBODY}
             if both and not isinstance(self._of[int(two[NUMBER])].then, str):
@@ -288,16 +370,6 @@ class Seeking:
 
 def _said(bound: Bound) -> str:
     return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
-
-
-def _check_massive(event: Sought, bounds: Sequence[Bound], system: System) -> None:
-    for bound in bounds:
-        for row in np.unique(bound.pairs[bound.pairs != NOBODY]):
-            if not system.massive[row]:
-                raise InputError(
-                    f"{type(event).__name__}: {system.names[row]} is a massless particle, whose motion within steps is "
-                    "not known; give it a small mass, such as gm=1e-20, or leave the event out."
-                )
 
 
 def _plain(given: dict[str, Any]) -> dict[str, Any]:

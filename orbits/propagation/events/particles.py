@@ -1,0 +1,185 @@
+"""Events of massless bodies, which follow the massive ones and whose motion within steps is not recorded.
+
+Between two samples of the run, each of these bodies is marched again from the first sample, with the massive ones alone
+and with a mass so small that it moves nothing: its motion within steps is then known, and events are sought on it. What
+is found follows from the samples, so that a run that is resumed finds the same; and it is on the motion of the run, on
+which `run.at` is as well, however chaotic that is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import EventError, IntegrationError
+from orbits.integrators.base import Integrator
+from orbits.marching.clocks import Clock, Place
+from orbits.marching.marcher import Marcher
+from orbits.marching.motion import Motion
+from orbits.propagation.events.seeking import Found, Seeking
+from orbits.propagation.marchers import bound
+from orbits.system import System
+from orbits.time_grid import dynamical_time
+from orbits.trajectory.events import MOST_EVENTS
+
+Array = NDArray[np.float64]
+
+LIGHT = 1e-36
+"""The mass of a followed body as a fraction of the lightest massive one: it moves no last bit of any."""
+
+NOTHING = 1e-9
+"""The fraction of a step, or of the dynamical time, in which the motion is straight."""
+
+
+class Sample(NamedTuple):
+    """The states of all bodies at a time: q and v, (n, 3); NaN for retired particles."""
+
+    time: float
+    q: Array
+    v: Array
+
+
+class Followed:
+    """The massless bodies of a run whose events are sought, followed from sample to sample.
+
+    seeking : the events of the run; begun : where the run begins, or the last sample before it goes on
+    """
+
+    def __init__(
+        self, system: System, integrator: Integrator, clock: Clock, seeking: Seeking, begun: Sample
+    ) -> None:
+        self._system, self._integrator, self._clock = system, integrator, clock
+        self._searches, self._last = seeking.particles, begun
+        self._light = [_with_light(system, search.subjects) for search in self._searches]
+        self._scales = [dynamical_time(light) for light, _ in self._light]
+        self.stops = any(search.interrupts for search in self._searches)
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._searches)
+
+    @property
+    def last(self) -> Sample:
+        """The sample from which they are followed."""
+        return self._last
+
+    def seek(self, time: float, lost: dict[int, float], end: Sample | None = None) -> tuple[Seeking, Found] | None:
+        """Seek events from the last sample up to a time; return the first one that ends the run, if any, with its
+        search: those after it are not listed.
+
+        lost : the times at which particles were retired, by their numbers; end : the sample there, if there is one
+        """
+        direction, first = self._clock.direction, None
+        for k, search in enumerate(self._searches):
+            until = min([time, *(lost[k] for k in search.subjects if k in lost)], key=lambda t: t * direction)
+            gone = end is not None and bool(np.isnan(end.q[list(search.subjects)]).any())
+            found = self._one(k, until, None if gone or until != time else end, gone or until != time)
+            if found is not None and (first is None or (found.time - first[1].time) * direction < 0.0):
+                first = search, found
+        count = sum(len(search.log.rows) for search in self._searches)
+        if count > MOST_EVENTS:
+            raise EventError(
+                f"there are more than {MOST_EVENTS:,} events of massless bodies by t = {time:.10g} "
+                f"{self._system.units.time}. Seek fewer (a bound, a direction, fewer bodies), or run in parts; all "
+                "before stays readable.",
+                time=time,
+            )
+        if first is not None:
+            for search in self._searches:
+                search.log.drop_after(first[1].time)
+        return first
+
+    def go_on(self, sample: Sample) -> None:
+        """Follow them from the next sample, up to which events were sought."""
+        self._last = sample
+        for search in self._searches:
+            search.log.settle()
+
+    def state_at(self, time: float) -> tuple[Array, Array]:
+        """Return q and v of all bodies, (n, 3), at a time after the last sample, as `run.at` computes them."""
+        begun = self._last
+        march = bound(
+            self._system, self._integrator, self._clock, threads=1, state=(begun.q, begun.v), start=begun.time
+        )
+        place = self._clock.place(time - begun.time)
+        march.advance_to(place)
+        return march.state_at(place)
+
+    def _one(self, number: int, time: float, end: Sample | None, lost: bool) -> Found | None:
+        """Seek the events of one search up to a time; lost : whether a particle is retired there."""
+        search, (system, there) = self._searches[number], self._light[number]
+        if not ((time - self._last.time) * self._clock.direction > 0.0 and np.isfinite(self._last.q[there]).all()):
+            return None
+        begun, first = self._last, self._last.time == 0.0
+        if end is not None and abs(time - begun.time) < NOTHING * self._scales[number]:
+            t, q, v = (np.array(pair) for pair in zip(begun, end, strict=True))
+            return search.between(t, q, v, first)
+        try:
+            for motion, ends in self._motions(system, there, time):
+                if ends and end is not None:
+                    # So that a zero at the sample is in one stretch, this one or the next, whatever is rounded.
+                    path = motion.path[-1].reshape(2, -1)
+                    size = 3 * int(there.sum())
+                    path[:, :size] = end.q[there].T.ravel(), end.v[there].T.ravel()
+                found = search.along(motion, first)
+                first = False
+                if found is not None:
+                    return found
+        except EventError:
+            raise
+        except IntegrationError as error:
+            if lost:
+                return None
+            names = " and ".join(self._system.names[k] for k in search.subjects)
+            unit = self._system.units.time
+            raise EventError(
+                f"the events of {names} cannot be sought from t = {begun.time:.10g} to {time:.10g} {unit}".rstrip()
+                + ": a step of its motion fails there. Use a smaller dt, or softening if bodies come very close, or "
+                "leave these events out; all before stays readable.",
+                time=begun.time,
+            ) from error
+        return None
+
+    def _motions(self, system: System, there: NDArray[np.bool_], time: float) -> Iterator[tuple[Motion, bool]]:
+        """Yield the motion from the last sample to a time, in stretches, and whether each is the last one."""
+        begun = self._last
+        state = begun.q[there], begun.v[there]
+        march = bound(system, self._integrator, self._clock, threads=1, state=state, start=begun.time, dense=True)
+        if self._clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
+            for motion, ends in _stretches(*march.towards(time - begun.time)):
+                times = motion.times + begun.time
+                yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), ends
+            return
+        place = self._clock.place(time - begun.time)
+        rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
+        for motion, ends in _stretches(march, place):
+            yield motion, ends and not rest
+        if rest:
+            yield from _stretches(*march.towards(time))
+
+
+def _stretches(march: Marcher, place: Place) -> Iterator[tuple[Motion, bool]]:
+    """Yield the motion up to a place, block by block, and whether each is the last one. Raises what `approach` raises,
+    after the steps before the one that failed.
+    """
+    while march.is_before(place):
+        try:
+            march.approach(place)
+        except IntegrationError:
+            yield march.motion(), False
+            raise
+        yield march.motion(), not march.is_before(place)
+
+
+def _with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:
+    """Return the massive bodies of a system and these particles, with a mass, and which of all bodies these are."""
+    there = system.massive.copy()
+    there[list(particles)] = True
+    gone = [name for name, stays in zip(system.names, there, strict=True) if not stays]
+    left = system.remove(*gone) if gone else system
+    gm = left.values.gm.copy()
+    gm[gm == 0.0] = LIGHT * gm[gm > 0.0].min()
+    return left.replaced(gm=gm), there

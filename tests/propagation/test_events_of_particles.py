@@ -1,0 +1,267 @@
+"""Events of massless bodies: those of bodies with hardly any mass, however the run is sampled, stored or stopped."""
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.propagation.events import particles, subjects
+from orbits.trajectory.events import NUMBER
+
+BODIES = ["Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune"]
+APOPHIS = {
+    "primary": "Sun",
+    "q": [-0.5594653855, 0.8564756476, 0.3041506622] * u.au,
+    "v": [-0.0138183247, -0.0060088276, -0.0025805045] * u.au / u.day,
+}
+POLE = (0.36, 0.48, 0.8)
+STEPS = pytest.mark.parametrize("dt", [None, 0.02], ids=["adaptive", "constant"])
+
+SEVERAL = [
+    orbits.Pericentre("probe"),
+    orbits.Apocentre("planet"),
+    orbits.CloserThan(0.5, "probe", "planet"),
+    orbits.ElementCrossing("probe", "f", 1.25),
+    orbits.Conjunction("moon", "planet", observer="probe"),
+    orbits.Event(lambda t, q, v: q[:, 3, 0] - q[:, 1, 0], name="aligned", bodies="probe"),
+]
+STORED = [*SEVERAL[:-1], orbits.Pericentre("dust"), orbits.CloseApproach("probe", "dust")]
+
+
+def system(gm=0.0):
+    return orbits.System.from_elements(
+        {
+            "star": {"gm": 1.0},
+            "planet": {"a": 1.0, "e": 0.3, "inc": 0.1, "M": 0.3, "gm": 1e-3},
+            "moon": {"a": 2.0, "e": 0.1, "M": 1.0, "gm": 1e-4},
+            "probe": {"a": 0.7, "e": 0.4, "inc": 0.2, "M": 2.0, "gm": gm},
+            "dust": {"a": 0.55, "e": 0.2, "inc": 0.4, "M": 1.0},
+        },
+        units=orbits.DIMENSIONLESS,
+    )
+
+
+def sought(events, bodies=None, **options):
+    options = {"duration": 30.0, "samples": 11, "check_step": False, **options}
+    return orbits.propagate(bodies or system(), events=events, **options)
+
+
+def listed(events):
+    return [(event.kind, event.body, event.other) for event in events]
+
+
+def same(one, other):
+    np.testing.assert_array_equal(one._rows, other._rows)
+
+
+@pytest.fixture(scope="module")
+def solar():
+    return orbits.System.solar_system(epoch="2029-01-02 00:51:50.31", bodies=BODIES)
+
+
+@pytest.mark.parametrize("dt", [None, 0.05 * u.day], ids=["adaptive", "constant"])
+def test_a_massless_apophis_passes_as_one_with_a_tiny_mass(solar, dt):
+    options = {"dt": dt, "until": "2029-06-01", "events": [orbits.CloseApproach("Apophis", within=0.1 * u.au)]}
+    massless = orbits.propagate(solar.add("Apophis", **APOPHIS), **options).events
+    tiny = orbits.propagate(solar.add("Apophis", **APOPHIS, gm=1e-30), **options).events
+    assert listed(massless) == listed(tiny) == [("close approach", "Apophis", name) for name in ("Earth", "Moon")]
+    # The passage makes 1e-15 au before it 3e-12 d, and less, at the Moon; of the distances 1e-8 km are left.
+    np.testing.assert_allclose(massless.time.value, tiny.time.value, rtol=0.0, atol=5e-11)
+    np.testing.assert_allclose(massless.distance.to_value(u.km), tiny.distance.to_value(u.km), rtol=0.0, atol=1e-4)
+    np.testing.assert_allclose(massless.distance.to_value(u.km), [38_011.5, 95_966.7], rtol=0.0, atol=0.1)
+    assert [str(date)[:10] for date in massless.date] == ["2029-04-13", "2029-04-14"]
+
+
+@STEPS
+@pytest.mark.parametrize("sign", [1, -1], ids=["forwards", "backwards"])
+def test_all_kinds_of_events_are_those_of_a_body_with_a_tiny_mass(dt, sign):
+    massless = sought(SEVERAL, dt=dt, duration=sign * 30.0).events
+    tiny = sought(SEVERAL, system(1e-20), dt=dt, duration=sign * 30.0).events
+    assert len(massless) > 30
+    assert listed(massless) == listed(tiny)
+    np.testing.assert_allclose(massless.time.value, tiny.time.value, rtol=0.0, atol=1e-11)
+    assert (np.diff(massless.time.value) * sign > 0.0).all()
+
+
+@STEPS
+def test_events_at_the_times_of_samples_are_found_once(dt):
+    whole = sought(SEVERAL, dt=dt)
+    times = whole.events.time.value
+    samples = np.unique([0.0, *times, *times[::3] + 1e-15, *times[::3] - 1e-15, 30.0])
+    again = sought(SEVERAL, dt=dt, samples=samples)
+    assert listed(again.events) == listed(whole.events)
+    np.testing.assert_allclose(again.events.time.value, times, rtol=0.0, atol=1e-11)
+
+
+@STEPS
+def test_a_zero_exactly_at_the_start_is_no_event(dt):
+    q, v = [[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1 / 3, 0], [0, 1.1, 0]]
+    bodies = orbits.System(["star", "planet", "probe"], [1.0, 1e-12, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    run = sought(orbits.Pericentre("probe"), bodies, dt=dt)
+    period = 2.0 * np.pi * (2.0 - 1.1**2) ** -1.5
+    np.testing.assert_allclose(run.events.time.value, period * np.arange(1, 4), rtol=0.0, atol=1e-9)
+
+
+@STEPS
+def test_neither_the_run_nor_other_events_change_by_a_bit(dt):
+    alone = sought([orbits.Apocentre("planet"), orbits.Pericentre("dust")], dt=dt)
+    more = sought([orbits.Apocentre("planet"), orbits.Pericentre("dust"), *SEVERAL], dt=dt)
+    plain = sought([], dt=dt)
+    for run in (alone, more):
+        np.testing.assert_array_equal(run.q.value, plain.q.value)
+        np.testing.assert_array_equal(run.v.value, plain.v.value)
+    rows = []
+    for run in (alone, more):
+        row = run.events._rows
+        rows.append(np.delete(row[np.isin(row[:, NUMBER], [0, 1])], NUMBER, 1))
+    np.testing.assert_array_equal(*rows)
+
+
+class Halted(Exception):
+    """Ends a run from within."""
+
+
+@STEPS
+def test_an_interrupted_and_resumed_run_has_the_same_table(tmp_path, dt):
+    whole = sought(STORED, dt=dt)
+    path = tmp_path / "run.h5"
+
+    def halt(t, state):
+        if t.value > 14.0:
+            raise Halted
+
+    import orbits.propagation.sample_store as stores
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stores, "FIRST_COMMIT_SECONDS", 0.0)  # a commit after each block
+        patch.setattr(stores, "COMMIT_SHARE", 0.0)
+        with pytest.raises(Halted):
+            sought(STORED, dt=dt, archive=path, callback=halt)
+    early = orbits.Trajectory.open(path)
+    assert 0 < len(early.events["probe"]) < len(whole.events["probe"])
+    early.close()
+    run = orbits.resume(path)
+    same(run.events, whole.events)
+    run.close()
+    again = orbits.Trajectory.open(path)
+    same(again.events, whole.events)
+    again.close()
+
+
+@STEPS
+def test_an_extended_run_has_the_events_of_one_run(tmp_path, dt):
+    path = tmp_path / "run.h5"
+    sought(STORED, dt=dt, duration=15.0, samples=6, archive=path).close()
+    extended = orbits.resume(path, until=30.0)
+    same(extended.events, sought(STORED, dt=dt).events)
+    extended.close()
+
+
+@STEPS
+def test_a_run_ends_at_an_event_and_goes_on_past_it(tmp_path, dt):
+    path = tmp_path / "run.h5"
+    stop = orbits.Apocentre("probe", then="stop")
+    events = [orbits.Apocentre("planet"), orbits.Pericentre("probe"), stop, orbits.Pericentre("dust")]
+    whole = sought([orbits.Apocentre("planet"), orbits.Pericentre("probe"), orbits.Apocentre("probe")], dt=dt)
+    run = sought(events, dt=dt, archive=path)
+    times = [event.time.value for event in whole.events["probe"] if event.kind == "apocentre"]
+    for time in times:
+        assert run.stopped.condition == stop
+        assert run.stopped.reason.startswith("probe and star: apocentre at t = ")
+        assert run.stopped.time.value == pytest.approx(time, rel=0.0, abs=1e-12)
+        assert run.times[-1] < run.stopped.time.value
+        np.testing.assert_allclose(
+            run.stopped.system.q.value, sought([], dt=dt).at(run.stopped.time).q.value, rtol=0.0, atol=1e-12
+        )
+        assert run.events.time.value[-1] == run.stopped.time.value
+        before = whole.events.time.value <= run.stopped.time.value + 1e-12
+        mine = [row for row in listed(run.events) if row[1] != "dust"]
+        assert mine == [row for row, there in zip(listed(whole.events), before, strict=True) if there]
+        run.close()
+        opened = orbits.Trajectory.open(path)
+        same(opened.events, run.events)
+        opened.close()
+        run = orbits.resume(path)
+    assert run.complete
+    assert run.stopped is None
+    assert [row for row in listed(run.events) if row[1] != "dust"] == listed(whole.events)
+    run.close()
+
+
+def test_the_first_of_several_reasons_ends_a_run():
+    mine, planet = orbits.Apocentre("probe", then="stop"), orbits.Apocentre("planet", then="stop")
+    ends = [sought([event]).stopped.time.value for event in (mine, planet)]
+    both = sought([planet, mine, orbits.Pericentre("dust")])
+    assert both.stopped.condition == (mine, planet)[int(np.argmin(ends))]
+    assert both.stopped.time.value == pytest.approx(min(ends), rel=0.0, abs=1e-13)
+    assert both.events.time.value[-1] == both.stopped.time.value
+    late = sought([orbits.Pericentre("probe")], stop=orbits.WallTimeOver(1e6), callback=lambda t, state: t.value > 14.0)
+    assert late.events.time.value[-1] <= late.stopped.time.value
+
+
+def falling():
+    """A star, a planet, a particle on an orbit, and one that falls into the star."""
+    q = [[0, 0, 0], [9, 0, 0], [0, 1.0, 0], [0, 0, 0.8]]
+    v = [[0, 0, 0], [0, 1 / 3, 0], [-1.1, 0, 0], [0, 0, 0]]
+    return orbits.System(["star", "planet", "probe", "stone"], [1.0, 1e-9, 0, 0], q, v, units=orbits.DIMENSIONLESS)
+
+
+def test_a_retired_body_has_the_events_before_it_is_lost_and_none_after():
+    events = [orbits.CloserThan(0.2, "stone", "star"), orbits.Pericentre("stone"), orbits.Pericentre("probe")]
+    with pytest.warns(orbits.RetiredWarning):
+        run = sought(events, falling())
+    assert run.retired.names == ("stone",)
+    assert run.events["stone"].kind.tolist() == ["closer than 0.2"]
+    assert run.events["stone"].time.value[0] < run.retired[0].time.value
+    assert len(run.events["probe"]) == 3
+    np.testing.assert_array_equal(
+        run.events["probe"].time.value, sought(events[2], falling().remove("stone")).events.time.value
+    )
+
+
+def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(monkeypatch):
+    real = particles._stretches
+
+    def failing(march, place):
+        if march.start > 10.0:
+            raise orbits.ConvergenceError("the stages did not converge", step=1, time=0.0)
+        return real(march, place)
+
+    monkeypatch.setattr(particles, "_stretches", failing)
+    with pytest.raises(orbits.EventError, match=r"of probe cannot be sought from t = 9 to 12: .*smaller dt") as error:
+        sought(orbits.Pericentre("probe"), dt=0.02)
+    run = error.value.trajectory
+    assert run.times.tolist() == [0.0, 3.0, 6.0, 9.0]
+    assert len(run.events) == 3  # the last one in the steps before that one
+
+
+def test_terms_and_forces_act_on_what_is_followed():
+    dressed = system().with_terms(
+        orbits.ZonalHarmonics("star", J2=0.05, radius=0.3, pole=POLE),
+        orbits.LenseThirring("star", spin=0.05, pole=POLE, c=3.0),
+    )
+    dressed = dressed.with_forces(orbits.Drag(rate=1e-3, bodies=["planet", "probe"]))
+    events = sought(orbits.Pericentre("probe"), dressed, dt=0.02, duration=10.0, samples=3).events
+    assert len(events) == 3
+    fine = sought([], dressed, dt=0.01, duration=10.0, samples=[0.0, *events.time.value, 10.0])
+    q, v = (x.value[1:-1, 3] - x.value[1:-1, 0] for x in (fine.q, fine.v))
+    np.testing.assert_allclose(np.sum(q * v, axis=1), 0.0, atol=2e-14)
+    np.testing.assert_allclose(np.linalg.norm(q, axis=1), events.distance.value, rtol=0.0, atol=2e-15)
+
+
+def test_what_cannot_be_sought_is_refused_with_a_remedy(monkeypatch):
+    with pytest.raises(orbits.InputError, match=r"Pericentre: probe is a massless particle, on which nothing acts"):
+        sought(orbits.Pericentre("probe", then=lambda t, state: None))
+    acting = orbits.Pericentre("planet", then=lambda t, state: None)
+    with pytest.raises(orbits.InputError, match=r"whose events are not sought in a run whose bodies may be changed"):
+        sought([acting, orbits.Pericentre("probe")])
+    with pytest.raises(orbits.InputError, match=r"dense=True .* leave one of the two out"):
+        sought(orbits.Pericentre("probe", then="stop"), dense=True)
+    monkeypatch.setattr(subjects, "MOST_PARTICLES", 1)
+    with pytest.raises(orbits.InputError, match=r"events of 2 massless bodies; at most 1 are followed"):
+        sought([orbits.Pericentre("probe"), orbits.Pericentre("dust")])
+
+
+def test_dense_output_and_events_of_massless_bodies_go_together():
+    run = sought(orbits.Pericentre("probe"), dense=True)
+    same(run.events, sought(orbits.Pericentre("probe")).events)
