@@ -121,11 +121,18 @@ def reach(bodies: Bodies) -> Floats:
     return np.where(np.isfinite(nearest), nearest, size)
 
 
-def march(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int]) -> tuple[Floats, Floats]:
-    """Return positions and velocities after each of the increasing numbers of `steps`, (len(steps), n, 3) each."""
-    marcher = bodies.marcher(integrator, dt)
-    states = []
-    for step in steps:
+def march(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int]) -> tuple[Pair, Pair]:
+    """Return positions and velocities of massive bodies, with all their digits, at the start and after each of the
+    increasing numbers of `steps`: (1 + len(steps), n, 3) each.
+    """
+    marcher, n = bodies.marcher(integrator, dt), len(bodies.gm)
+    if not bodies.massive.all():
+        raise InputError(f"gm is {bodies.gm}; expected massive bodies only.")
+    states: list[list[Floats]] = []
+    for step in (0, *steps):
         marcher.advance(int(step) - marcher.step)
-        states.append(marcher.state())
-    return np.array([q for q, _ in states]), np.array([v for _, v in states])
+        now = marcher.checkpoint(seen=True)
+        arrays = (np.asarray(now[name], dtype=np.float64) for name in ("q", "q_lo", "v", "v_lo"))
+        states.append([array[: 3 * n].reshape(3, n).T for array in arrays])
+    q, q_lo, v, v_lo = (np.array(each) for each in zip(*states, strict=True))
+    return Pair(q, q_lo), Pair(v, v_lo)

@@ -506,7 +506,7 @@ class Collocation(Form):
 
         h c is a pair in doubled precision; eta is not scaled, because h eta would be rounded once more.
         """
-        out = _table(self.tableau, h / before).copy()
+        out = _table(self.tableau, self.registers, h / before).copy()
         out[:, HC], out[:, HC_LO] = _product(h, out[:, NODES])
         out[:, HB] = h * out[:, WEIGHTS]
         return out
@@ -553,11 +553,11 @@ def _product(h: float, c: Array) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=64)
-def _table(tableau: SymplecticTableau, ratio: float) -> Array:
-    """Return the coefficients of steps `ratio` times as long as the one before, without those that depend on the
-    length itself.
+def _table(tableau: SymplecticTableau, count: int, ratio: float) -> Array:
+    """Return the coefficients of steps `ratio` times as long as the one before, in `count` registers, without those
+    that depend on the length itself.
     """
-    s, count = tableau.stages, (tableau.stages + WIDTH - 1) // WIDTH
+    s = tableau.stages
     lane = np.minimum(np.arange(WIDTH * count), s - 1)
     out = np.zeros((count, ETA + 3 * WIDTH * count, WIDTH))
     weights = np.zeros(WIDTH * count)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -57,6 +58,13 @@ def put_back(room, at, state, carry):
         at += x.shape[0]
     for row in range(carry.shape[0]):
         store(carry, row, load(room, at + WIDTH * row))
+
+
+def ending(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return a checkpoint of a march whose last step is to end at its goal."""
+    clock = checkpoint["clock"].copy()
+    clock[[EXACT, NEXT]] = 1.0, clock[TIME]
+    return {**checkpoint, "clock": clock}
 
 
 class ChangingSteps(Clock):

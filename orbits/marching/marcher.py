@@ -33,6 +33,7 @@ from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
 from orbits.marching.motion import Motion
+from orbits.marching.own_clocks import REACHED
 from orbits.marching.partial_steps import PartialSteps
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired, Retirement, retirements
@@ -207,19 +208,21 @@ class Marcher:
             known = isinstance(failure, ConvergenceError)
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
-        lost, reached = self._retired.lost(), {}
+        lost, reached, begun = self._retired.lost(), {}, self.step
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
-            count, reached = lost.steps, self._reached(lost)
+            within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
+            count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
             self._replay(count)
         if self._overflowed and count > 1:  # more passages than the list of a block holds: repeat in shorter blocks
             self._replay(0)
             self.block = count // 2
             return None
         if self._stop(count):
-            return None
+            beyond = lost is not None and self.step > begun + lost.steps
+            return self._lose(lost, reached, begun + lost.steps) if lost is not None and beyond else None
         self.step += count
         if lost is not None:
-            return self._lose(lost, reached)
+            return self._lose(lost, reached, begun + lost.steps)
         if failure is None:
             return None
         try:  # to find the number and the time of the step that failed
@@ -264,11 +267,13 @@ class Marcher:
         state = {name: self._state[name][:, which] for name, which in reached.items()}
         return {**state, "particle_clock": self._state["particle_clock"][lost.particles]}
 
-    def _lose(self, lost: Lost, reached: Mapping[str, Array]) -> IntegrationError | None:
-        """Retire particles where they have got to; or return the error for the first one, if `retire` is not set."""
+    def _lose(self, lost: Lost, reached: Mapping[str, Array], step: int) -> IntegrationError | None:
+        """Retire particles after `step` steps, where they have got to; or return the error for the first one, if
+        `retire` is not set.
+        """
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
-        self._retired.add(lost, self.step)
+        self._retired.add(lost, step)
         for name, values in reached.items():
             if name == "particle_clock":
                 self._state[name][lost.particles] = values
@@ -399,7 +404,7 @@ class Marcher:
     def _raise_for_lost(self) -> None:
         """Raise the error for a particle that was lost on a copy of the state, if `retire` is not set."""
         lost = self._retired.lost()
-        failure = None if lost is None or self._retire else self._lose(lost, {})
+        failure = None if lost is None or self._retire else self._lose(lost, {}, self.step)
         if failure is not None:
             raise failure
 
@@ -532,9 +537,19 @@ class Marcher:
         q, v = self._state["particle_q"], self._state["particle_v"]
         return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"))
 
-    def retire(self, body: int, status: int, step: int, q: Array, v: Array) -> None:
-        """Retire a massless particle, numbered as by the caller, after `step` steps, with its last q and v, (3,)."""
+    def touching(self) -> NDArray[np.intp]:
+        """Return massless particles, in the numbers of the caller, among which are all that may have touched a body in
+        the last block.
+        """
+        return self._watcher.touching(self._block[0])
+
+    def retire(self, body: int, status: int, step: int, time: float, q: Array, v: Array) -> None:
+        """Retire a massless particle, numbered as by the caller, after `step` steps, with its last q and v, (3,), at a
+        time within the next step.
+        """
         k = int(np.searchsorted(self._particles, body))
+        if self.clock.changes:
+            self._state["particle_clock"][k, REACHED] = time
         self._state["particle_q"][:, k], self._state["particle_v"][:, k] = q, v
         self._retired.add(Lost(0, np.array([k]), np.array([status])), step)
 
@@ -544,6 +559,8 @@ class Marcher:
         gone = np.flatnonzero(self._retired.gone())
         for name in ("particle_q", "particle_v"):
             self._state[name][:, gone] = other._state[name][:, gone]
+        if "particle_clock" in self._state:
+            self._state["particle_clock"][gone] = other._state["particle_clock"][gone]
         self.evaluations, self.particle_evaluations = other.evaluations, other.particle_evaluations
 
     @property

@@ -50,7 +50,16 @@ from orbits.marching.adaptive import (
 )
 from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies
 from orbits.marching.changing import FARTHEST, ORIGIN
-from orbits.marching.own_steps_log import ENTRIES, FEW, WANTED, Log, finish_log, log_state
+from orbits.marching.own_steps_log import (
+    ENTRIES,
+    FEW,
+    TOUCH,
+    WANTED,
+    Log,
+    finish_log,
+    finish_log_of_lost,
+    log_state,
+)
 
 BEFORE, NEXT, REACHED = 0, 1, 2
 """The clock of a particle: the length of its last step (0: none), the length proposed for the next one, > 0 (0: none),
@@ -199,7 +208,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
     begin, wanted, reaches, n = log.counts[ENTRIES], False, shared.before[:0], bodies(model.tag, model.parameters)
     if log.context != 0:
         watch = watch_at(log.context)
-        reaches, wanted = watch.reaches, watch.then != 0 or watch.dominant < 0
+        reaches, wanted = watch.reaches, watch.then != 0 or watch.collide != 0 or watch.dominant < 0
     while steps < MOST_PARTS:
         left, status, taken = H - done, TOO_SHORT, False
         x_kept, y_kept, z_kept = load(carry, 0), load(carry, 1), load(carry, 2)
@@ -275,7 +284,7 @@ def march_own_clocks(
     clock, shared = Clock(timing, numbers, times), Shared(tables, before, ends)
     field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
     log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found)
-    evaluations, found[0] = 0, steps + 1
+    evaluations, found[0], found[TOUCH] = 0, steps + 1, steps + 1
     counts[ENTRIES], counts[WANTED] = 0, 0
     for k in range(steps):
         known[k], before[k] = False, 0.0
@@ -305,13 +314,16 @@ def march_own_clocks(
             if done == steps:
                 finish_log(method, model, field, log, p, steps, particle, track)
             else:
-                counts[ENTRIES], counts[WANTED] = 0, 0
+                finish_log_of_lost(method, model, field, log, p, steps, track)
             store_particle(columns, p, particle)
         if lane == WIDTH - 1 or p == stop - 1:
             call_observer(observer, context, track, times[1] - times[0], steps, p - lane, stop)
-            if context != 0 and found[0] <= steps:
-                hit = watch_at(context).hits[(p - lane) // WIDTH]
-                if found[0] < hit[0]:
+            if context != 0:
+                watch, group = watch_at(context), (p - lane) // WIDTH
+                hit = watch.hits[group]
+                if found[0] <= steps and found[0] < hit[0]:
                     hit[0], hit[1], hit[2], hit[3] = found[0], found[1], found[2], found[3]
-            found[0] = steps + 1
+                if watch.collide != 0:
+                    watch.touched[group] = min(watch.touched[group], found[TOUCH])
+            found[0], found[TOUCH] = steps + 1, steps + 1
     return evaluations

@@ -25,6 +25,9 @@ FEW = 4
 ENTRIES, WANTED = 0, 1
 """The counts of a log: its entries, and whether one of them is worth a look."""
 
+TOUCH = 4
+"""The place in `found` of the number of steps after which a body may have been touched."""
+
 BESIDES = 64
 """The entries of a log besides one for each step of a block."""
 
@@ -35,7 +38,8 @@ class Log(NamedTuple):
     observer, context : see `orbits.kernels.observing`; no observer is called, and nothing logged, for address 0
     counts : (2,) int64; at : (room, 2), number of a step of the bodies and the part of it that has passed
     times, path, track : of the context, with room for as many states; track is NaN but for the particle's lane
-    found : (4,) int64, the first condition that was met, as in a row of `hits`; see `orbits.kernels.watch`
+    found : (5,) int64, the first condition that was met, as in a row of `hits`, and the number of steps after which a
+        body may have been touched, as in `touched`; see `orbits.kernels.watch`
     """
 
     observer: Any
@@ -63,6 +67,12 @@ def log_state(method, model, field, log, p, k, part, particle):
     )
 
 
+@kernel(inline=True)
+def steps_until(log, row):
+    """Return the number of steps of the bodies after which an entry is past."""
+    return int(log.at[row, 0]) + (1 if log.at[row, 1] > 0.0 else 0)
+
+
 @kernel
 def look(method, model, field, log, p):
     """Call the observer for the states logged so far, and keep the last one."""
@@ -86,12 +96,23 @@ def look(method, model, field, log, p):
     if watch.then != 0:
         hit = watch.hits[first // WIDTH]
         if hit[0] <= last:
-            k = int(log.at[hit[0], 0]) + (1 if log.at[hit[0], 1] > 0.0 else 0)
+            k = steps_until(log, hit[0])
             if k < log.found[0]:
                 log.found[0], log.found[1], log.found[2], log.found[3] = k, hit[1], hit[2], hit[3]
+    if watch.collide != 0 and watch.touched[first // WIDTH] <= last:
+        log.found[TOUCH] = min(log.found[TOUCH], steps_until(log, watch.touched[first // WIDTH]))
     for i in range(6):
         log.track[i, p % WIDTH] = log.track[6 * last + i, p % WIDTH]
     log.at[0, 0], log.at[0, 1], log.counts[ENTRIES] = log.at[last, 0], log.at[last, 1], 1
+
+
+@kernel(inline=True)
+def hide(log, p, steps, track):
+    """Write NaN for a particle, at which nobody needs to look any more, into the tracks of its log and of a block."""
+    for row in range(log.track.shape[0] // 6):
+        record_one(log.track, row, p % WIDTH, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
+    for k in range(steps + 1):
+        record_one(track, k, p % WIDTH, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @kernel(inline=True)
@@ -99,13 +120,18 @@ def finish_log(method, model, field, log, p, steps, particle, track):
     """Look at a particle at the end of a block, if that is worth it, and hide it from those who look at `track`."""
     if log.context == 0:
         return
-    lane = p % WIDTH
     if log.counts[WANTED] != 0:
         log_state(method, model, field, log, p, steps, 0.0, particle)
-        rows = log.track.shape[0] // 6
         look(method, model, field, log, p)
-        for row in range(rows):
-            record_one(log.track, row, lane, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
-        for k in range(steps + 1):
-            record_one(track, k, lane, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
+        hide(log, p, steps, track)
+    log.counts[ENTRIES], log.counts[WANTED] = 0, 0
+
+
+@kernel(inline=True)
+def finish_log_of_lost(method, model, field, log, p, steps, track):
+    """Look whether a particle that could not be stepped to the end of a block hit a body on its way."""
+    if log.context != 0 and watch_at(log.context).collide != 0:
+        if log.counts[ENTRIES] > 1:
+            look(method, model, field, log, p)
+        hide(log, p, steps, track)
     log.counts[ENTRIES], log.counts[WANTED] = 0, 0

@@ -236,6 +236,20 @@ class Watcher:
             return None
         return found, (which[0], int(self._rows[which[1]]), int(self._massive[which[2]]))
 
+    def touched_first_in(self, step: int) -> bool:
+        """Return whether it is this step, of those just observed, counted from 1, in which two bodies may first have
+        touched.
+        """
+        return self._collide and int(self._touched.min()) == step
+
+    def touching(self, steps: int) -> NDArray[np.intp]:
+        """Return the particles, in the numbers of the caller, of each group of eight in which one may have touched a
+        body in the `steps` steps just observed.
+        """
+        groups = np.flatnonzero(self._touched[:-1] <= steps) if self._collide else np.zeros(0, dtype=np.intp)
+        rows = (WIDTH * groups[:, None] + np.arange(WIDTH)).ravel()
+        return np.asarray(self._particles[rows[rows < len(self._particles)]])
+
     def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
         """Return a copy of a record that includes the distances at the end of the run."""
         record = record.copy()

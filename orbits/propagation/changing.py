@@ -8,7 +8,8 @@ What is found depends on the whole steps alone: samples change nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,15 +20,18 @@ from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
 from orbits.marching import changing as clocks
 from orbits.marching.adaptive import Adaptive
+from orbits.marching.changing import ending
 from orbits.marching.clocks import Clock, ConstantSteps, Place
 from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
 from orbits.marching.retirement import Retirement
 from orbits.propagation.acting import State
 from orbits.propagation.collisions import Collisions, rows_of_change
+from orbits.propagation.events.base import RECORD
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.impact import Impact, Step, impacts
 from orbits.propagation.marchers import WORK, bound
+from orbits.propagation.own_impacts import alone, own_steps
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.trajectory import changes
@@ -281,7 +285,52 @@ class ChangingMarch:
 
         step = Step(start.time, after.time, q, v, at)
         assert self._collisions is not None
-        return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks)
+        if not start.clock.changes or self._massive.all():
+            return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks)
+        for x in (*step.before, *step.after):
+            x[~self._massive] = np.nan
+        found = impacts(step, self.bodies.radii, self._present_massive(), self._collisions.seeks)
+        numbers = np.flatnonzero(self._there)
+        for particle in numbers[after.touching()].tolist():
+            if self.bodies.present[particle]:
+                found += self._impacts_of(particle, start, after.time)
+        return sorted(found, key=lambda x: (x.time * self.clock.direction, x.first, x.second))
+
+    def _impacts_of(self, particle: int, start: Marcher, end: float) -> list[Impact]:
+        """Return the collisions of a massless body in its own steps within one of the massive bodies, up to the first
+        after which it does not go on as before.
+        """
+        assert self._collisions is not None
+        values, collisions, found = self.system.values, self._collisions, []
+        some = self._present_massive()
+        some[particle] = True
+        system = of_bodies(self.system, self.bodies._replace(present=some))
+        march = bound(system, self.integrator, self.clock, 1, state=(values.q[some], values.v[some]))
+        number = int((~self._massive & self._there)[:particle].sum())
+        march.restore(alone(start.checkpoint(), march.checkpoint(), number))
+        if march.retired():
+            return []
+
+        def whole(state: tuple[Array, Array]) -> tuple[Array, Array]:
+            q, v = np.full((2, len(some), 3), np.nan)
+            q[some], v[some] = state
+            return q, v
+
+        def seeks(i: int, j: int) -> bool:
+            return particle in (i, j) and collisions.seeks(i, j)
+
+        for step in own_steps(march, int(some[:particle].sum()), end):
+            at = partial(_whole_at, whole, step.at)
+            step = step._replace(before=whole(step.before), after=whole(step.after), at=at)
+            for impact in impacts(step, self.bodies.radii, self._present_massive(), seeks):
+                found.append(impact)
+                rule = collisions.rule(impact.first, impact.second)
+                if rule is not None and rule.then != RECORD:
+                    return found
+        return found
+
+    def _present_massive(self) -> NDArray[np.bool_]:
+        return np.asarray(self._massive & self.bodies.present)
 
     def _is_known(self, impact: Impact) -> bool:
         """Return whether a collision is listed already, or a body of it is gone."""
@@ -320,7 +369,8 @@ class ChangingMarch:
         if done.vanished is not None:  # massless: nothing else changes by a bit
             numbers = np.cumsum(self._there) - 1
             for body in done.vanished:
-                self._marcher.retire(int(numbers[body]), IMPACT, start.step, q[body], v[body])
+                for march in (self._marcher, start):
+                    march.retire(int(numbers[body]), IMPACT, start.step, impact.time, q[body], v[body])
             return
         self._work = self._work + start.accounts()
         self._begin_leg(start, impact.time, done.after)
@@ -335,14 +385,16 @@ class ChangingMarch:
             clock = ConstantSteps(rest)
             if rest * self.clock.direction <= 0.0:  # a collision at the very end of the step
                 self._grid, clock = -1, self.clock
-        else:
-            self._steps += start.step
-        old, self._there, self._leg = self._marcher, self.bodies.present | ~self._massive, None
-        steps = start.step + 1
+        old, lost, steps = self._marcher, self._marcher, start.step + (not clock.changes)
+        if clock.changes and not self._massive.all():  # by then, not by the end of the step
+            lost = self._again(ending(start.checkpoint()))
+            lost.advance_to(Place(0, time))
+        self._there, self._leg = self.bodies.present | ~self._massive, None
         self._marcher = self._made(state.q[self._there], state.v[self._there], clock, time)
-        self._marcher.follow(old)
+        self._marcher.follow(lost)
+        self._marcher.evaluations, self._marcher.particle_evaluations = old.evaluations, old.particle_evaluations
         self._marcher.block = FIRST_BLOCK
-        if not self.clock.changes and self._grid < 0:
+        if self._grid < 0:
             self._marcher.step = steps
         old.close()
 
@@ -501,11 +553,6 @@ def march_of_run(
             f"collisions are sought, but {integrator.label} cannot follow bodies that come close to each other. Use "
             "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
         )
-    if events.touching and clock.changes and not system.massive.all():
-        raise InputError(
-            "collisions of massless bodies are sought in steps of one length, which all bodies share: give dt=..., or "
-            "give them small masses."
-        )
     march_on = ChangingMarch(system, integrator, clock, threads, events)
     events.check(march_on.current)
     return march_on
@@ -513,6 +560,12 @@ def march_of_run(
 
 def _radii(system: System) -> Array:
     return np.zeros(len(system)) if system.radii is None else np.asarray(system.radii.value)
+
+
+def _whole_at(
+    whole: Callable[[tuple[Array, Array]], tuple[Array, Array]], at: Callable[[float], tuple[Array, Array]], time: float
+) -> tuple[Array, Array]:
+    return whole(at(time))
 
 
 def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:

@@ -55,9 +55,9 @@ def test_the_state_at_any_time_is_what_a_sample_there_would_be(case, where, tmp_
     found = run.at(asked[order])
     assert np.array_equal(found.times, asked[order])
     # A corrected map marches on from every 64th state, with the round-off of that; 3.4e-15 was reached.
-    bound = 1e-14 if case == "wisdom-holman" else 1e-15
-    assert np.abs(found.q - sampled.q[order]).max() < bound  # 4.4e-16 was reached
-    assert np.abs(found.v - sampled.v[order]).max() < 3 * bound  # 6.7e-16
+    bound = 1e-14 if case == "wisdom-holman" else 2e-15
+    assert np.abs(found.q - sampled.q[order]).max() < bound  # 1.6e-15 was reached: kept states are rounded
+    assert np.abs(found.v - sampled.v[order]).max() < 2 * bound  # 6.7e-16
     assert np.array_equal(run.at(float(asked[7])).q, run.at(asked[:9]).q[7])
     assert np.array_equal(run.at(run.times).q, run.q)
     run.close()

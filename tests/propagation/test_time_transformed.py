@@ -19,7 +19,7 @@ from orbits.propagation.marchers import bound
 
 from .. import kepler_truth
 from ..problems import FIGURE_EIGHT, three_bodies
-from .test_adaptive import BURRAU, falling, system
+from .bodies import BURRAU, falling, system
 
 MASSES = np.array([0.7, 0.3])
 TT = orbits.TimeTransformed(step=0.3)

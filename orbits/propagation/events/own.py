@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from orbits.body_names import index_of
 from orbits.errors import InputError, shown
+from orbits.kernels.calling import call_each
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole
 from orbits.propagation.events.kinds import pairs_of
 from orbits.propagation.events.planes import check_direction, wanted
@@ -31,7 +31,7 @@ class Event(Sought):
         run = orbits.propagate(system, duration=1 * u.yr, events=[orbits.Event(alignment, name="alignment")])
 
     function : of times t (m,), since the epoch, and of positions and velocities q, v (m, bodies, 3); returns (m,). A
-        function compiled by Numba (`orbits.kernel`, `numba.njit`) is called for one time at a time, with t a float and
+        function that is compiled, by `orbits.kernel` for example, is called for one time at a time, with t a float and
         q, v (bodies, 3), and returns a float. Or a SymPy expression of `Event.symbols` and of `t`
     name : what the event is called
     direction : 1 if the function is to rise in time, -1 if it is to fall, 0 for both
@@ -125,27 +125,13 @@ def _vectorised(function: Any, system: System) -> Callable[[Array, Array, Array]
     if not hasattr(function, "py_func"):
         found: Callable[[Array, Array, Array], Any] = function
         return found
-    looped = _loop()
 
     def compiled(t: Array, q: Array, v: Array) -> Array:
         out = np.empty(len(t))
-        looped(function, t, q, v, out)
+        call_each(function, t, q, v, out)
         return out
 
     return compiled
-
-
-@lru_cache(maxsize=1)
-def _loop() -> Any:
-    """Return a compiled loop over times; made when it is needed, as it depends on the functions of users."""
-    from numba import njit
-
-    @njit
-    def loop(function, t, q, v, out):  # type: ignore[no-untyped-def]
-        for k in range(len(t)):
-            out[k] = function(t[k], q[k], v[k])
-
-    return loop
 
 
 def _of_expression(expression: Any, system: System) -> Callable[[Array, Array, Array], Any]:

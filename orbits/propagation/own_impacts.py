@@ -1,0 +1,90 @@
+"""A massless particle in a step of the massive bodies that it covers by steps of its own, one after the other.
+
+Its collisions are sought in its own steps, each of which resolves its motion; in the whole step it may have gone round
+a body many times. It is marched again, alone among the bodies, by steps of all that end where its own do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.marching.adaptive import FIRST_THETA, THETA
+from orbits.marching.changing import ending
+from orbits.marching.clocks import Place
+from orbits.marching.marcher import Marcher
+from orbits.marching.own_clocks import BEFORE, NEXT, SHORTEST, STRETCH
+from orbits.propagation.impact import Step
+
+Array = NDArray[np.float64]
+Checkpoint = dict[str, NDArray[Any]]
+
+WHOLE = 0.99
+"""The fraction of a part of a step that the particle's last step covers if it is the only one in it."""
+
+
+def alone(checkpoint: Checkpoint, fresh: Checkpoint, particle: int) -> Checkpoint:
+    """Return the checkpoint of a march of several particles as that of a march of one of them among the same bodies.
+
+    fresh : a checkpoint of that march; particle : the number of the one among the particles
+    """
+    out = dict(fresh)
+    for name in ("counts", "q", "q_lo", "v", "v_lo", "memory", "clock"):
+        out[name] = checkpoint[name]
+    for name in ("particle_q", "particle_q_lo", "particle_v", "particle_v_lo"):
+        out[name] = fresh[name].copy()
+        out[name][:, 0] = checkpoint[name][:, particle]
+    for name in ("particle_memory", "particle_clock", "retired"):
+        out[name] = checkpoint[name][particle : particle + 1]
+    return out
+
+
+def own_steps(march: Marcher, particle: int, end: float) -> Iterator[Step]:
+    """Yield the steps that a particle takes on its own, up to the end of a step of the bodies or where it is lost.
+
+    march : of the bodies and this particle alone, at the beginning of the step; it is moved. The states are of these.
+    particle : its number among them
+    """
+    direction, theta = march.clock.direction, march.checkpoint()["clock"][THETA]
+    while (end - march.time) * direction > 0.0:
+        begin, before = march.time, march.state()
+        here = march.checkpoint()
+        here["clock"][THETA] = theta  # the bodies take steps far shorter than they could
+        goal = _one_step(march, particle, here, end)
+        if goal is None:
+            return
+        there, after = march.checkpoint(), march.state()
+        march.restore(here)
+
+        def at(time: float) -> tuple[Array, Array]:
+            return march.state_at(Place(0, time))
+
+        yield Step(begin, goal, before, after, at)
+        march.restore(there)
+
+
+def _one_step(march: Marcher, particle: int, here: Checkpoint, end: float) -> float | None:
+    """March from a checkpoint by one step of the particle, not beyond a time; return its end, or None if it is lost."""
+    begin, direction = march.time, march.clock.direction
+    length = float(here["particle_clock"][0, NEXT]) or _first_length(march, particle)
+    while length > SHORTEST * max(abs(begin), abs(end - begin)):
+        goal = end if STRETCH * length >= abs(end - begin) else begin + direction * length
+        march.restore(ending(here))
+        march.advance_to(Place(0, goal))
+        covered = abs(march.checkpoint()["particle_clock"][0, BEFORE])
+        if not march.retired() and covered >= WHOLE * abs(goal - begin):
+            return goal
+        length = 0.5 * min(length, abs(goal - begin))
+    return None
+
+
+def _first_length(march: Marcher, particle: int) -> float:
+    """Return the length of the first step of a particle, from its dynamical time; infinite if nothing attracts it."""
+    q, _ = march.state()
+    bodies = np.delete(q, particle, axis=0)
+    rate = float((march.parameters[1 : 1 + len(bodies)] / np.linalg.norm(bodies - q[particle], axis=1) ** 3).sum())
+    return FIRST_THETA / math.sqrt(rate) if rate > 0.0 else math.inf
