@@ -77,7 +77,7 @@ class ChangingMarch:
         self.ended: tuple[Array, State] | None = None
         self.changed = False
         self._work = np.zeros((len(system.forces), 7))
-        self._steps = 0  # of earlier legs, for steps without a grid
+        self._steps = 0  # of earlier legs, in archives of versions that counted those of each leg
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
         self._ahead: Ahead | None = None
         self.bodies = Changes(system, self.rows, clock.direction).bodies_after(0)
