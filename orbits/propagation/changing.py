@@ -8,8 +8,7 @@ What is found depends on the whole steps alone: samples change nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,11 +26,10 @@ from orbits.marching.marcher import Marcher
 from orbits.marching.retirement import Retirement
 from orbits.propagation.acting import State
 from orbits.propagation.collisions import Collisions, rows_of_change
-from orbits.propagation.events.base import RECORD
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.impact import Impact, Step, impacts
 from orbits.propagation.marchers import WORK, bound
-from orbits.propagation.own_impacts import alone, own_steps
+from orbits.propagation.own_impacts import alone, own_impacts
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.trajectory import changes
@@ -79,7 +77,7 @@ class ChangingMarch:
         self.ended: tuple[Array, State] | None = None
         self.changed = False
         self._work = np.zeros((len(system.forces), 7))
-        self._steps = 0  # of earlier legs, for steps without a grid
+        self._steps = 0  # of earlier legs, in archives of versions that counted those of each leg
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
         self._ahead: Ahead | None = None
         self.bodies = Changes(system, self.rows, clock.direction).bodies_after(0)
@@ -301,33 +299,14 @@ class ChangingMarch:
         after which it does not go on as before.
         """
         assert self._collisions is not None
-        values, collisions, found = self.system.values, self._collisions, []
+        values, collisions = self.system.values, self._collisions
         some = self._present_massive()
         some[particle] = True
         system = of_bodies(self.system, self.bodies._replace(present=some))
         march = bound(system, self.integrator, self.clock, 1, state=(values.q[some], values.v[some]))
         number = int((~self._massive & self._there)[:particle].sum())
         march.restore(alone(start.checkpoint(), march.checkpoint(), number))
-        if march.retired():
-            return []
-
-        def whole(state: tuple[Array, Array]) -> tuple[Array, Array]:
-            q, v = np.full((2, len(some), 3), np.nan)
-            q[some], v[some] = state
-            return q, v
-
-        def seeks(i: int, j: int) -> bool:
-            return particle in (i, j) and collisions.seeks(i, j)
-
-        for step in own_steps(march, int(some[:particle].sum()), end):
-            at = partial(_whole_at, whole, step.at)
-            step = step._replace(before=whole(step.before), after=whole(step.after), at=at)
-            for impact in impacts(step, self.bodies.radii, self._present_massive(), seeks):
-                found.append(impact)
-                rule = collisions.rule(impact.first, impact.second)
-                if rule is not None and rule.then != RECORD:
-                    return found
-        return found
+        return own_impacts(march, particle, some, end, self.bodies.radii, collisions)
 
     def _present_massive(self) -> NDArray[np.bool_]:
         return np.asarray(self._massive & self.bodies.present)
@@ -560,12 +539,6 @@ def march_of_run(
 
 def _radii(system: System) -> Array:
     return np.zeros(len(system)) if system.radii is None else np.asarray(system.radii.value)
-
-
-def _whole_at(
-    whole: Callable[[tuple[Array, Array]], tuple[Array, Array]], at: Callable[[float], tuple[Array, Array]], time: float
-) -> tuple[Array, Array]:
-    return whole(at(time))
 
 
 def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:

@@ -1,13 +1,14 @@
-"""A massless particle in a step of the massive bodies that it covers by steps of its own, one after the other.
+"""The collisions of a massless particle in a step of massive bodies that it covers by steps of its own.
 
-Its collisions are sought in its own steps, each of which resolves its motion; in the whole step it may have gone round
-a body many times. It is marched again, alone among the bodies, by steps of all that end where its own do.
+They are sought in its own steps, each of which resolves its motion; in the whole step it may have gone round a body
+many times. It is marched again, alone among the bodies, by steps of all that end where its own do.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from orbits.marching.changing import ending
 from orbits.marching.clocks import Place
 from orbits.marching.marcher import Marcher
 from orbits.marching.own_clocks import BEFORE, NEXT, SHORTEST, STRETCH
-from orbits.propagation.impact import Step
+from orbits.propagation.collisions import Collisions
+from orbits.propagation.events.base import RECORD
+from orbits.propagation.impact import Impact, State, Step, impacts
 
 Array = NDArray[np.float64]
 Checkpoint = dict[str, NDArray[Any]]
@@ -60,11 +63,46 @@ def own_steps(march: Marcher, particle: int, end: float) -> Iterator[Step]:
         there, after = march.checkpoint(), march.state()
         march.restore(here)
 
-        def at(time: float) -> tuple[Array, Array]:
+        def at(time: float) -> State:
             return march.state_at(Place(0, time))
 
         yield Step(begin, goal, before, after, at)
         march.restore(there)
+
+
+def own_impacts(
+    march: Marcher, particle: int, there: NDArray[np.bool_], end: float, radii: Array, collisions: Collisions
+) -> list[Impact]:
+    """Return the collisions of a particle up to the end of a step of the bodies, in the order of time, up to the first
+    after which it does not go on as before.
+
+    march, end : as of `own_steps`, of the bodies that are `there`, (n,); particle : its number among all n
+    radii : (n,); collisions : those that are sought
+    """
+    massive, found = there.copy(), list[Impact]()
+    massive[particle] = False
+
+    def whole(state: State) -> State:
+        q, v = np.full((2, len(there), 3), np.nan)
+        q[there], v[there] = state
+        return q, v
+
+    def seeks(i: int, j: int) -> bool:
+        return particle in (i, j) and collisions.seeks(i, j)
+
+    for step in [] if march.retired() else own_steps(march, int(there[:particle].sum()), end):
+        at = partial(_whole_at, whole, step.at)
+        step_of_all = step._replace(before=whole(step.before), after=whole(step.after), at=at)
+        for impact in impacts(step_of_all, radii, massive, seeks):
+            found.append(impact)
+            rule = collisions.rule(impact.first, impact.second)
+            if rule is not None and rule.then != RECORD:
+                return found
+    return found
+
+
+def _whole_at(whole: Callable[[State], State], at: Callable[[float], State], time: float) -> State:
+    return whole(at(time))
 
 
 def _one_step(march: Marcher, particle: int, here: Checkpoint, end: float) -> float | None:
