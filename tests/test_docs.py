@@ -140,7 +140,12 @@ def test_the_guide_names_the_conditions_that_terms_and_forces_exclude():
 
 
 def test_the_flyby_of_the_readme_is_as_far_as_it_says(capsys):
-    (code,) = (code for code in blocks(ROOT / "README.md") if "Apophis" in code)
-    exec(code, {"orbits": orbits, "u": u})
-    flyby, distance, day = re.search(r"# (.+): ([\d,]+ km) on ([\d-]+)", code).groups()
-    assert re.search(rf"closest {flyby}: .* = {distance} at {day}", capsys.readouterr().out)
+    (code,) = (code for code in blocks(ROOT / "README.md") if '"Apophis", primary' in code)
+    known = {"orbits": orbits, "u": u}
+    exec(code, known)
+    body, other, distance, day = re.search(r"# (\w+) to (\w+): ([\d,]+) km on ([\d-]+), and to the Moon", code).groups()
+    first, second = known["run"].events
+    assert (first.body, first.other, str(first.date)[:10]) == (body, other, day)
+    assert f"{first.distance.to_value(u.km):,.0f}" == distance
+    assert (second.body, second.other) == (body, "Moon")
+    assert re.search(rf"{day} .*close approach +{body} +{other} ", capsys.readouterr().out)

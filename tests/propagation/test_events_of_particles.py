@@ -95,11 +95,11 @@ def test_events_at_the_times_of_samples_are_found_once(dt):
 
 @STEPS
 def test_a_zero_exactly_at_the_start_is_no_event(dt):
-    q, v = [[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1 / 3, 0], [0, 1.1, 0]]
+    q, v = [[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1 / 3, 0], [0, 0.9, 0]]
     bodies = orbits.System(["star", "planet", "probe"], [1.0, 1e-12, 0.0], q, v, units=orbits.DIMENSIONLESS)
-    run = sought(orbits.Pericentre("probe"), bodies, dt=dt)
-    period = 2.0 * np.pi * (2.0 - 1.1**2) ** -1.5
-    np.testing.assert_allclose(run.events.time.value, period * np.arange(1, 4), rtol=0.0, atol=1e-9)
+    run = sought(orbits.Apocentre("probe"), bodies, dt=dt)
+    period = 2.0 * np.pi * (2.0 - 0.9**2) ** -1.5
+    np.testing.assert_allclose(run.events.time.value, period * np.arange(1, 7), rtol=0.0, atol=1e-9)
 
 
 @STEPS

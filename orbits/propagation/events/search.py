@@ -119,7 +119,7 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zer
 
     first : whether the stretch is at the start of a run, where a zero does not count
     """
-    ends = stretch.ends()
+    t, q, v = ends = stretch.ends()
     columns = [bound.near(*ends) for bound in bounds]
     found: list[list[Brackets]] = [[] for _ in bounds]
     failed: dict[int, NotFiniteError] = {}
@@ -128,11 +128,12 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zer
     for begin in range(0, len(stretch) if most else 0, at_once):
         steps = slice(begin, min(begin + at_once, len(stretch)))
         states = stretch.at_checks(steps, FRACTIONS)
-        t, q, v = (x[steps.stop : steps.stop + 1] for x in ends)
+        start, last = ((t[k : k + 1], q[k : k + 1], v[k : k + 1]) for k in (steps.start, steps.stop))
         for number, bound in enumerate(bounds):
             if len(columns[number]) and number not in failed:
                 try:
-                    g, g_last = (_finite(bound, some, columns[number]) for some in (states, (t, q, v)))
+                    g, g_start, g_last = (_finite(bound, some, columns[number]) for some in (states, start, last))
+                    g[:1] = g_start  # as it was marched, and as what is before ends
                 except NotFiniteError as error:
                     failed[number] = error
                     continue
