@@ -237,6 +237,11 @@ class ChangingMarch:
         self._work = self._work + self._marcher.accounts()
         self._begin_leg(self._marcher, time, new)
 
+    @property
+    def now(self) -> System:
+        """The bodies at the start of the run, with the masses and radii that they have now."""
+        return self.system.replaced(gm=self.bodies.gm, radii=None if self.system.radii is None else self.bodies.radii)
+
     def steps_beyond(self, time: float) -> Iterator[Marcher]:
         """Yield marches that have taken one step each, from here to a time or beyond; this march does not move."""
         self._settle()

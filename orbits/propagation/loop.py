@@ -89,6 +89,7 @@ class RunEnds:
             changed = then.act(happening)
             if changed is not None and isinstance(marcher, ChangingMarch):
                 marcher.change(happening.kind, found.time, *state, happening.system, changed)
+                self.events.follow(marcher.now)
             return False
         self.end_at(system, marcher, happening, found.time, state)
         return True

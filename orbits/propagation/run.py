@@ -15,7 +15,7 @@ from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation import kepler_splitting, step_check
-from orbits.propagation.changing import March, march_of_run, of_this_leg
+from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
 from orbits.propagation.events.base import Sought
@@ -261,6 +261,8 @@ def resume(
         marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)
+        if seeking.interrupts and isinstance(marcher, ChangingMarch):
+            seeking.follow(marcher.now)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
         steps = continued(old, of_this_leg(marcher))

@@ -32,6 +32,8 @@ NONE = diagnostics.Drift(math.nan, math.nan, math.nan, math.nan)
 
 NO_ENERGY = "there is no energy to keep: a term depends on time"
 
+NO_CENTRE = "the centre of mass was set in motion, or moved, by a change of the bodies"
+
 NOT_KEPT = "angular momentum is not conserved: terms have different poles"
 
 BLOCK_BYTES = 32 * 1024 * 1024
@@ -106,6 +108,8 @@ class ConservedQuantities:
     def _remarks(self) -> list[str]:
         remarks = [NOT_KEPT] if self._lost else []
         remarks += [f"less what {few(sorted(set(self.forces)))} gave"] if self.forces else []
+        if math.isnan(self.centre_of_mass.max_fraction) and not self.forces:
+            remarks.append(NO_CENTRE)
         return remarks + ([NO_ENERGY] if math.isnan(self.energy.max_fraction) else [])
 
     @property

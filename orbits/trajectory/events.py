@@ -87,6 +87,13 @@ class Events(Sequence[FoundEvent]):
     def __len__(self) -> int:
         return len(self._rows)
 
+    def between(self, times: Array) -> Events:
+        """Return those between the first and the last of these times; none without any."""
+        if not len(times) or self._system is None:
+            return Events()
+        when = self._rows[:, TIME]
+        return Events(self._system, self._words, self._rows[(when >= times.min()) & (when <= times.max())])
+
     @overload
     def __getitem__(self, key: int) -> FoundEvent: ...
 

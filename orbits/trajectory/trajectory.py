@@ -376,7 +376,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             retired=self.retired,
             kept=self.kept,
         )
-        other.changes = self.changes
+        other.changes, other._events = self.changes, self.events.between(other.times)
         return other
 
     def _ipython_key_completions_(self) -> list[str]:

@@ -36,6 +36,13 @@ REFINEMENTS, MISSED = 8, 1e-3
 march, from which on there is no zero.
 """
 
+STEEP, BISECTIONS = 1e-2, 60
+"""A function larger than this share of those at the checks around it, where its zero should be, jumps there; and the
+number of bisections after which the place of the jump is known to the last digit."""
+
+BESIDE = 0.1
+"""How far from its bracket, in units of its width, a zero of the exact motion may lie."""
+
 CHECKS = np.concatenate([[0.0], NODES])
 
 FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
@@ -231,19 +238,27 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     k, c, rising = k[wanted], c[wanted], rising[wanted]
     low, high, g_low, g_high = low[wanted], high[wanted], g_low[wanted], g_high[wanted]
     at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high)
-    at, there = _refined(along, _along(bound, stretch, False), k, c, at)
+    at, there = _refined(along, _along(bound, stretch, False), k, c, at, (low, high, g_low, g_high))
     k, c, at, rising = k[there], c[there], at[there], rising[there]
     order = np.lexsort((c, at, k))
     return Zeros(k[order], at[order], c[order], rising[order])
 
 
-def _refined(rough: Along, exact: Along, k: Whole, c: Whole, at: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _refined(
+    rough: Along, exact: Along, k: Whole, c: Whole, at: Array, bracket: tuple[Array, Array, Array, Array]
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return the zeros of functions of the exact motion from those of the rough one, and which there are.
 
-    By Newton's method, and then by secants; the slope of the rough motion is good enough to begin with.
+    By Newton's method, and then by secants; the slope of the rough motion is good enough to begin with. Functions that
+    jump, or are flat at their zero, do not converge: their change of sign is found by bisection.
+
+    bracket : the checks before and after each, and the functions there
     """
     if not len(at):
         return at, np.ones(0, dtype=bool)
+    low, high, g_low, g_high = bracket
+    room = BESIDE * (high - low)
+    low, high = np.maximum(low - room, 0.0), np.minimum(high + room, 1.0)
     ahead = np.where(at < 0.5, APART, -APART)
     g = exact(k, at, c)
     with np.errstate(all="ignore"):
@@ -253,7 +268,7 @@ def _refined(rough: Along, exact: Along, k: Whole, c: Whole, at: Array) -> tuple
     for _ in range(REFINEMENTS):
         if not len(going):
             break
-        moved = np.clip(at[going] + last[going], 0.0, 1.0)
+        moved = np.clip(at[going] + last[going], low[going], high[going])
         way, before = moved - at[going], g[going]
         at[going], g[going] = moved, exact(k[going], moved, c[going])
         with np.errstate(all="ignore"):
@@ -262,7 +277,19 @@ def _refined(rough: Along, exact: Along, k: Whole, c: Whole, at: Array) -> tuple
             last[going] = np.where(g[going] == 0.0, 0.0, -g[going] / slope[going])
         going = going[np.abs(last[going]) > CLOSE]
     # A zero at the end of a step may lie behind it by the difference of the two motions.
-    return at, np.abs(last) < MISSED
+    there = np.abs(last) < MISSED
+    doubtful = np.flatnonzero(~there | (np.abs(g) > STEEP * np.minimum(np.abs(g_low), np.abs(g_high))))
+    if len(doubtful):
+        ends = [exact(k[doubtful], x[doubtful], c[doubtful]) for x in (low, high)]
+        changes = (ends[0] >= 0.0) != (ends[1] >= 0.0)
+        doubtful, positive = doubtful[changes], ends[0][changes] >= 0.0
+        below, above = low[doubtful], high[doubtful]
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (below + above)
+            same = (exact(k[doubtful], middle, c[doubtful]) >= 0.0) == positive
+            below, above = np.where(same, middle, below), np.where(same, above, middle)
+        at[doubtful], there[doubtful] = above, True
+    return at, there
 
 
 def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:

@@ -44,6 +44,9 @@ STEPS, NUMBERS = 4096, 1 << 22
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
 
+ROUNDED = 2.0**-46
+"""Times that differ by less than this fraction of themselves are those of one event, found twice."""
+
 
 class Found(NamedTuple):
     """An event that interrupts a run: the number of its function, its column, and where it happened."""
@@ -111,6 +114,11 @@ class Seeking:
         self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
         self._first = True
         self.log = Log(self._direction)
+
+    def follow(self, system: System) -> None:
+        """Seek the events among bodies whose masses or radii have changed; `system` is otherwise that of the start."""
+        self._system = system
+        self._bounds = [bound for event in self.events for bound in event.bound(system)]
 
     def __bool__(self) -> bool:
         """Whether there are functions whose zeros are sought on the motion of the bodies with mass."""
@@ -284,7 +292,8 @@ class Seeking:
             order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
             failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if self.log.known:
-            apart = SAME * float(abs(np.diff(times)).max())
+            # The stretch to the end of a run may be far shorter than the step in which an event was found before.
+            apart = max(SAME * float(abs(np.diff(times)).max()), ROUNDED * float(abs(times).max()))
             order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
         acting = [k for k in order if self._of[int(rows[k, NUMBER])].interrupts]
         last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction

@@ -1,0 +1,61 @@
+"""Events of runs whose bodies change, of parts of a run, and of functions that jump."""
+
+import numpy as np
+import pytest
+
+import orbits
+
+SYSTEM = orbits.System(
+    ["s", "p"], gm=[1.0, 1e-3], q=[[0, 0, 0], [1, 0, 0]], v=[[0, 0, 0], [0, 1.2, 0]], units=orbits.DIMENSIONLESS
+)
+
+
+def propagate(duration, *events, **options):
+    return orbits.propagate(SYSTEM, duration=duration, events=list(events), progress=False, **options)
+
+
+def test_a_function_at_an_event_is_given_the_masses_of_now():
+    seen = []
+
+    def grow(t, system):
+        seen.append(float(system.values.gm[0]))
+        return system.replaced(gm=system.gm * [1.05, 1.0])
+
+    run = propagate(30.0, orbits.Pericentre("p", then=grow))
+    assert seen == [1.0, 1.05]
+    assert run[-1].values.gm[0] == 1.05 * 1.05
+
+
+def test_elements_cross_values_by_the_masses_of_now():
+    """With twice the mass from the first apocentre on, e is never 0.6; with the old mass it would seem to be."""
+    heavier = orbits.Apocentre("p", then=lambda t, system: system.replaced(gm=[2.0, 1e-3]))
+    run = propagate(60.0, heavier, orbits.ElementCrossing("p", "e", 0.6))
+    assert set(run.events.kind) == {"apocentre"}
+
+
+@pytest.mark.parametrize("beyond", [1e-13, 1e-9, 1e-6])
+def test_what_acts_just_before_the_end_acts_once(beyond):
+    times = []
+
+    def burn(t, system):
+        times.append(float(t.value))
+        return system.replaced(v=system.v.value * [[1.0], [1.05]])
+
+    end = 14.928269695716267 + beyond
+    run = propagate(end, orbits.Pericentre("p", then=burn), samples=[end - 1.0, end])
+    assert len(times) == 1
+    assert len(run.events) == 1
+
+
+def test_parts_of_a_run_have_the_events_of_their_time():
+    run = propagate(30.0, orbits.Pericentre("p"))
+    assert len(run.events) == 2
+    assert len(run[:60].events) == 1
+    assert len(run.at([10.0, 20.0]).events) == 1
+
+
+def test_the_zeros_of_a_function_that_jumps_are_those_of_its_sign():
+    smooth = propagate(40.0, orbits.Event(lambda t, q, v: q[:, 1, 0], name="x")).events.time.value
+    jumps = propagate(40.0, orbits.Event(lambda t, q, v: np.sign(q[:, 1, 0]), name="side")).events.time.value
+    assert len(smooth) == 5
+    assert np.abs(jumps - smooth).max() < 1e-12
