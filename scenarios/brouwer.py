@@ -21,7 +21,7 @@ from orbits.diagnostics import Growth, growth
 from orbits.diagnostics.doubledouble import Pair
 from orbits.diagnostics.growth import energy_errors, numbers
 from orbits.diagnostics.nearest_gauss import NearestGauss
-from orbits.diagnostics.stepping import Bodies, march
+from orbits.diagnostics.stepping import Bodies, march_finely
 from orbits.point_masses import PointMasses
 from orbits.regression import peers
 from orbits.scenario import Check, Study, StudyResult, Table
@@ -101,7 +101,7 @@ def errors(q, v):
 
 def by_ours(method):
     """A function of a start to the states there and at `MARKS`, with all their digits."""
-    return lambda q, v: march(Bodies.of(GM, q, v), method, DT, MARKS)
+    return lambda q, v: march_finely(Bodies.of(GM, q, v), method, DT, MARKS)
 
 
 def by_ias15(q, v):

@@ -27,7 +27,8 @@ def energy_errors(gm: ArrayLike, q: Pair, v: Pair) -> Floats:
     """Return the relative errors of the energy of massive bodies against the first state, (n,) of n + 1 states, in
     forty digits: the rounding of a state to float64 hides what a good method does in a thousand steps.
 
-    gm : (bodies,); q, v : (n + 1, bodies, 3) each, as `orbits.diagnostics.stepping.march` returns them
+    gm : (bodies,); q, v : (n + 1, bodies, 3) each, as `orbits.diagnostics.stepping.march_finely` returns
+        them
     """
     masses = [mpmath.mpf(float(m)) for m in real_numbers(gm, "gm")]
     with mpmath.workdps(DIGITS):

@@ -121,7 +121,17 @@ def reach(bodies: Bodies) -> Floats:
     return np.where(np.isfinite(nearest), nearest, size)
 
 
-def march(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int]) -> tuple[Pair, Pair]:
+def march(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int]) -> tuple[Floats, Floats]:
+    """Return positions and velocities after each of the increasing numbers of `steps`, (len(steps), n, 3) each."""
+    marcher = bodies.marcher(integrator, dt)
+    states = []
+    for step in steps:
+        marcher.advance(int(step) - marcher.step)
+        states.append(marcher.state())
+    return np.array([q for q, _ in states]), np.array([v for _, v in states])
+
+
+def march_finely(bodies: Bodies, integrator: Integrator, dt: float, steps: Sequence[int]) -> tuple[Pair, Pair]:
     """Return positions and velocities of massive bodies, with all their digits, at the start and after each of the
     increasing numbers of `steps`: (1 + len(steps), n, 3) each.
     """

@@ -7,7 +7,7 @@ import orbits
 from orbits import diagnostics
 from orbits.diagnostics.growth import energy_errors as exact_energy_errors
 from orbits.diagnostics.nearest_gauss import NearestGauss
-from orbits.diagnostics.stepping import Bodies, march
+from orbits.diagnostics.stepping import Bodies, march_finely
 from orbits.errors import InputError
 
 from ..problems import random_kepler
@@ -54,7 +54,7 @@ def energy_errors(method, starts, periods=3000, per_period=30):
     errors = []
     for _ in range(starts):
         gm, q, v = random_kepler(rng)
-        errors.append(exact_energy_errors(gm, *march(Bodies(gm, q, v), method, float(np.float32(0.2)), steps)))
+        errors.append(exact_energy_errors(gm, *march_finely(Bodies(gm, q, v), method, float(np.float32(0.2)), steps)))
     return steps, np.array(errors)
 
 
