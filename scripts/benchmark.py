@@ -109,9 +109,17 @@ def markdown(results: dict[str, Any]) -> str:
 
 
 def merged(page: str, new: str) -> str:
-    """Return the page with those of its sections replaced that `new` has too, and all else as it is."""
+    """Return the page with the sections of `new` in it: instead of those of the same name, or before what is written by
+    hand; all else as it is.
+    """
     sections = {section.split("\n", 1)[0]: section for section in _sections(new)[1:]}
-    return "".join(sections.get(section.split("\n", 1)[0], section) for section in _sections(page))
+    out = ""
+    for section in _sections(page):
+        name = section.split("\n", 1)[0]
+        if name == BY_HAND:
+            out += "".join(sections.values())
+        out += sections.pop(name, section)
+    return out
 
 
 def _sections(page: str) -> list[str]:
