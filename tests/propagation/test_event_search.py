@@ -45,9 +45,9 @@ class OfTime(Bound):
 def times_of(function, times, words=("falls", "rises"), first=False):
     """Return the times of the zeros of a function, and which of them rise."""
     stretch = Still(times)
-    (found,) = zeros_of([OfTime(function, words)], stretch, first)
-    if isinstance(found, NotFiniteError):
-        raise found
+    ((found, missing),) = zeros_of([OfTime(function, words)], stretch, first)
+    if missing is not None:
+        raise missing
     return stretch.at(found.steps, found.fractions)[0], found.rising
 
 

@@ -59,3 +59,14 @@ def test_the_zeros_of_a_function_that_jumps_are_those_of_its_sign():
     jumps = propagate(40.0, orbits.Event(lambda t, q, v: np.sign(q[:, 1, 0]), name="side")).events.time.value
     assert len(smooth) == 5
     assert np.abs(jumps - smooth).max() < 1e-12
+
+
+@pytest.mark.parametrize("archive", [None, "run.h5"])
+def test_the_events_before_a_function_fails_are_kept(tmp_path, archive):
+    fails = orbits.Event(lambda t, q, v: np.where(t > 20.0, np.nan, q[:, 1, 0]), name="x")
+    where = None if archive is None else tmp_path / archive
+    with pytest.raises(orbits.EventError, match="is nan at t = 20") as caught:
+        propagate(40.0, fails, archive=where)
+    assert len(caught.value.trajectory.events) == 3  # at 1.7, 13.2 and 16.6
+    if where is not None:
+        assert len(orbits.Trajectory.open(where).events) == 3

@@ -120,9 +120,9 @@ class Stretch:
         return every[0], every[1]
 
 
-def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zeros | NotFiniteError]:
-    """Return the zeros of each function in a stretch, in the order of steps; each counts once, also one at a check. Or
-    where a function is not finite.
+def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[tuple[Zeros, NotFiniteError | None]]:
+    """Return the zeros of each function in a stretch, in the order of steps; each counts once, also one at a check. And
+    where a function is not finite: its zeros are then those in the steps before.
 
     first : whether the stretch is at the start of a run, where a zero does not count
     """
@@ -138,24 +138,39 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[Zer
         start, last = ((t[k : k + 1], q[k : k + 1], v[k : k + 1]) for k in (steps.start, steps.stop))
         for number, bound in enumerate(bounds):
             if len(columns[number]) and number not in failed:
-                try:
-                    g, g_start, g_last = (_finite(bound, some, columns[number]) for some in (states, start, last))
-                    g[:1] = g_start  # as it was marched, and as what is before ends
-                except NotFiniteError as error:
-                    failed[number] = error
-                    continue
-                where = columns[number], steps, stretch.backwards, first and begin == 0
-                found[number].append(_brackets(bound.words, g, g_last, *where))
-    answers: list[Zeros | NotFiniteError] = []
+                g, g_start, g_last = (bound.values(*some, columns[number]) for some in (states, start, last))
+                g[:1] = g_start  # as it was marched, and as what is before ends
+                finite, failure = _finite_steps(g, g_last, states[0], last[0])
+                if failure is not None:
+                    failed[number] = failure
+                    g_last, g = g[finite * len(FRACTIONS) :][:1], g[: finite * len(FRACTIONS)]
+                if finite:
+                    those = slice(begin, begin + finite)
+                    where = columns[number], those, stretch.backwards, first and begin == 0
+                    found[number].append(_brackets(bound.words, g, g_last, *where))
+    answers: list[tuple[Zeros, NotFiniteError | None]] = []
     for number, bound in enumerate(bounds):
         try:
-            answers.append(_zeros(bound, stretch, found[number]))
+            answers.append((_zeros(bound, stretch, found[number]), failed.get(number)))
         except NotFiniteError as error:
-            failed.setdefault(number, error)
-            answers.append(error)
-        if number in failed:
-            answers[-1] = failed[number]
+            answers.append((_zeros(bound, stretch, []), failed.get(number, error)))
     return answers
+
+
+def _finite_steps(g: Array, g_last: Array, t: Array, t_last: Array) -> tuple[int, NotFiniteError | None]:
+    """Return in how many steps from the first on a function is finite, also at their ends, and where it is not.
+
+    g : (steps * fractions, columns) at times t; g_last : (1, columns) at the end of the last step
+    """
+    try:
+        _check_finite(g, t)
+        _check_finite(g_last, t_last)
+    except NotFiniteError as error:
+        rows = np.isfinite(g).all(axis=1).reshape(-1, len(FRACTIONS))
+        whole, begins = rows.all(axis=1), rows[:, 0]
+        ends = np.append(begins[1:], np.isfinite(g_last).all())
+        return int(np.argmin(np.append(whole & ends, False))), error
+    return len(g) // len(FRACTIONS), None
 
 
 class Brackets(NamedTuple):
@@ -207,13 +222,6 @@ def _brackets(
     edges = np.append(CHECKS, 1.0)
     ends = edges[i], edges[i + 1], before[c, k, i], after[c, k, i]
     return Brackets(steps.start + k, columns[c], *ends, turns[c, k, i])
-
-
-def _finite(bound: Bound, states: tuple[Array, Array, Array], columns: Whole) -> Array:
-    """Return a function, (m, columns). Raises NotFiniteError."""
-    g = bound.values(*states, columns)
-    _check_finite(g, states[0])
-    return g
 
 
 def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:

@@ -315,11 +315,10 @@ class Seeking:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
         bounds = [self._bounds[number] for number in self._numbers]
-        for number, bound, found in zip(self._numbers, bounds, zeros_of(bounds, stretch, self._first), strict=True):
-            if isinstance(found, NotFiniteError):
-                if failure is None or (found.time - failure.time) * self._direction < 0.0:
-                    failure = self._not_finite(number, found)
-                continue
+        answers = zeros_of(bounds, stretch, self._first)
+        for number, bound, (found, missing) in zip(self._numbers, bounds, answers, strict=True):
+            if missing is not None and (failure is None or (missing.time - failure.time) * self._direction < 0.0):
+                failure = self._not_finite(number, missing)
             if not len(found.steps):
                 continue
             t, q, v = stretch.at(found.steps, found.fractions)
