@@ -22,8 +22,8 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         made = figure(14.0, 3.9 * ((len(names) + 1) // 2) + 0.8)
         panels = made.subplots((len(names) + 1) // 2, 2, squeeze=False).ravel()
         for panel, name in zip(panels, names, strict=False):
-            unit = "km" if any(word in name for word in ("Apophis", "Sun")) else "units of the problem"
-            panel.set(title=name, xscale="log", yscale="log", xlabel="time, ms", ylabel=f"position error, {unit}")
+            unit = ", km" if any(word in name for word in ("Apophis", "Sun")) else ""
+            panel.set(title=name, xscale="log", yscale="log", xlabel="time, ms", ylabel=f"position error{unit}")
             panel.grid(visible=True, color="#ECECEC")
             for kind, colour, mark, label in SERIES:
                 points = [row for row in rows if row["problem"] == name and kind in row]
