@@ -89,8 +89,8 @@ def _refuse_legs(run: Trajectory, what: str) -> None:
     """Raise InputError for a run whose massive bodies changed on the way."""
     if run.changes is not None and run.changes.acted_on_massive:
         raise InputError(
-            f"{what} the same bodies from start to end, but bodies merge or bounce in this run ({len(run.legs)} legs). "
-            "Its collisions are in run.events; run.at(times) and the samples go through them."
+            f"{what} the same bodies from start to end, but in this run bodies merge, bounce, or are changed at "
+            "events. These are in run.events; run.at(times) and the samples go through them."
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Unpack
@@ -11,7 +12,7 @@ import numpy as np
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import ArchiveError, InputError
+from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation import kepler_splitting, step_check
@@ -96,7 +97,7 @@ def propagate(
     threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
         the result do not depend on it
     error_estimate : whether the two companions of `run.error_estimate()` are marched after the run, in 2.4 times its
-        time
+        time; there are none, and a warning, if massive bodies merge, bounce or are changed on the way
 
     Raises InputError for invalid arguments; UnknownNameError for unknown ones, which for arguments of other packages
     names the equivalent; ConvergenceError or SingularityError if a step of the massive bodies fails (a massless
@@ -126,7 +127,14 @@ def propagate(
         threads=threads,
     )
     merged = run.changes is not None and run.changes.acted_on_massive
-    if estimated and not merged:  # run.error_estimate() says why there are none
+    if estimated and merged:
+        warnings.warn(
+            "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at events; "
+            "the run itself is complete.",
+            OrbitsWarning,
+            stacklevel=level_of_caller(),
+        )
+    elif estimated:
         run.error_bars = error_bars(run, threads)
     return run
 

@@ -315,5 +315,5 @@ def test_runs_in_transformed_time_have_bars_and_runs_with_mergers_say_why_they_h
     disc = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
     run = run_of(disc, events=orbits.Collision(then=orbits.Merge()), error_estimate=True)
     assert len(run.events) == 1
-    with pytest.raises(InputError, match=r"the same bodies from start to end, but bodies merge or bounce"):
+    with pytest.raises(InputError, match=r"the same bodies from start to end, but in this run bodies merge, bounce"):
         run.error_estimate()

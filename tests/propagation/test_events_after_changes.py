@@ -70,3 +70,13 @@ def test_the_events_before_a_function_fails_are_kept(tmp_path, archive):
     assert len(caught.value.trajectory.events) == 3  # at 1.7, 13.2 and 16.6
     if where is not None:
         assert len(orbits.Trajectory.open(where).events) == 3
+
+
+def test_error_bars_that_a_run_cannot_have_are_told_of():
+    def burn(t, system):
+        return system.replaced(v=system.v.value * [[1.0], [1.05]])
+
+    with pytest.warns(orbits.OrbitsWarning, match="no error bars, as massive bodies merged, bounced or were changed"):
+        run = propagate(20.0, orbits.Pericentre("p", then=burn), error_estimate=True)
+    with pytest.raises(orbits.InputError, match="merge, bounce, or are changed at events"):
+        run.error_estimate()
