@@ -129,8 +129,8 @@ def propagate(
     merged = run.changes is not None and run.changes.acted_on_massive
     if estimated and merged:
         warnings.warn(
-            "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at events; "
-            "the run itself is complete.",
+            "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at "
+            "events; the run itself is complete.",
             OrbitsWarning,
             stacklevel=level_of_caller(),
         )

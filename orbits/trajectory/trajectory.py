@@ -316,8 +316,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """
         if self.changes is not None and self.changes.acted_on_massive:
             raise InputError(
-                "in this run bodies merge, bounce, or are changed at events, so that elements may have no common masses; "
-                "take them sample by sample: run[k].elements()."
+                "in this run bodies merge, bounce, or are changed at events, so that elements may have no common "
+                "masses; take them sample by sample: run[k].elements()."
             )
         values = self.system.values
         primary = primary_name(self.names, values.gm, primary)
