@@ -34,6 +34,7 @@ from orbits.integrators.collocation_rows import (
     NODES,
     REST,
     WEIGHTS,
+    columns,
     combine,
     is_close,
     layers,
@@ -221,12 +222,12 @@ def step(method, model, t, h, state, storage):
     evaluations = 0
     for r in range(R):
         table = coefficients[r]
-        hc, hc_lo = load(table, HC), load(table, HC_LO)
+        hc, hc_lo, continued = load(table, HC), load(table, HC_LO), columns(method, table, start)
         for k in range(size):
             # Sum the increments first: q is O(30 au), dq is O(1e-3 au).
             increment = fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k])
             store(base, r * block + k, increment)
-            place(method, Q, r * block + k, lows, q[k], increment + h * combine(R, table, start, L, block, k))
+            place(method, Q, r * block + k, lows, q[k], increment + h * combine(continued, R, table, L, block, k))
     iteration, patience, last = 0, PATIENCE, False
     while True:
         for r in range(R):
@@ -248,8 +249,9 @@ def step(method, model, t, h, state, storage):
             break
         for r in range(R):
             table = coefficients[r]
+            eta = columns(method, table, ETA)
             for k in range(size):
-                moved_by = load(base, r * block + k) + h * combine(R, table, ETA, L, block, k)
+                moved_by = load(base, r * block + k) + h * combine(eta, R, table, L, block, k)
                 place(method, Q, r * block + k, lows, q[k], moved_by)
     if not settled(history, blocks, CONVERGED):
         body = unsettled_body(history, blocks, count, CONVERGED)
@@ -277,15 +279,16 @@ def step_particles(method, model, t, h, particles, carry, storage):
     for r in range(R):
         table = coefficients[r]
         hc, hc_lo = load(table, HC), load(table, HC_LO)
+        continued = columns(method, table, start)
         x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
         y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
         z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
         store(base, 3 * r, x_base)
         store(base, 3 * r + 1, y_base)
         store(base, 3 * r + 2, z_base)
-        place(method, Q, 3 * r, 3 * R, x, x_base + h * combine(R, table, start, L, 3, 0))
-        place(method, Q, 3 * r + 1, 3 * R, y, y_base + h * combine(R, table, start, L, 3, 1))
-        place(method, Q, 3 * r + 2, 3 * R, z, z_base + h * combine(R, table, start, L, 3, 2))
+        place(method, Q, 3 * r, 3 * R, x, x_base + h * combine(continued, R, table, L, 3, 0))
+        place(method, Q, 3 * r + 1, 3 * R, y, y_base + h * combine(continued, R, table, L, 3, 1))
+        place(method, Q, 3 * r + 2, 3 * R, z, z_base + h * combine(continued, R, table, L, 3, 2))
     least = last_change = scale = 0.0
     iteration, patience, last, evaluations = 0, PATIENCE, False, 0
     while True:
@@ -317,11 +320,12 @@ def step_particles(method, model, t, h, particles, carry, storage):
             break
         for r in range(R):
             table = coefficients[r]
-            moved_by = load(base, 3 * r) + h * combine(R, table, ETA, L, 3, 0)
+            eta = columns(method, table, ETA)
+            moved_by = load(base, 3 * r) + h * combine(eta, R, table, L, 3, 0)
             place(method, Q, 3 * r, 3 * R, x, moved_by)
-            moved_by = load(base, 3 * r + 1) + h * combine(R, table, ETA, L, 3, 1)
+            moved_by = load(base, 3 * r + 1) + h * combine(eta, R, table, L, 3, 1)
             place(method, Q, 3 * r + 1, 3 * R, y, moved_by)
-            moved_by = load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)
+            moved_by = load(base, 3 * r + 2) + h * combine(eta, R, table, L, 3, 2)
             place(method, Q, 3 * r + 2, 3 * R, z, moved_by)
     if not (least <= CONVERGED * scale or is_round_off(method, model, h, stages, lows, Q, least)):
         return particles, carry, NOT_CONVERGED, evaluations

@@ -10,7 +10,7 @@ the kicks L, and the sums
 
 from __future__ import annotations
 
-from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST, combine, layers, registers
+from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST, columns, combine, layers, registers
 from orbits.kernels.binding import accelerate_finely, dimension
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, exact_add, fma, full, load, store
@@ -37,11 +37,11 @@ def finish(method, model, h, state, storage):
     Q_lo, g_lo, close = free[: R * block], free[R * block :], layers(method) > 1
     for r in range(R):
         table = coefficients[r]
-        hc, hc_lo = load(table, HC), load(table, HC_LO)
+        hc, hc_lo, eta = load(table, HC), load(table, HC_LO), columns(method, table, ETA)
         for k in range(size):
             along, lost = two_product(hc, full(v[k]))
             lost = fma(hc_lo, full(v[k]), lost) + fma(hc, full(v_lo[k]), full(q_lo[k]))
-            increment, rest = two_sum(along, h * combine(R, table, ETA, L, block, k))
+            increment, rest = two_sum(along, h * combine(eta, R, table, L, block, k))
             position, low = two_sum(full(q[k]), increment)
             store(Q, r * block + k, position)
             store(Q_lo, r * block + k, low + (rest + lost))

@@ -47,6 +47,7 @@ from orbits.marching.adaptive import (
     POWER,
     REFUSED,
     TOLERANCE,
+    root,
 )
 from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies
 from orbits.marching.changing import FARTHEST, ORIGIN
@@ -164,9 +165,7 @@ def judged(method, model, clock, h, storage, ends, reaches):
         Q = storage.scratch[3:]
         pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
         most = max(most, max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls))
-    factor = MOST
-    if rest * MOST ** (1.0 / power) > tolerance * most:
-        factor = max((tolerance * most / rest) ** power, LEAST)
+    factor = MOST if rest == 0.0 else min(max(root(tolerance * most / rest, power), LEAST), MOST)
     passed, near = narrowest(bodies(model.tag, model.parameters), ends, storage.scratch, reaches)
     if factor * factor * passed > PASSAGE * PASSAGE:
         factor = max(PASSAGE / math.sqrt(passed), LEAST)
