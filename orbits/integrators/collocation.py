@@ -66,8 +66,8 @@ from orbits.kernels.iteration import (
     begin,
     falling,
     settled,
-    unsettled_body,
     unsettled_coordinate,
+    unsettled_part,
 )
 from orbits.kernels.lanes import (
     WIDTH,
@@ -210,15 +210,15 @@ def step(method, model, t, h, state, storage):
     R, coefficients = registers(method), method.coefficients
     q, q_lo, v, v_lo = state
     size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
-    blocks = (size + WIDTH - 1) // WIDTH
-    rows = WIDTH * blocks
+    parts = count if count > 0 else size  # what is to converge: each body, or each coordinate
+    blocks, rows = (parts + WIDTH - 1) // WIDTH, WIDTH * ((size + WIDTH - 1) // WIDTH)
     L, Q, scratch = storage.carry, storage.stages, storage.scratch
     block = Q.shape[0] // (R * layers(method))
     lows, start = R * block, ETA + WIDTH * R
-    change, history = scratch[:rows], scratch[rows : rows + 3 * blocks]
-    base = scratch[rows + 3 * blocks : rows + 3 * blocks + R * block]
-    # With one register, the changes of the stages overwrite the accelerations.
-    g = change if R == 1 else scratch[rows + 3 * blocks + R * block :]
+    g, change, history = scratch[:rows], scratch[rows : 2 * rows], scratch[2 * rows : 2 * rows + 3 * blocks]
+    base = scratch[2 * rows + 3 * blocks :]
+    for i in range(parts, WIDTH * blocks):
+        store(change, i, full(0.0))
     evaluations = 0
     for r in range(R):
         table = coefficients[r]
@@ -233,11 +233,13 @@ def step(method, model, t, h, state, storage):
         for r in range(R):
             attract(method, model, Q, r, block, lows, g)
             hb = load(coefficients[r], HB)
-            for k in range(size):
-                new = hb * load(g, k)
-                moved_by = abs(new) if iteration == 0 else abs(new - load(L, r * block + k))
-                store(change, k, moved_by if r == 0 else maximum(load(change, k), moved_by))
-                store(L, r * block + k, new)
+            for i in range(parts):
+                most = full(0.0) if r == 0 else load(change, i)
+                for k in range(i, size, parts):
+                    new = hb * load(g, k)
+                    most = maximum(most, abs(new) if iteration == 0 else abs(new - load(L, r * block + k)))
+                    store(L, r * block + k, new)
+                store(change, i, most)
         evaluations += 1
         if iteration == 0:
             begin(change, history, blocks)
@@ -253,10 +255,8 @@ def step(method, model, t, h, state, storage):
             for k in range(size):
                 moved_by = load(base, r * block + k) + h * combine(eta, R, table, L, block, k)
                 place(method, Q, r * block + k, lows, q[k], moved_by)
-    if not settled(history, blocks, CONVERGED):
-        body = unsettled_body(history, blocks, count, CONVERGED)
-        if count > 0 and body >= 0:
-            return NOT_CONVERGED, body, evaluations
+    if count > 0 and not settled(history, blocks, CONVERGED):
+        return NOT_CONVERGED, unsettled_part(history, blocks, count, CONVERGED), evaluations
     if count == 0:
         where = unsettled_coordinate(history, blocks, size, TIGHT, FLOOR)
         if where >= 0:
@@ -404,20 +404,22 @@ def signal(method, model, h, state, storage):
     rows = WIDTH * blocks
     last, weights = load(table, LAST), load(table, WEIGHTS)
     inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
-    # The memory of changes, history and increments of a step; the changes of padding coordinates stay zero.
-    products, history, sizes = scratch[:rows], scratch[rows : rows + 3 * blocks], scratch[rows + 3 * blocks :]
+    sums, sizes = scratch[rows : rows + blocks], scratch[rows + blocks : rows + 2 * blocks]
+    products, room = scratch[:rows], scratch[rows + 2 * blocks :]
     for k in range(size):
         store(products, k, last * load(L, k))
-        store(sizes, k, abs(inverse * load(L, k)))
+    for i in range(count):
+        most = abs(inverse * load(L, i))
+        store(room, i, maximum(most, maximum(abs(inverse * load(L, count + i)), abs(inverse * load(L, 2 * count + i)))))
     for b in range(blocks):
-        store(history, b, abs(row_sums(products, WIDTH * b)))
-        store(history, blocks + b, row_maxima(sizes, WIDTH * b))
+        store(sums, b, abs(row_sums(products, WIDTH * b)))
+    for b in range((count + WIDTH - 1) // WIDTH):
+        store(sizes, b, row_maxima(room, WIDTH * b))
     worst = 0.0
     for i in range(count):
-        rest = most = 0.0
-        for k in range(i, size, count):
-            rest = max(rest, history[k // WIDTH, k % WIDTH])
-            most = max(most, history[blocks + k // WIDTH, k % WIDTH])
+        y, z = count + i, 2 * count + i
+        rest = max(sums[i >> 3, i & 7], max(sums[y >> 3, y & 7], sums[z >> 3, z & 7]))
+        most = sizes[i >> 3, i & 7]
         if rest > worst * most:
             most = max(most, CANCELLED * abs(h) * gross_attraction(model.tag, model.parameters, state.q, i))
             worst = max(worst, rest / most)
@@ -537,9 +539,9 @@ class Collocation(Form):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """Increments and changes of each coordinate, its history of three numbers, and low parts for the last sweep."""
-        rows, many = padded(size), self.registers > 1
+        rows = padded(size)
         own = (10 if self.close else 6) * self.registers  # of a particle: increments, stages, low parts and rates
-        return max((2 * self.registers + 2 + many) * rows + 3 * rows // WIDTH, own), WIDTH
+        return max((2 * self.registers + 3) * rows + 3 * rows // WIDTH, own), WIDTH
 
 
 SPLITTER = 2.0**27 + 1.0

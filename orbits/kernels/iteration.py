@@ -77,6 +77,15 @@ def settled(history, blocks, fraction):
 
 
 @kernel
+def unsettled_part(history, blocks, parts, fraction):
+    """Return the first part whose least change exceeds `fraction` of its scale; -1 if none does."""
+    for i in range(parts):
+        if not history[i // 8, i % 8] <= fraction * history[2 * blocks + i // 8, i % 8]:
+            return i
+    return -1
+
+
+@kernel
 def unsettled_body(history, blocks, bodies, fraction):
     """Return the first body whose least change exceeds `fraction` of its largest stage value in any direction; -1 if
     none does.
