@@ -370,24 +370,24 @@ def prepare(method, h, before, storage):
     stages = 0
     while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
         stages += 1
-    ahead = 1.0 + ratio * nodes
-    product = full(1.0)
+    scaled = ratio * weights
+    if abs(ratio) > FAR:  # a polynomial is useless far from its nodes
+        for j in range(stages):
+            store(ells, j, ratio * unit(j))
+    else:
+        ahead = 1.0 + ratio * nodes
+        product = scaled
+        for j in range(stages):
+            store(ells, j, product)
+            product = product * (ahead - table[NODES, j])
+        product = full(1.0)
+        for back in range(stages):
+            j = stages - 1 - back
+            store(ells, j, load(ells, j) * (product * table[BARYCENTRIC, j]))
+            product = product * (ahead - table[NODES, j])
+    eta = columns(method, table, ETA)
     for j in range(stages):
-        store(ells, j, product)
-        product = product * (ahead - table[NODES, j])
-    product = full(1.0)
-    for back in range(stages):
-        j = stages - 1 - back
-        ell = load(ells, j) * product * table[BARYCENTRIC, j]
-        product = product * (ahead - table[NODES, j])
-        if abs(ratio) > FAR:  # a polynomial is useless far from its nodes
-            ell = unit(j)
-        store(ells, j, (ratio / table[WEIGHTS, j]) * (weights * ell))
-    for j in range(stages):
-        column = load(table, ETA) * ells[j, 0]
-        for i in range(1, stages):
-            column = column + load(table, ETA + i) * ells[j, i]
-        store(table, ETA + WIDTH + j, column)
+        store(table, ETA + WIDTH + j, combine(eta, 1, table, ells, 0, j))
 
 
 @kernel
@@ -541,7 +541,7 @@ class Collocation(Form):
         """Increments and changes of each coordinate, its history of three numbers, and low parts for the last sweep."""
         rows = padded(size)
         own = (10 if self.close else 6) * self.registers  # of a particle: increments, stages, low parts and rates
-        return max((2 * self.registers + 3) * rows + 3 * rows // WIDTH, own), WIDTH
+        return max((self.registers + 6) * rows + 3 * rows // WIDTH, own), WIDTH
 
 
 SPLITTER = 2.0**27 + 1.0
@@ -582,7 +582,7 @@ def _table(tableau: SymplecticTableau, count: int, ratio: float) -> Array:
         own = slice(WIDTH * r, WIDTH * (r + 1))
         out[r, REST] = tableau.one_minus_nodes[lane[own]]
         out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
-        out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
+        out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own] / tableau.b[own]
         out[r, LAST, : len(last[own])] = last[own]
         out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
         out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T

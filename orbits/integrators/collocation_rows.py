@@ -10,7 +10,7 @@ from orbits.kernels.lanes import WIDTH, fma, full, load
 
 # Rows of the table of one register of stages, the stages in the lanes. ETA is the first of 8 R rows: row j holds column
 # j of the matrix; START follows, in the same form. NODES and WEIGHTS are c and b, BARYCENTRIC the weights of the
-# polynomial through the stages, LAST those of its last Legendre coefficient.
+# polynomial through the stages over those of the quadrature, LAST those of its last Legendre coefficient.
 HC, HC_LO, HB, REST, NODES, WEIGHTS, BARYCENTRIC, LAST, ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 
