@@ -73,14 +73,13 @@ def root(x, power):
     Within 0.2 % for roots of 0.75 ... 1.3; those further away come out nearer to 1. Unlike the power of the C library,
     it has the same bits everywhere.
     """
-    n, y = 1.0 / power, 1.0
+    n = 1.0 / power
     x = min(max(x, SMALLEST), 1.0 / SMALLEST)
-    for _ in range(2):
-        whole = y
-        for _ in range(1, int(n + 0.5)):
-            whole *= y
-        y *= ((n - 1.0) * whole + (n + 1.0) * x) / ((n + 1.0) * whole + (n - 1.0) * x)
-    return y
+    y = (n - 1.0 + (n + 1.0) * x) / (n + 1.0 + (n - 1.0) * x)
+    whole = y
+    for _ in range(1, int(n + 0.5)):
+        whole *= y
+    return y * ((n - 1.0) * whole + (n + 1.0) * x) / ((n + 1.0) * whole + (n - 1.0) * x)
 
 
 @kernel(inline=True)
