@@ -43,7 +43,6 @@ from orbits.integrators.canonical_room import (
     stages_in,
     work_in,
 )
-from orbits.integrators.collocation import moved
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.acting import FIGURES, account, add_acting, add_terms
 from orbits.kernels.binding import accelerate, dimension, first_term
@@ -60,7 +59,7 @@ from orbits.kernels.iteration import (
 )
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, load, row_sums, store
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
-from orbits.kernels.summation import add_compensated, compensated_row_sums, two_sum
+from orbits.kernels.summation import add_compensated, compensated_row_sums, moved, two_sum
 from orbits.tableaux import SymplecticTableau
 
 

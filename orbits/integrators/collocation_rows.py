@@ -6,7 +6,8 @@ from numba import types
 from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, kernel_of
-from orbits.kernels.lanes import WIDTH, fma, full, load
+from orbits.kernels.lanes import WIDTH, fma, full, load, store
+from orbits.kernels.summation import two_sum
 
 # Rows of the table of one register of stages, the stages in the lanes. ETA is the first of 8 R rows: row j holds column
 # j of the matrix; START follows, in the same form. NODES and WEIGHTS are c and b, BARYCENTRIC the weights of the
@@ -92,3 +93,21 @@ def _combine(matrix, R, table, rows, block, k):
         return even + odd
 
     return of_several
+
+
+def place(method, Q, at, lows, x, increment):
+    """Write the position x + increment of eight stages into row `at`, and its low part, if any, `lows` rows later."""
+    raise NotImplementedError("place() is for compiled code only")
+
+
+@overload(place, jit_options=OPTIONS)
+def _place(method, Q, at, lows, x, increment):
+    if not is_close(method):
+        return lambda method, Q, at, lows, x, increment: store(Q, at, x + increment)
+
+    def with_low_part(method, Q, at, lows, x, increment):
+        position, low = two_sum(full(x), increment)
+        store(Q, at, position)
+        store(Q, at + lows, low)
+
+    return with_low_part

@@ -1,8 +1,9 @@
 """Fixed-point iteration of the stages of an implicit step, to the round-off floor.
 
-No tolerance is used: a component is done when its largest change over the stages stops falling, or when the rate of
-convergence shows that the next change will be lost in rounding. One more evaluation then follows, so that the remaining
-residual is far below one rounding error: a residual with a preferred sign would act like friction.
+No tolerance is used: a component, one coordinate or the three of a body, is done when its largest change over the
+stages stops falling, or when the rate of convergence shows that the next change will be lost in rounding. One more
+evaluation then follows, so that the remaining residual is far below one rounding error: a residual with a preferred
+sign would act like friction.
 """
 
 from __future__ import annotations

@@ -58,6 +58,14 @@ def add_product(hi, lo, h, x, x_lo):
     return quick_two_sum(s, exact_add(lo, exact_add(f, fma(x_lo, h, e))))
 
 
+@kernel(inline=True)
+def moved(h, q, q_lo, v, v_lo, drift):
+    """Return (q, q_lo) + h (v, v_lo) + drift, where drift has the size of h v."""
+    p, e = two_product(v, h)
+    s, f = two_sum(p, fma(v_lo, h, e + drift))
+    return add_compensated(q, q_lo + f, s)
+
+
 @kernel(inline=True, exact=True)
 def compensated_row_sums(rows, first):
     """Return the sums of rows `first` ... `first` + 7 of an (n, 8) array as pairs (hi, lo), one pair in each lane."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from orbits.integrators.collocation import CANCELLED
+from orbits.integrators.collocation_lengths import CANCELLED
 from orbits.integrators.collocation_rows import LAST, NODES, WEIGHTS
 from orbits.kernels.binding import bodies, field_close, gross_field
 from orbits.kernels.clocks import Clock
