@@ -417,9 +417,16 @@ class Marcher:
         options["retire"] = self._retire
         end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, **options)
         end.restore(self.checkpoint())
-        end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
-        end.advance_to(Place(0, time))
+        end.end_at(time)
         return end
+
+    def end_at(self, time: float) -> None:
+        """March on to end exactly at a time less than a step ahead, from which no march can go on; for clocks whose
+        steps differ. No more states are passed on to be kept. Raises what `advance` raises.
+        """
+        self._keep, self._arrived = None, False
+        self._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, self.time
+        self.advance_to(Place(0, time))
 
     def towards(self, time: float) -> tuple[Marcher, Place]:
         """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense

@@ -133,11 +133,7 @@ class Watcher:
             mu=self._mu,
             annuli=self._annuli,
             reaches=self.listed_within,
-            stops=self._stops,
             hits=self._hits,
-            radii=self._radii,
-            touched=self._touched,
-            touched_own=self._touched_own,
             passage_angle=passage_angle,
             least_eccentricity=least_eccentricity,
             pericentre_angle=pericentre_angle,
@@ -172,6 +168,10 @@ class Watcher:
         """Compile, or load from the cache, the kernels shared by the observers."""
         self._find_met = observer_address(find_met) if len(self._stops) else 0
         self._find_touch = observer_address(collisions.find_touch) if self._collide else 0
+        if self._find_met:
+            self.contexts.enter(stops=self._stops)
+        if self._find_touch:
+            self.contexts.enter(radii=self._radii, touched=self._touched, touched_own=self._touched_own)
         self.contexts.enter(
             search=observer_address(search, SEARCH),
             enter=observer_address(enter_passage, ENTER),
@@ -287,7 +287,7 @@ class Watcher:
         if dominant < 0:
             annuli[:, REACH] = np.inf
             return annuli
-        distance = np.sqrt(((q - q[:, [dominant]]) ** 2).sum(axis=0))
+        distance = np.sqrt(((q - q[:, dominant : dominant + 1]) ** 2).sum(axis=0))
         hill = distance * np.cbrt(gm / (3.0 * gm[dominant]))
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0

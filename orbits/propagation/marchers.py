@@ -83,8 +83,8 @@ def bound(
         radii=radii,
     )
     if state is None:  # a march from a state of a run must not be refused where the run itself was not
-        massive = np.flatnonzero(system.massive)
-        names = [system.names[k] for k in massive]
+        massive = system.massive
+        names = np.asarray(system.names)[massive]
         marcher.clock.check_bodies(marcher.parameters, bodies.q[massive], bodies.v[massive], names)
     return marcher
 

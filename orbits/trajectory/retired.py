@@ -60,7 +60,8 @@ class RetiredParticles(Sequence[RetiredParticle]):
         """Return particles from rows of (body, step, reading, reason, q, v), in the units of the system, by the run's
         clock.
         """
-        units, epoch = system.units, system.epoch
+        rows = list(rows)
+        units, epoch = system.units, system.epoch if rows else None
         particles = []
         for body, step, reading, reason, q, v in rows:
             time = u.Quantity(clock.time(reading), units.time)
