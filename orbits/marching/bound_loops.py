@@ -111,7 +111,8 @@ class BoundLoops:
         for name, x in (("q", q), ("v", v)):
             self.state[name][: 3 * n] = x[massive].T.ravel()
             self.state[f"particle_{name}"][...] = NOWHERE
-            self.state[f"particle_{name}"][:, :m] = x[particles].T
+            if m:
+                self.state[f"particle_{name}"][:, :m] = x[particles].T
 
     def lengths(self, count: int) -> Array:
         """Return the lengths of the `count` steps of the last block."""

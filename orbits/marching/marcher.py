@@ -344,7 +344,7 @@ class Marcher:
         """Return whether there may be whole steps left before a place."""
         if self.clock.changes:
             now = self._state["clock"]
-            arrived = self._arrived and now[changing.LIMIT] == place.rest
+            arrived = place.rest == now[changing.TIME] or (self._arrived and now[changing.LIMIT] == place.rest)
             return not arrived and (place.rest - now[changing.NEXT]) * self.clock.direction >= 0.0
         return self.step < place.steps
 
@@ -377,6 +377,8 @@ class Marcher:
         """
         if not self.clock.changes:
             return self.state_after(place.rest)
+        if place.rest == self.time:
+            return self.state()
         copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
         copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
         self._retired.begin()
@@ -392,10 +394,10 @@ class Marcher:
         """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
         others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
         """
-        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1:
+        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1 and times[0] != self.time:
             now = self._state["clock"]
-            ahead = (times[1:] - now[changing.NEXT]) * self.clock.direction < 0.0
-            count = 1 + int(np.argmin(np.append(ahead, False)))
+            beyond = (times[1:] - now[changing.NEXT]) * self.clock.direction >= 0.0
+            count = 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))
             found = self._loops.march_to_each(self._state, self._loops.bound(self.clock, now), times[:count])
             if len(found):
                 return [(self._in_order(q, self._nothing), self._in_order(v, self._nothing)) for q, v in found]
