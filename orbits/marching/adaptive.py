@@ -209,8 +209,8 @@ class Adaptive(ChangingSteps):
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
         numbers = np.zeros(NUMBERS + 1)
-        power = 1.0 / (integrator.stages - 1)
-        numbers[[THETA, TOLERANCE, POWER]] = FIRST_THETA, self.tolerance_for(integrator), power
+        numbers[THETA], numbers[TOLERANCE] = FIRST_THETA, self.tolerance_for(integrator)
+        numbers[POWER] = 1.0 / (integrator.stages - 1)
         numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
         return numbers
 

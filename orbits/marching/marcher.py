@@ -344,7 +344,7 @@ class Marcher:
         """Return whether there may be whole steps left before a place."""
         if self.clock.changes:
             now = self._state["clock"]
-            arrived = self._arrived and now[changing.LIMIT] == place.rest
+            arrived = place.rest == now[changing.TIME] or (self._arrived and now[changing.LIMIT] == place.rest)
             return not arrived and (place.rest - now[changing.NEXT]) * self.clock.direction >= 0.0
         return self.step < place.steps
 
@@ -377,6 +377,8 @@ class Marcher:
         """
         if not self.clock.changes:
             return self.state_after(place.rest)
+        if place.rest == self.time:
+            return self.state()
         copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
         copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
         self._retired.begin()
@@ -392,10 +394,10 @@ class Marcher:
         """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
         others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
         """
-        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1:
+        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1 and times[0] != self.time:
             now = self._state["clock"]
-            ahead = (times[1:] - now[changing.NEXT]) * self.clock.direction < 0.0
-            count = 1 + int(np.argmin(np.append(ahead, False)))
+            beyond = (times[1:] - now[changing.NEXT]) * self.clock.direction >= 0.0
+            count = 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))
             found = self._loops.march_to_each(self._state, self._loops.bound(self.clock, now), times[:count])
             if len(found):
                 return [(self._in_order(q, self._nothing), self._in_order(v, self._nothing)) for q, v in found]
@@ -417,9 +419,16 @@ class Marcher:
         options["retire"] = self._retire
         end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, **options)
         end.restore(self.checkpoint())
-        end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
-        end.advance_to(Place(0, time))
+        end.end_at(time)
         return end
+
+    def end_at(self, time: float) -> None:
+        """March on to end exactly at a time less than a step ahead, from which no march can go on; for clocks whose
+        steps differ. No more states are passed on to be kept. Raises what `advance` raises.
+        """
+        self._keep, self._arrived = None, False
+        self._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, self.time
+        self.advance_to(Place(0, time))
 
     def towards(self, time: float) -> tuple[Marcher, Place]:
         """Return a march of the massive bodies from here that ends exactly at a time less than a step ahead, with dense

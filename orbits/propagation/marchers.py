@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
+from itertools import compress
 from os import PathLike
 from typing import Any
 
@@ -83,8 +84,8 @@ def bound(
         radii=radii,
     )
     if state is None:  # a march from a state of a run must not be refused where the run itself was not
-        massive = np.flatnonzero(system.massive)
-        names = [system.names[k] for k in massive]
+        massive = system.massive
+        names = list(compress(system.names, massive))
         marcher.clock.check_bodies(marcher.parameters, bodies.q[massive], bodies.v[massive], names)
     return marcher
 

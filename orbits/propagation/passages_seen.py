@@ -45,13 +45,13 @@ class Record(NamedTuple):
     @classmethod
     def of(cls, marcher: Marcher, end: float) -> Record:
         """Return the record of a marcher so far, including the rest of the run up to its end, which is less than a
-        step.
+        step; if steps differ, the march itself ends there, and cannot go on.
         """
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
         if marcher.clock.changes:
             if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
                 with suppress(IntegrationError):  # where the run itself failed
-                    marcher = marcher.ended_at(end)
+                    marcher.end_at(end)
             return cls(marcher.approaches(), *marcher.passages(), dominant, reaches, marcher.reading)
         closest, (listed, left_out) = marcher.approaches(), marcher.passages()
         h = marcher.clock.h

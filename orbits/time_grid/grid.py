@@ -57,15 +57,14 @@ class TimeGrid:
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
             raise InputError(f"times have shape {times.shape}; expected at least one time, all finite.")
         onward = times * clock.direction
-        disorder = np.flatnonzero(np.diff(onward) <= 0.0)
-        if onward[0] < 0.0 or disorder.size:
-            k = int(disorder[0]) + 1 if onward[0] >= 0.0 else 0
+        disorder = onward[1:] <= onward[:-1]
+        if onward[0] < 0.0 or disorder.any():
+            k = int(disorder.argmax()) + 1 if onward[0] >= 0.0 else 0
             raise InputError(
                 f"times[{k}] is {times[k]:g}; expected times from 0 on, in ascending order in the direction of "
                 + ("the run." if clock.changes else f"dt = {h:g}.")
             )
-        with np.errstate(over="ignore"):
-            steps = 0.0 if clock.changes else onward[-1] / abs(h)
+        steps = 0.0 if clock.changes else float(onward[-1]) / abs(h)
         if not steps <= MOST_STEPS:
             raise InputError(f"the last of times is {steps:.3g} steps of dt = {h:g} away; at most 2^53 are possible.")
         times.flags.writeable = False
