@@ -88,12 +88,13 @@ def resume(
     Example: orbits resume results/solar_system/run.h5 --until '2000 yr'
     """
     with guarded():
+        from orbits.errors import with_unit
         from orbits.propagation import resume as go_on
         from orbits.scenario.typed import number_or_text
 
         done = go_on(file, until=None if until is None else number_or_text(until), same_bits=not any_bits)
         if until is None and done.statistics is None:
-            further = f"{2 * done.times[-1]:g} {done.system.units.time}".rstrip()
+            further = with_unit(f"{2 * done.times[-1]:g}", done.system.units.time)
             text = f"complete already, nothing was done; extend it with  orbits resume {file} --until '{further}'"
             command.stderr().print(text, markup=False, soft_wrap=True)
         _show(file, done, as_json)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, with_unit
 from orbits.integrators.forms import padded
 from orbits.marching.marcher import steps_apart
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
@@ -62,10 +62,8 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     inside = ((first - times) * direction <= 0.0) & ((last - times) * direction >= 0.0)
     if not inside.all():
         k = int(np.argmin(inside))
-        unit = trajectory.system.units.time
-        raise InputError(
-            f"{what.format(k)} = {times[k]:.10g} lies outside the samples, {first:.10g} ... {last:.10g} {unit}".rstrip()
-        )
+        span = with_unit(f"{first:.10g} ... {last:.10g}", trajectory.system.units.time)
+        raise InputError(f"{what.format(k)} = {times[k]:.10g} lies outside the samples, {span}")
     needed = 48 * len(times) * len(trajectory.names)
     if needed > MEMORY_SHARE * memory():
         raise InputError(

@@ -20,6 +20,7 @@ from orbits.errors import (
     RetiredWarning,
     StepWarning,
     StorageError,
+    with_unit,
 )
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement, kepler_splitting
@@ -208,7 +209,7 @@ def march(
         failure.trajectory = trajectory
         raise failure
     if _was_stopped(stop, trajectory, watch):
-        at = f"{marcher.time:,.6g} of {grid.end:,.6g} {system.units.time}".rstrip()
+        at = with_unit(f"{marcher.time:,.6g} of {grid.end:,.6g}", system.units.time)
         how = (
             f"go on with: orbits resume {writer.path}"
             if writer is not None

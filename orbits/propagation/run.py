@@ -12,7 +12,7 @@ import numpy as np
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller
+from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, with_unit
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation import kepler_splitting, step_check
@@ -219,8 +219,8 @@ def _refuse_endless(system: System, grid: TimeGrid) -> None:
     steps = abs(grid.end) / dynamical_time(system)
     if steps > MOST_STEPS:
         raise InputError(
-            f"duration is {grid.end:g} {system.units.time}, about {steps:.1g} times the dynamical time of the bodies; "
-            "at most 2^53 steps are possible. Use a shorter duration."
+            f"duration is {with_unit(f'{grid.end:g}', system.units.time)}, about {steps:.1g} times the dynamical time "
+            "of the bodies; at most 2^53 steps are possible. Use a shorter duration."
         )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import positive_number
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.events.base import RECORD, Sought
 from orbits.propagation.events.kinds import Distance, pairs_of
@@ -153,7 +153,7 @@ class Conditions:
             return f"the energy error exceeded {self._energy.fraction:g}", self._energy
         found = self._distances[condition]
         names, unit = self._system.names, self._system.units.length
-        distance = f"{math.sqrt(self.stops[condition, 3]):g} {unit}".rstrip()
+        distance = with_unit(f"{math.sqrt(self.stops[condition, 3]):g}", unit)
         if isinstance(found, CloserThan):
             return f"{names[row]} came closer than {distance} to {names[body]}", found
         return f"{names[row]} went farther than {distance} from {names[body]}", found
@@ -180,8 +180,9 @@ class Conditions:
             distance = float(np.linalg.norm(system.values.q[named[0]] - system.values.q[named[1]]))
             if (distance < bound) == isinstance(condition, CloserThan) and distance != bound:
                 raise InputError(
-                    f"{what}: {condition.body} and {condition.other} are {distance:g} {system.units.length} apart at "
-                    f"the start already; the bound is {bound:g}. Give another one."
+                    f"{what}: {condition.body} and {condition.other} are "
+                    f"{with_unit(f'{distance:g}', system.units.length)} apart at the start already; the bound is "
+                    f"{bound:g}. Give another one."
                 )
         kind = CLOSER if isinstance(condition, CloserThan) else FARTHER
         return kind, rows[0], rows[1], bound * bound
@@ -225,7 +226,7 @@ def distances(
     what = type(event).__name__
     bound = float(system.units.length_value(event.distance, what))
     pairs = pairs_of(system, event.body, event.other, what)
-    return Distance(words(f"{bound:g} {system.units.length}".rstrip()), pairs, bound)
+    return Distance(words(with_unit(f"{bound:g}", system.units.length)), pairs, bound)
 
 
 def _check_pair(condition: CloserThan | FartherThan) -> None:

@@ -10,6 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen
+from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
 from orbits.system.model import to_json
 
@@ -72,7 +73,7 @@ def labelled_run(
 
 def span(t: u.Quantity) -> str:
     """Return the range of times of shape (n,) in words."""
-    return f"t = {t[0].value:g} ... {t[-1].value:g} {t.unit}".rstrip() if len(t) else "no samples yet"
+    return with_unit(f"t = {t[0].value:g} ... {t[-1].value:g}", t.unit) if len(t) else "no samples yet"
 
 
 def state_html(system: System) -> str:

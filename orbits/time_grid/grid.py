@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.checks import single_number
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
@@ -169,7 +169,9 @@ class TimeGrid:
             steps = "" if self.clock.changes else f" with steps of {abs(h):g}"
             raise InputError(f"until = {target:g} cannot be reached{steps}; give a nearer time")
         if (target - end) * self.direction < 0.0:
-            raise InputError(f"until = {target:g} lies before the end of the run, {end:g} {system.units.time}")
+            raise InputError(
+                f"until = {target:g} lies before the end of the run, {with_unit(f'{end:g}', system.units.time)}"
+            )
         if target == end:
             return self
         if len(times) < 2:
@@ -216,7 +218,7 @@ def _duration(system: System, duration: Any) -> float:
     if is_date(duration):
         raise InputError(f"duration = {shown(duration)} is a date; expected how long a run is. Its end is until=...")
     if isinstance(duration, str):
-        unit = system.units.time or "units of time"
+        unit = str(system.units.time) or "units of time"
         expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
         duration = quantity_from_text(duration, "duration", expected)
     value = single_number(system.units.time_value(duration, "duration"), "duration")
@@ -265,7 +267,7 @@ def _sample_times(system: System, samples: Any, duration: float) -> Array:
         k = outside[0]
         raise InputError(
             f"samples[{k}] = {times[k]:.10g} lies outside the run from 0 to {duration:.10g} "
-            f"(times count from the epoch, in {system.units.time or 'units of time'})"
+            f"(times count from the epoch, in {str(system.units.time) or 'units of time'})"
         )
     disorder = np.flatnonzero(np.diff(times) * direction <= 0.0)
     if disorder.size:

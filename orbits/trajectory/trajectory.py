@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers, is_whole
-from orbits.errors import ArchiveError, InputError, shown
+from orbits.errors import ArchiveError, InputError, shown, with_unit
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ChangingSteps
@@ -266,7 +266,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             return f"{self.integrator.label}, {self.clock.describe(self.integrator)}"
         if math.isnan(self.step):
             return self.integrator.label
-        return f"{self.integrator.label}, dt = {abs(self.step):g} {self.system.units.time}".rstrip()
+        return f"{self.integrator.label}, dt = {with_unit(f'{abs(self.step):g}', self.system.units.time)}"
 
     def __len__(self) -> int:
         """Return the number of samples."""

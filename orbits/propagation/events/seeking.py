@@ -10,7 +10,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import EventError, InputError, shown
+from orbits.errors import EventError, InputError, shown, with_unit
 from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
@@ -340,7 +340,7 @@ class Seeking:
     def _add(self, row: Array, firm: bool) -> None:
         if self.log.full:
             often = np.bincount(self.log.rows[:, NUMBER].astype(int))
-            most, when = int(np.argmax(often)), f"t = {row[TIME]:.10g} {self._system.units.time}".rstrip()
+            most, when = int(np.argmax(often)), self._when(row[TIME])
             raise EventError(
                 f"there are more than {MOST_EVENTS:,} events by {when}, {often[most]:,} of them "
                 f"{_said(self._bounds[most])}. Seek fewer (a bound, a direction, fewer bodies), or run in parts; all "
@@ -361,14 +361,17 @@ class Seeking:
                 names = [self._system.names[k] for k in both]
                 kinds = [self._bounds[int(row[NUMBER])].words[int(row[RISING])] for row in (one, two)]
                 raise EventError(
-                    f"{kinds[0]!r} and {kinds[1]!r} both act on {names[0]} at t = {one[TIME]:.10g} "
-                    f"{self._system.units.time}; expected one at a time. Let one of them only record.",
+                    f"{kinds[0]!r} and {kinds[1]!r} both act on {names[0]} at {self._when(one[TIME])}; expected one at "
+                    "a time. Let one of them only record.",
                     time=float(one[TIME]),
                     bodies=names,
                 )
 
+    def _when(self, time: float) -> str:
+        return "t = " + with_unit(f"{time:.10g}", self._system.units.time)
+
     def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
-        when = f"t = {error.time:.10g} {self._system.units.time}".rstrip()
+        when = self._when(error.time)
         return EventError(
             f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend "
             "the function; all before stays readable.",
