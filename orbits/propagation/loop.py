@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
@@ -26,6 +26,7 @@ from orbits.integrators.base import Integrator
 from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
 from orbits.propagation.events.base import Happening, Sought
+from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import Followed, Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
@@ -87,9 +88,14 @@ class RunEnds:
         happening = self.events.happening(found, state)
         then = happening.event.then
         if not isinstance(then, str):
-            changed = then.act(happening)
+            try:
+                changed = then.act(happening)
+                if changed is not None and isinstance(marcher, ChangingMarch):
+                    marcher.change(happening.kind, found.time, *state, happening.system, changed)
+            except Exception:
+                self.events.log.drop_from(found.time)  # a run that is resumed acts there
+                raise
             if changed is not None and isinstance(marcher, ChangingMarch):
-                marcher.change(happening.kind, found.time, *state, happening.system, changed)
                 self.events.follow(marcher.now)
             return False
         self.end_at(system, marcher, happening, found.time, state)
@@ -142,7 +148,7 @@ def march(
     begin : opens the archive to write to, if there is one
     """
     begun, known = time.perf_counter(), len(marcher.retired())
-    failure: IntegrationError | StorageError | None = None
+    failure: Any = None  # an IntegrationError, a StorageError, or what a function of the user raised
     writer: ArchiveWriter | None = None
     try:
         # Signals are caught before there is a file, so that no file is left without a message on how to go on.
@@ -159,9 +165,9 @@ def march(
                     _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
                     watch.events.flush()
                     particles.end()
-                except IntegrationError as error:
-                    failure = error
-                    with suppress(EventError):
+                except (IntegrationError, Raised) as error:
+                    failure = error.error if isinstance(error, Raised) else error
+                    with suppress(EventError, Raised):
                         watch.events.flush()
                 finally:
                     bar.close()
@@ -206,7 +212,8 @@ def march(
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise
     if failure is not None:
-        failure.trajectory = trajectory
+        with suppress(AttributeError, TypeError):  # an exception of the user may have no room for it
+            failure.trajectory = trajectory
         raise failure
     if _was_stopped(stop, trajectory, watch):
         at = with_unit(f"{marcher.time:,.6g} of {grid.end:,.6g}", system.units.time)

@@ -102,8 +102,9 @@ def propagate(
     Raises InputError for invalid arguments; UnknownNameError for unknown ones, which for arguments of other packages
     names the equivalent; ConvergenceError or SingularityError if a step of the massive bodies fails (a massless
     particle is retired alone, see `run.retired`, with a `RetiredWarning`); StorageError if writing fails or the archive
-    is deleted or replaced during the run; Interrupted (a KeyboardInterrupt) after Ctrl-C, SIGTERM or SIGHUP. All except
-    the first two have the samples so far as `.trajectory`.
+    is deleted or replaced during the run; Interrupted (a KeyboardInterrupt) after Ctrl-C, SIGTERM or SIGHUP; and what
+    your own functions raise, in `events` or `callback`. All except the first two have the samples so far as
+    `.trajectory`.
     """
     for name in others:
         raise unknown_argument(propagate, name)
@@ -239,8 +240,8 @@ def resume(
     until : for a finished run, the date or the time since the epoch to which it is extended, as in `propagate`, with
         samples as dense as before; None completes an interrupted run
     events : those of the run, if an archive cannot hold them: functions of your own, and what acts. Others are known
-    same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change;
-        False resumes anyway
+    same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change, and
+        functions in `events` whose code is not that of the run; False resumes anyway
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
@@ -253,8 +254,8 @@ def resume(
     try:
         system = old.system
         integrator, _ = made_by(old)
-        changed = differences(old.provenance)
-        if changed and checked_flag(same_bits, "same_bits"):
+        changed, exactly = differences(old.provenance), checked_flag(same_bits, "same_bits")
+        if changed and exactly:
             raise ArchiveError(
                 f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out "
                 "differently here. Resume with same_bits=False (--any-bits) to accept that."
@@ -265,7 +266,7 @@ def resume(
         if old.committed == len(grid):
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
-        seeking = sought_again(old, events, path)
+        seeking = sought_again(old, events, path, exactly)
         marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)

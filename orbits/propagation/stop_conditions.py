@@ -17,6 +17,7 @@ from orbits.checks import positive_number
 from orbits.errors import InputError, shown, with_unit
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.events.base import RECORD, Sought
+from orbits.propagation.events.functions import calling, named
 from orbits.propagation.events.kinds import Distance, pairs_of
 from orbits.units import quantity_from_text
 
@@ -212,11 +213,14 @@ def check_callback(callback: Any) -> None:
 
 
 def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity, system: System) -> bool:
-    """Return whether a callback ends the run. Raises InputError for an answer that is not True, False or None."""
-    answer = callback(t, system)
-    if answer is None or isinstance(answer, bool | np.bool_):
-        return bool(answer)
-    raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
+    """Return whether a callback ends the run. Raises `Raised` with what it raises, and with an InputError for an
+    answer that is not True, False or None.
+    """
+    with calling(f"callback={named(callback)}, at t = {t:.10g}"):
+        answer = callback(t, system)
+        if answer is None or isinstance(answer, bool | np.bool_):
+            return bool(answer)
+        raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
 
 
 def distances(

@@ -39,6 +39,10 @@ MOST_EVENTS = 1 << 15
 """The most events of a run: room for as many is kept in each of the two checkpoints of an archive."""
 
 
+BROKEN = -1
+"""Stands in a checkpoint for the number of rows that are firm, if the search for events failed."""
+
+
 @dataclass(frozen=True)
 class FoundEvent:
     """One event of a run.

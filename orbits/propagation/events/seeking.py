@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, InputError, shown, with_unit
 from orbits.marching.motion import Collected, Motion
-from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
+from orbits.propagation.acting import OfTwo
+from orbits.propagation.events.base import NOBODY, Action, Bound, Happening, Sought, Touching
+from orbits.propagation.events.functions import Raised, description
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.propagation.events.subjects import by_particles
@@ -147,8 +149,7 @@ class Seeking:
         return described(
             {
                 "kind": type(event).__name__,
-                "given": _plain(event.given()) if event.stored else None,
-                "then": event.then if isinstance(event.then, str) else repr(event.then),
+                **_given(event),
                 "words": [bound.words for of, bound in zip(self._of, self._bounds, strict=True) if of is event],
             }
             for event in self.events
@@ -274,7 +275,11 @@ class Seeking:
         if not len(motion):
             return None
         stretch = Stretch(motion, self._there, self._needed)
-        return self._take(*self._found(stretch), stretch.times, firm, record, until)
+        try:
+            return self._take(*self._found(stretch), stretch.times, firm, record, until)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
 
     def _take(
         self,
@@ -381,6 +386,22 @@ class Seeking:
 
 def _said(bound: Bound) -> str:
     return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
+
+
+def _given(event: Sought) -> dict[str, Any]:
+    """Return what an event was given, as an archive holds it: `given` is None if functions are only described."""
+    known: dict[str, Any] = {"given": _plain(event.given()), "then": event.then}
+    if not event.stored:
+        known["given"], known["of"] = None, {name: _told(value) for name, value in event.given().items()}
+    if isinstance(event.then, OfTwo):
+        known["then"] = repr(event.then)
+    elif isinstance(event.then, Action):
+        known |= {"then": "a function", "does": description(getattr(event.then, "function", event.then))}
+    return known
+
+
+def _told(value: Any) -> Any:
+    return description(value) if callable(value) or hasattr(value, "free_symbols") else value
 
 
 def _plain(given: dict[str, Any]) -> dict[str, Any]:
