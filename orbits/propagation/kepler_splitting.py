@@ -77,9 +77,9 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
-            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below "
-            f"{LEAST_STEPS} they are in resonance with it; dt <= {in_digits(enough, units.time, 2)} resolves it, or leave dt and the method "
-            "away: steps are then chosen one by one.",
+            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} "
+            f"they are in resonance with it; dt <= {in_digits(enough, units.time, 2)} resolves it, or leave dt and the "
+            "method away: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
         )
