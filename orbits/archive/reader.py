@@ -17,12 +17,14 @@ from orbits.archive import schema
 from orbits.archive.chunks import Chunks, samples_crc, whole_chunks
 from orbits.archive.commits import CHUNK, ROW, ROW_BYTES, SLOTS, Commit, decoded
 from orbits.archive.creation import busy
+from orbits.archive.ended import Ended, ended_in
 from orbits.archive.header import Header
 from orbits.archive.samples import Samples
 from orbits.archive.schema import Layout
 from orbits.archive.steps import KEPT, ArchivedSteps
 from orbits.archive.storage import Storage, raw_bytes
 from orbits.errors import ArchiveError
+from orbits.marching import changing
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -188,8 +190,25 @@ class Archive:
 
     @property
     def complete(self) -> bool:
-        """Whether all samples of the run are stored."""
-        return self.committed == len(self.times)
+        """Whether all samples of the run are stored, and the run came to its end."""
+        return self.committed == len(self.times) and (self.ended.finished or not self.grid.goes_on)
+
+    @property
+    def ended(self) -> Ended:
+        """How the run ended, if it did."""
+        return ended_in(self._checkpoint)
+
+    @property
+    def reached(self) -> float:
+        """The time that the run has reached, since the epoch; in a salvaged file that of the last sample."""
+        known: list[float] = [0.0, *self.times[: self.committed][-1:].tolist()]
+        if self._checkpoint is not None and self.grid.clock.changes:
+            known += self._checkpoint["clock"][changing.TIME : changing.TIME + 1].tolist()
+        elif self._checkpoint is not None:
+            known.append(float(self.grid.clock.time(int(self._checkpoint["counts"][0]))))
+        if self.ended.time is not None:
+            known.append(self.ended.time)
+        return max(known, key=lambda time: time * self.grid.direction)
 
     def checkpoint(self) -> Checkpoint:
         """Return the state from which to resume, committed with the last sample. Raises ArchiveError if salvaged."""

@@ -182,5 +182,5 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
 
 def _end(run: Trajectory, seen: Seen) -> float:
     """Return the time at which a run ended: that of its last sample or, if it was stopped, of its last step."""
-    last = float(run.times[-1]) if len(run.times) else 0.0
+    last = run.reached if run.complete else run.last_time
     return max(last, float(run.clock.time(seen.end)), key=abs)

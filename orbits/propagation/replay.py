@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from orbits.propagation.approaches import Approaches
     from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Seen
+    from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
@@ -80,6 +81,17 @@ class Replay:
         q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
         rows = retirements(listed, q, v, particles, clocks)
         return RetiredParticles.of(run.system, run.clock, rows)
+
+    def stopped(self, run: Trajectory) -> Stop:
+        """Return why and where a run in an archive was ended."""
+        from astropy import units as u
+
+        from orbits.propagation.stop_conditions import Stop
+
+        assert run.archive is not None
+        ended = run.archive.ended
+        time = run.reached if ended.time is None else ended.time
+        return Stop(ended.why, None, u.Quantity(time, run.system.units.time), self.at(run, time))
 
 
 REPLAY = Replay()

@@ -77,8 +77,9 @@ def propagate(
     duration : the length of the run: a quantity, a number or a text ("10 yr"); negative for backwards in time
     until : instead, its end: a date (a Time, "2030-01-01", a datetime64; TDB if no scale is given), or a time since
         the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
-    samples : a number of samples, including both ends, or a sequence of times in the formats of `until`; a sample off
-        the grid of steps is computed by a partial step on a copy, so that samples never change the run
+    samples : a number of samples, including both ends, or a sequence of times in the formats of `until`, within the
+        run, which goes on to its end wherever they are; a sample off the grid of steps is computed by a partial step on
+        a copy, so that samples never change the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
     overwrite : whether an existing archive may be replaced
     certificate : True certifies the integrator on this system with this step before the run, as `orbits.certify`
@@ -263,7 +264,7 @@ def resume(
         if until is not None and not old.complete:
             raise ArchiveError(f"the run in {path} is not complete yet: resume it without until=..., then extend it")
         grid = old.grid if until is None else old.grid.extended(system, until)
-        if old.committed == len(grid):
+        if old.committed == len(grid) and old.complete:
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
         seeking = sought_again(old, events, path, exactly)
@@ -301,7 +302,7 @@ def _last_sample(archive: Archive) -> Sample | None:
 def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> None:
     """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
     if grid.clock.changes:
-        following = float(grid.times[committed])
+        following = float(grid.goals[committed])
         if not (following - marcher.time) * grid.direction >= 0.0:
             raise ArchiveError(
                 f"{path} is damaged: its checkpoint is at {marcher.time:.10g}, behind the next sample, "

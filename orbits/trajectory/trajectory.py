@@ -58,13 +58,16 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     complete : whether all requested samples are there
     path, archive : the archive that samples are read from, or None
     certificate : the certificate of the integrator, if it was measured before the run (see `orbits.certify`)
-    stopped : why and where a condition or a callback ended the run, or None
+    stopped : why and where an event, a condition or a callback ended the run, or None
     record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
     kept : the states at the beginnings of all steps (see `orbits.marching.kept_steps`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
+
+    span : the times from and up to which the run was marched, since the epoch, in the unit of time; None for samples
+        alone, as those of run[10:20]
 
     run.t, run.q, run.v have units; run["Ceres"] is the trajectory of one body, run[-1] the `System` at the last sample,
     run[10:20] a `Trajectory` of some of the samples. Massless particles that could not be integrated any further are
@@ -114,7 +117,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.path = path
         self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
-        self.stopped = stopped
+        self.span: tuple[float, float] | None = None
+        self._stopped = stopped
         self.archive: Archive | None = None
         self.record = record
         self.passages: Any = None
@@ -173,6 +177,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             raise
         run.archive = archive
         run.changes = changes_of(archive)
+        run.span = 0.0, archive.reached
         return run
 
     def close(self) -> None:
@@ -394,8 +399,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known: dict[str, Any] = {"stopped": self.stopped, "record": self.record, "_again": self._again}
-        known |= {"_retired": self.retired, "_events": self.events}
+        known: dict[str, Any] = {"_stopped": self.stopped, "span": self.span, "record": self.record}
+        known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
@@ -422,6 +427,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         state = "" if self.complete else ", incomplete"
         lost = f" ({len(self.retired):,} retired)" if len(self.retired) else ""
         what = f"{len(self.names)} bodies{lost}, {len(self)} samples, {span(self.t)}"
+        if self.reached != self.last_time and (self.complete or self.has_stopped):
+            what += f" of a run to {self.reached:.6g}"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
 
     def sample(self, k: int) -> tuple[Array, Array]:
