@@ -57,12 +57,21 @@ def labelled_run(
     v: Floats,
     bodies: Sequence[str] | None,
     known: Mapping[str, str | float],
+    over: Sequence[Floats] | None = None,
 ) -> Labelled:
-    """Return samples of a run as named arrays; `times` (n,), q and v (n, bodies, 3) in the system's units."""
+    """Return samples of a run as named arrays; `times` (n,), q and v (n, bodies, 3) in the system's units.
+
+    over : GM and radii at each time, (n, bodies), if they change
+    """
     pick = chosen(system.names, bodies)
     units = system.units
     start = labelled_state(system, bodies)
     variables = {key: start.variables[key] for key in ("gm", "radius") if key in start.variables}
+    if over is not None:
+        changing = zip(("gm", "radius"), over, strict=True)
+        variables = {
+            key: Variable(x[:, pick], variables[key].unit, ("time", "body")) for key, x in changing if key in variables
+        }
     variables |= {
         "q": Variable(q[:, pick], units.length, ("time", "body", "component")),
         "v": Variable(v[:, pick], units.speed, ("time", "body", "component")),

@@ -255,9 +255,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     @property
     def legs(self) -> tuple[Leg, ...]:
-        """The parts of the run in which bodies and masses stay the same: each with its time, names, GM and radii.
+        """The parts of the run in which bodies, masses and radii stay the same: each with its time, names, GM, radii.
 
-        A run in which no bodies merge has one.
+        A run in which no bodies merge, and no event changes masses or radii, has one.
         """
         changes = self.changes or Changes(self.system, no_changes(), self.clock.direction)
         return changes.legs()
@@ -317,23 +317,21 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
         primary : a body, "barycentre" or "jacobi"; optional if only one body has mass
         frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `System.add`
+        Bodies that merged before the first of these samples are left out.
         Raises as `System.elements` does.
         """
-        if self.changes is not None and self.changes.acted_on_massive:
-            raise InputError(
-                "in this run bodies merge, bounce, or are changed at events, so that elements may have no common "
-                "masses; take them sample by sample: run[k].elements()."
-            )
         values = self.system.values
-        primary = primary_name(self.names, values.gm, primary)
-        q, v = _as_array(self._q), _as_array(self._v)
+        there, gm = self._common_masses()
+        names = tuple(name for name, stays in zip(self.names, there, strict=True) if stays)
+        primary = primary_name(names, gm, primary)
+        q, v = (_as_array(x) if there.all() else _as_array(x)[:, there] for x in (self._q, self._v))
         gone = None
         if len(self.retired):
-            gone = absent(q, v, self.system.massive)
-            q, v = (np.where(gone[..., None], x, y) for x, y in ((values.q, q), (values.v, v)))
+            gone = absent(q, v, self.system.massive[there])
+            q, v = (np.where(gone[..., None], x, y) for x, y in ((values.q[there], q), (values.v[there], v)))
         found = osculating(
-            self.names,
-            values.gm,
+            names,
+            gm,
             q,
             v,
             units=self.system.units,
@@ -342,7 +340,22 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             t=self.times,
             epoch=self.system.epoch,
         )
-        return found if gone is None else found.blank(gone[:, [self.names.index(name) for name in found.names]])
+        return found if gone is None else found.blank(gone[:, [names.index(name) for name in found.names]])
+
+    def _common_masses(self) -> tuple[NDArray[np.bool_], Array]:
+        """Return which bodies are there at all samples, (bodies,), and their GM. Raises InputError if that changes."""
+        there = np.ones(len(self.names), dtype=bool)
+        if self.changes is None or not self.changes.acted_on_massive or not len(self):
+            return there, self.system.values.gm
+        bodies = self.changes.over(self.times)
+        if (bodies.gm != bodies.gm[0]).any() or (bodies.present != bodies.present[0])[:, self.system.massive].any():
+            raise InputError(
+                "bodies merge, or masses change, between these samples, so that their elements have no common masses; "
+                "take them sample by sample, run[k].elements(), or from samples between two changes, "
+                "run[10:20].elements(); run.legs has the times of the changes."
+            )
+        there = bodies.present[0] | ~self.system.massive
+        return there, bodies.gm[0, there]
 
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
@@ -393,7 +406,12 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             known["steps"] = self.clock.attribute(self.integrator)
         elif not math.isnan(self.step):
             known["dt"] = abs(self.step)
-        return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
+        over = None
+        if self.changes is not None and len(self.legs) > 1:
+            bodies_then = self.changes.over(self.times)
+            massless = ~self.system.massive  # those that are retired keep the radius that they had
+            over = tuple(np.where(bodies_then.present | massless, x, np.nan) for x in bodies_then[1:])
+        return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known, over)
 
     def __reduce__(self) -> Any:
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
@@ -425,11 +443,20 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     def __repr__(self) -> str:
         where = f", in {self.path}" if self.path else ""
         state = "" if self.complete else ", incomplete"
-        lost = f" ({len(self.retired):,} retired)" if len(self.retired) else ""
+        gone = {"merged": self._merged(), "retired": len(self.retired)}
+        lost = ", ".join(f"{count:,} {how}" for how, count in gone.items() if count)
+        lost = f" ({lost})" if lost else ""
         what = f"{len(self.names)} bodies{lost}, {len(self)} samples, {span(self.t)}"
         if self.reached != self.last_time and (self.complete or self.has_stopped):
             what += f" of a run to {self.reached:.6g}"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
+
+    def _merged(self) -> int:
+        """Return how many massive bodies are gone by the end of the run, or the last of these samples."""
+        if self.changes is None:
+            return 0
+        end = self.changes.bodies_at(self.last_time if self.span is None else self.span[1])
+        return int((self.system.massive & ~end.present).sum())
 
     def sample(self, k: int) -> tuple[Array, Array]:
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
