@@ -82,7 +82,9 @@ def labelled_run(
 
 def span(t: u.Quantity) -> str:
     """Return the range of times of shape (n,) in words."""
-    return with_unit(f"t = {t[0].value:g} ... {t[-1].value:g}", t.unit) if len(t) else "no samples yet"
+    if not len(t):
+        return "no samples yet"
+    return with_unit(f"t = {t[0].value:g}" + (f" ... {t[-1].value:g}" if len(t) > 1 else ""), t.unit)
 
 
 def state_html(system: System) -> str:

@@ -189,6 +189,23 @@ class Events(Sequence[FoundEvent]):
             columns["angle"] = self.angle
         return QTable(columns, meta={} if self._system is None else attributes(self._system))
 
+    def to_records(self) -> list[dict[str, Any]]:
+        """Return records for JSON, in the units of the system; angles in degrees."""
+        return [
+            {
+                "kind": event.kind,
+                "body": event.body,
+                "other": event.other,
+                "time": float(event.time.value),
+                "date": None if event.date is None else event.date.isot,
+                **{
+                    name: None if figure is None else float(figure.value)
+                    for name, figure in (("distance", event.distance), ("speed", event.speed), ("angle", event.angle))
+                },
+            }
+            for event in self
+        ]
+
     def to_pandas(self) -> pandas.DataFrame:
         """Return a pandas DataFrame with the columns of `to_table`; dates are datetime64[us] in TDB.
 

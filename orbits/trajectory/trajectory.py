@@ -446,9 +446,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         gone = {"merged": self._merged(), "retired": len(self.retired)}
         lost = ", ".join(f"{count:,} {how}" for how, count in gone.items() if count)
         lost = f" ({lost})" if lost else ""
-        what = f"{len(self.names)} bodies{lost}, {len(self)} samples, {span(self.t)}"
+        what = f"{len(self.names)} bodies{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
         if self.reached != self.last_time and (self.complete or self.has_stopped):
-            what += f" of a run to {self.reached:.6g}"
+            what += f" of a run to {with_unit(f'{self.reached:.6g}', self.system.units.time)}"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
 
     def _merged(self) -> int:

@@ -390,9 +390,11 @@ def _said(bound: Bound) -> str:
 
 def _given(event: Sought) -> dict[str, Any]:
     """Return what an event was given, as an archive holds it: `given` is None if functions are only described."""
-    known: dict[str, Any] = {"given": _plain(event.given()), "then": event.then}
-    if not event.stored:
-        known["given"], known["of"] = None, {name: _told(value) for name, value in event.given().items()}
+    known: dict[str, Any] = {"given": None, "then": event.then}
+    if event.stored:
+        known["given"] = {name: _plain(value) for name, value in event.given().items()}
+    else:
+        known["of"] = {name: _told(value) for name, value in event.given().items()}
     if isinstance(event.then, OfTwo):
         known["then"] = repr(event.then)
     elif isinstance(event.then, Action):
@@ -401,12 +403,13 @@ def _given(event: Sought) -> dict[str, Any]:
 
 
 def _told(value: Any) -> Any:
-    return description(value) if callable(value) or hasattr(value, "free_symbols") else value
+    return description(value) if callable(value) or hasattr(value, "free_symbols") else _plain(value)
 
 
-def _plain(given: dict[str, Any]) -> dict[str, Any]:
-    """Return fields as JSON can hold them: quantities as texts, with all their digits."""
-    return {
-        name: f"{value.value!r} {value.unit}" if isinstance(value, u.Quantity) else value
-        for name, value in given.items()
-    }
+def _plain(value: Any) -> Any:
+    """Return a field as JSON can hold it: quantities as texts, with all their digits."""
+    if isinstance(value, u.Quantity):
+        return f"{float(value.value)!r} {value.unit}" if value.isscalar else [_plain(x) for x in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value
