@@ -201,14 +201,13 @@ class Archive:
     @property
     def reached(self) -> float:
         """The time that the run has reached, since the epoch; in a salvaged file that of the last sample."""
-        known: list[float] = [0.0, *self.times[: self.committed][-1:].tolist()]
-        if self._checkpoint is not None and self.grid.clock.changes:
-            known += self._checkpoint["clock"][changing.TIME : changing.TIME + 1].tolist()
-        elif self._checkpoint is not None:
-            known.append(float(self.grid.clock.time(int(self._checkpoint["counts"][0]))))
+        last = float(self.times[self.committed - 1]) if self.committed else 0.0
+        known = [last, *_reading(self._checkpoint, self.grid)]
         if self.ended.time is not None:
             known.append(self.ended.time)
-        return max(known, key=lambda time: time * self.grid.direction)
+        furthest = max(known, key=lambda time: time * self.grid.direction)
+        following = float(self.grid.goals[min(self.committed, len(self.grid.goals) - 1)])
+        return min(furthest, following, key=lambda time: time * self.grid.direction)
 
     def checkpoint(self) -> Checkpoint:
         """Return the state from which to resume, committed with the last sample. Raises ArchiveError if salvaged."""
@@ -255,6 +254,15 @@ class Archive:
     def __repr__(self) -> str:
         state = "complete" if self.complete else "not complete"
         return f"<Archive {self.path}: {self.committed} of {len(self.times)} samples, {state}>"
+
+
+def _reading(checkpoint: Checkpoint | None, grid: TimeGrid) -> list[float]:
+    """Return the time of a march at its checkpoint, if that is one of a run."""
+    name, place = ("clock", changing.TIME) if grid.clock.changes else ("counts", 0)
+    array = None if checkpoint is None else checkpoint.get(name)
+    if array is None or array.ndim != 1 or len(array) <= place or not np.isfinite(array[place]):
+        return []
+    return [float(array[place]) if grid.clock.changes else float(grid.clock.time(float(array[place])))]
 
 
 def opened(path: Path, flags: int) -> Storage:
