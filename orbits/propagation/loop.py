@@ -200,7 +200,9 @@ def march(
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
-    if not (isinstance(marcher, ChangingMarch) and marcher.changed):
+    if isinstance(marcher, ChangingMarch) and marcher.changed:
+        trajectory.kept = None  # steps are of the bodies of the start
+    else:
         end = trajectory.reached if trajectory.complete else trajectory.last_time
         trajectory.record = Record.of(of_this_leg(marcher), end)
     try:

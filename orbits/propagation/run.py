@@ -93,7 +93,8 @@ def propagate(
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
         about close passages that the step did not resolve (see `run.closest_approaches()`)
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
-        once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same
+        once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
+        an event changes the bodies there is a warning, and `run.at` marches from the samples, as without it
     progress : None or True shows a progress bar on a terminal, False does not
     threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
         the result do not depend on it
@@ -129,6 +130,13 @@ def propagate(
         threads=threads,
     )
     merged = run.changes is not None and run.changes.acted_on_massive
+    if merged and dense:
+        warnings.warn(
+            "dense=True: no steps are kept of a run in which events change the bodies; run.at(times) marches on from "
+            "the preceding sample, through the changes: its answers are right, but take longer.",
+            OrbitsWarning,
+            stacklevel=level_of_caller(),
+        )
     if estimated and merged:
         warnings.warn(
             "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at "
@@ -275,7 +283,8 @@ def resume(
             seeking.follow(marcher.now)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
-        steps = continued(old, of_this_leg(marcher))
+        changed_before = isinstance(marcher, ChangingMarch) and marcher.changed
+        steps = None if changed_before else continued(old, of_this_leg(marcher))
     except BaseException:
         old.close()
         raise

@@ -177,6 +177,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             raise
         run.archive = archive
         run.changes = changes_of(archive)
+        if run.changes is not None and run.changes.acted_on_massive:
+            run.kept = None  # steps are of the bodies of the start
         run.span = 0.0, archive.reached
         return run
 
@@ -430,6 +432,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         epoch = self.system.epoch
         pairs = {"bodies": few(self.names), "epoch": "none" if epoch is None else f"{epoch.isot} TDB"}
         pairs |= {"units": self.system.units.name}
+        if self._stopped is not None:
+            pairs |= {"stopped": self._stopped.reason}
+        elif self.archive is not None and self.archive.ended.how:
+            pairs |= {self.archive.ended.how: self.archive.ended.why}
         if len(self.retired):
             pairs |= {"retired": few(self.retired.names)}
         if self.statistics is not None:
