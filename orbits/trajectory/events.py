@@ -66,7 +66,12 @@ class FoundEvent:
     def __str__(self) -> str:
         when = f"t = {self.time:.10g}" if self.date is None else f"{self.date.iso[:19]} TDB, t = {self.time:.10g}"
         bodies = " and ".join(name for name in (self.body, self.other) if name is not None)
-        figures = [f"{x:.6g}" for x in (self.distance, self.speed, self.angle) if x is not None]
+        known = {"distance": self.distance, "speed": self.speed, "angle": self.angle}
+        figures = [
+            f"{x:.6g}" if str(x.unit) else f"{name} {x:.6g}"  # a number alone would say nothing
+            for name, x in known.items()
+            if x is not None
+        ]
         return ", ".join([f"{when}: {self.kind}" + f" of {bodies}" * bool(bodies), *figures])
 
 

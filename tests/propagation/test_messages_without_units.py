@@ -58,3 +58,10 @@ def test_an_extension_that_goes_back_names_the_end_without_a_gap(tmp_path: Any) 
 
 def test_a_unit_is_shown_if_there_is_one() -> None:
     assert (with_unit("2", "AU"), with_unit(2, ""), with_unit("2", orbits.DIMENSIONLESS.length)) == ("2 AU", "2", "2")
+
+
+def test_an_event_and_an_approach_name_their_figures_where_no_unit_does() -> None:
+    run = orbits.propagate(PAIR, duration=8.0, events=orbits.CloseApproach("star", "planet"))
+    assert re.search(r"close approach of star and planet, distance [0-9.]+, speed [0-9.]+$", str(run.events[0]))
+    nearest = str(run.closest_approaches()["planet"][0])
+    assert re.search(r"planet to star: [0-9.]+ at t = [0-9.]+, speed [0-9.]+$", nearest)
