@@ -133,6 +133,11 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
+def with_unit(figure: object, unit: object) -> str:
+    """Return a figure with its unit as it is shown in messages: "2 AU", and "2" in a system without units."""
+    return f"{figure} {unit}".rstrip()
+
+
 def level_of_caller() -> int:
     """Return the `stacklevel` that makes a warning point to the line outside this package that led to it."""
     package = os.path.dirname(__file__) + os.sep

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits._version import __version__
+from orbits.archive.ended import ENDED
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators import named
@@ -114,7 +115,7 @@ def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: st
     Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    beside = {ACCOUNTS, *EVENTS}
+    beside = {ACCOUNTS, ENDED, *EVENTS}
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name not in beside}
     for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:

@@ -158,7 +158,7 @@ class Seen:
                     f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
                     "behind the end of the run. Restore it from a copy."
                 )
-            record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+            record = Record.of(marcher, trajectory.reached if trajectory.complete else trajectory.last_time)
         return cls(trajectory.system, record, trajectory.clock)
 
     @cached_property

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from orbits.propagation.approaches import Approaches
     from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Seen
+    from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
@@ -27,7 +28,7 @@ class Replay:
         """Return a march of a run from its initial state."""
         from orbits.propagation.marchers import bound
 
-        _refuse_legs(run, "run.begun() and run.to_spk() march with")
+        _refuse_legs(run, "run.to_spk() and run.begun() march")
         return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
@@ -63,7 +64,7 @@ class Replay:
         """Return the error bars of a run, from two companions."""
         from orbits.propagation.error_estimate import error_bars
 
-        _refuse_legs(run, "run.error_estimate() marches companions with")
+        _refuse_legs(run, "the companions of run.error_estimate() march")
         return error_bars(run)
 
     def retired(self, run: Trajectory) -> RetiredParticles:
@@ -81,6 +82,17 @@ class Replay:
         rows = retirements(listed, q, v, particles, clocks)
         return RetiredParticles.of(run.system, run.clock, rows)
 
+    def stopped(self, run: Trajectory) -> Stop:
+        """Return why and where a run in an archive was ended."""
+        from astropy import units as u
+
+        from orbits.propagation.stop_conditions import Stop
+
+        assert run.archive is not None
+        ended = run.archive.ended
+        time = run.reached if ended.time is None else ended.time
+        return Stop(ended.why, None, u.Quantity(time, run.system.units.time), self.at(run, time))
+
 
 REPLAY = Replay()
 
@@ -89,14 +101,14 @@ def _refuse_legs(run: Trajectory, what: str) -> None:
     """Raise InputError for a run whose massive bodies changed on the way."""
     if run.changes is not None and run.changes.acted_on_massive:
         raise InputError(
-            f"{what} the same bodies from start to end, but in this run bodies merge, bounce, or are changed at "
-            "events. These are in run.events; run.at(times) and the samples go through them."
+            f"{what} the same bodies from start to end, but in this run bodies merge, bounce, or are changed at events "
+            "(see run.events and run.legs). run.at(times) and the samples go through these changes."
         )
 
 
 def seen_by(run: Trajectory) -> Seen:
     """Return the passages of a run, which are determined once and stored with it."""
-    _refuse_legs(run, "run.closest_approaches() and run.unresolved() know runs of")
+    _refuse_legs(run, "run.closest_approaches() and run.unresolved() follow")
     if run.record is None and run.archive is None:
         raise InputError(
             f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "

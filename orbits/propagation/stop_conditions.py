@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import positive_number
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.events.base import RECORD, Sought
+from orbits.propagation.events.functions import calling, named
 from orbits.propagation.events.kinds import Distance, pairs_of
 from orbits.units import quantity_from_text
 
@@ -153,7 +154,7 @@ class Conditions:
             return f"the energy error exceeded {self._energy.fraction:g}", self._energy
         found = self._distances[condition]
         names, unit = self._system.names, self._system.units.length
-        distance = f"{math.sqrt(self.stops[condition, 3]):g} {unit}".rstrip()
+        distance = with_unit(f"{math.sqrt(self.stops[condition, 3]):g}", unit)
         if isinstance(found, CloserThan):
             return f"{names[row]} came closer than {distance} to {names[body]}", found
         return f"{names[row]} went farther than {distance} from {names[body]}", found
@@ -180,8 +181,9 @@ class Conditions:
             distance = float(np.linalg.norm(system.values.q[named[0]] - system.values.q[named[1]]))
             if (distance < bound) == isinstance(condition, CloserThan) and distance != bound:
                 raise InputError(
-                    f"{what}: {condition.body} and {condition.other} are {distance:g} {system.units.length} apart at "
-                    f"the start already; the bound is {bound:g}. Give another one."
+                    f"{what}: {condition.body} and {condition.other} are "
+                    f"{with_unit(f'{distance:g}', system.units.length)} apart at the start already; the bound is "
+                    f"{bound:g}. Give another one."
                 )
         kind = CLOSER if isinstance(condition, CloserThan) else FARTHER
         return kind, rows[0], rows[1], bound * bound
@@ -211,11 +213,14 @@ def check_callback(callback: Any) -> None:
 
 
 def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity, system: System) -> bool:
-    """Return whether a callback ends the run. Raises InputError for an answer that is not True, False or None."""
-    answer = callback(t, system)
-    if answer is None or isinstance(answer, bool | np.bool_):
-        return bool(answer)
-    raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
+    """Return whether a callback ends the run. Raises `Raised` with what it raises, and with an InputError for an
+    answer that is not True, False or None.
+    """
+    with calling(f"callback={named(callback)}, at t = {t:.10g}"):
+        answer = callback(t, system)
+        if answer is None or isinstance(answer, bool | np.bool_):
+            return bool(answer)
+        raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
 
 
 def distances(
@@ -225,7 +230,7 @@ def distances(
     what = type(event).__name__
     bound = float(system.units.length_value(event.distance, what))
     pairs = pairs_of(system, event.body, event.other, what)
-    return Distance(words(f"{bound:g} {system.units.length}".rstrip()), pairs, bound)
+    return Distance(words(with_unit(f"{bound:g}", system.units.length)), pairs, bound)
 
 
 def _check_pair(condition: CloserThan | FartherThan) -> None:

@@ -74,8 +74,8 @@ def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
     match = re.fullmatch(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*", dt)
     if match is None:
         expected = (
-            f'a quantity (6 * u.day), a number in {system.units.time or "units of time"}, a text with a unit ("6 d"), '
-            'or a fraction of the shortest period ("P/20")'
+            f'a quantity (6 * u.day), a number in {str(system.units.time) or "units of time"}, a text with a unit '
+            '("6 d"), or a fraction of the shortest period ("P/20")'
         )
         return quantity_from_text(dt, what, expected)
     period, parts = fastest_passage_of(system, span)[5], float(match[1])

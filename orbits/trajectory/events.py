@@ -39,6 +39,10 @@ MOST_EVENTS = 1 << 15
 """The most events of a run: room for as many is kept in each of the two checkpoints of an archive."""
 
 
+BROKEN = -1
+"""Stands in a checkpoint for the number of rows that are firm, if the search for events failed."""
+
+
 @dataclass(frozen=True)
 class FoundEvent:
     """One event of a run.
@@ -62,7 +66,12 @@ class FoundEvent:
     def __str__(self) -> str:
         when = f"t = {self.time:.10g}" if self.date is None else f"{self.date.iso[:19]} TDB, t = {self.time:.10g}"
         bodies = " and ".join(name for name in (self.body, self.other) if name is not None)
-        figures = [f"{x:.6g}" for x in (self.distance, self.speed, self.angle) if x is not None]
+        known = {"distance": self.distance, "speed": self.speed, "angle": self.angle}
+        figures = [
+            f"{x:.6g}" if str(x.unit) else f"{name} {x:.6g}"  # a number alone would say nothing
+            for name, x in known.items()
+            if x is not None
+        ]
         return ", ".join([f"{when}: {self.kind}" + f" of {bodies}" * bool(bodies), *figures])
 
 
@@ -184,6 +193,23 @@ class Events(Sequence[FoundEvent]):
         if np.isfinite(self._rows[:, ANGLE]).any():
             columns["angle"] = self.angle
         return QTable(columns, meta={} if self._system is None else attributes(self._system))
+
+    def to_records(self) -> list[dict[str, Any]]:
+        """Return records for JSON, in the units of the system; angles in degrees."""
+        return [
+            {
+                "kind": event.kind,
+                "body": event.body,
+                "other": event.other,
+                "time": float(event.time.value),
+                "date": None if event.date is None else event.date.isot,
+                **{
+                    name: None if figure is None else float(figure.value)
+                    for name, figure in (("distance", event.distance), ("speed", event.speed), ("angle", event.angle))
+                },
+            }
+            for event in self
+        ]
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a pandas DataFrame with the columns of `to_table`; dates are datetime64[us] in TDB.

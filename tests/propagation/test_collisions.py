@@ -309,7 +309,7 @@ def test_work_of_forces_is_accounted_for_over_legs() -> None:
     [
         ({"radii": None}, r"collisions need radii, and the bodies have none. Give them: system.add\(..., radius"),
         ({"radii": [0.0, 0.0]}, "collisions need radii"),
-        ({"radii": [1.5, 0.6]}, "a and b are 2 .* apart at the start, less than their radii together, 2.1"),
+        ({"radii": [1.5, 0.6]}, r"a and b are 2 apart at the start, less than their radii together, 2\.1\. Move"),
     ],
 )
 def test_radii_that_are_missing_or_overlap_are_refused(change: dict[str, object], message: str) -> None:
@@ -339,7 +339,7 @@ def test_unsound_collisions_are_refused() -> None:
 def test_what_knows_the_same_bodies_from_start_to_end_refuses_runs_with_mergers() -> None:
     run = orbits.propagate(pair(), duration=4.0, events=MERGE)
     for refused in (run.closest_approaches, run.unresolved, run.begun, run.elements):
-        with pytest.raises(InputError, match="bodies merge, bounce, or are changed"):
+        with pytest.raises(InputError, match=r"bodies merge, (bounce, or are changed|or masses change)"):
             refused()
     quiet = orbits.propagate(pair(), duration=1.0, events=MERGE)
     assert len(quiet.closest_approaches())

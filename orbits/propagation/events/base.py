@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import EventError, InputError, shown
+from orbits.propagation.events.functions import calling, named, picklable
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -60,11 +61,16 @@ class Call(Action):
 
     function: Callable[[u.Quantity, System], System | None]
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out a function that cannot be pickled."""
+        return {"function": picklable(self.function)}
+
     def act(self, happening: Happening) -> System | None:
         """Return what the function returns. Raises EventError for anything but a System or None."""
         from orbits.system import System
 
-        answer = self.function(happening.time, happening.system)
+        with calling(f"then={named(self.function)}, at {happening.kind!r}, t = {happening.time:.10g}"):
+            answer = self.function(happening.time, happening.system)
         if answer is None or isinstance(answer, System):
             return answer
         raise EventError(
@@ -109,6 +115,18 @@ class Sought:
     def bound(self, system: System) -> list[Bound]:
         """Return the functions whose zeros are sought among these bodies. Raises InputError, and UnknownNameError."""
         raise NotImplementedError
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out functions that cannot be pickled."""
+        return {name: picklable(value) for name, value in vars(self).items()}
+
+    def __copy__(self) -> Self:
+        """Return the event itself, which does not change."""
+        return self
+
+    def __deepcopy__(self, known: Any) -> Self:
+        """Return the event itself, which does not change."""
+        return self
 
     def given(self) -> dict[str, Any]:
         """Return the fields by name, except `then`."""

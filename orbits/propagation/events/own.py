@@ -12,6 +12,7 @@ from orbits.body_names import index_of
 from orbits.errors import InputError, shown
 from orbits.kernels.calling import call_each
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole
+from orbits.propagation.events.functions import calling
 from orbits.propagation.events.kinds import pairs_of
 from orbits.propagation.events.planes import check_direction, wanted
 
@@ -80,7 +81,7 @@ class Event(Sought):
         if len(rows) == 2:
             pairs_of(system, self.bodies[0], self.bodies[1], "Event")
         pair = (*rows, NOBODY, NOBODY)[:2]
-        own = Own(wanted((self.name, self.name), self.direction), [pair], _vectorised(self.function, system))
+        own = Own(self.name, wanted((self.name, self.name), self.direction), [pair], _vectorised(self.function, system))
         _try(self, own, system)
         return [own]
 
@@ -88,9 +89,9 @@ class Event(Sought):
 class Own(Bound):
     """A function of all states."""
 
-    def __init__(self, words: Any, pairs: Any, function: Callable[[Array, Array, Array], Any]) -> None:
+    def __init__(self, name: str, words: Any, pairs: Any, function: Callable[[Array, Array, Array], Any]) -> None:
         super().__init__(words, pairs)
-        self._function = function
+        self._name, self._function = name, function
 
     def bodies(self) -> None:
         """Return None: the function may depend on all bodies."""
@@ -98,6 +99,11 @@ class Own(Bound):
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function, (m, 1)."""
+        with calling(f"the function of {self._name!r}, between t = {t.min():.10g} and {t.max():.10g}"):
+            return self.tried(t, q, v)
+
+    def tried(self, t: Array, q: Array, v: Array) -> Array:
+        """Return the function, (m, 1). Raises what it raises, and ValueError for another shape."""
         found = np.array(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)
         if found.shape != t.shape:
             raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
@@ -108,7 +114,7 @@ def _try(event: Event, own: Own, system: System) -> None:
     """Call the function with the state at the start, twice. Raises InputError if that fails."""
     _, q, v, _ = system.values
     try:
-        found = own.values(np.zeros(2), np.stack([q, q]), np.stack([v, v]), np.zeros(1, dtype=np.int64))
+        found = own.tried(np.zeros(2), np.stack([q, q]), np.stack([v, v]))
     except Exception as error:  # the function of a user may raise anything
         raise InputError(
             f"Event {event.name!r} fails at the start of the run: {type(error).__name__}: {error}. Expected a function "

@@ -10,9 +10,11 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import EventError, InputError, shown
+from orbits.errors import EventError, InputError, shown, with_unit
 from orbits.marching.motion import Collected, Motion
-from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
+from orbits.propagation.acting import OfTwo
+from orbits.propagation.events.base import NOBODY, Action, Bound, Happening, Sought, Touching
+from orbits.propagation.events.functions import Raised, description
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.propagation.events.subjects import by_particles
@@ -147,8 +149,7 @@ class Seeking:
         return described(
             {
                 "kind": type(event).__name__,
-                "given": _plain(event.given()) if event.stored else None,
-                "then": event.then if isinstance(event.then, str) else repr(event.then),
+                **_given(event),
                 "words": [bound.words for of, bound in zip(self._of, self._bounds, strict=True) if of is event],
             }
             for event in self.events
@@ -274,7 +275,11 @@ class Seeking:
         if not len(motion):
             return None
         stretch = Stretch(motion, self._there, self._needed)
-        return self._take(*self._found(stretch), stretch.times, firm, record, until)
+        try:
+            return self._take(*self._found(stretch), stretch.times, firm, record, until)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
 
     def _take(
         self,
@@ -340,7 +345,7 @@ class Seeking:
     def _add(self, row: Array, firm: bool) -> None:
         if self.log.full:
             often = np.bincount(self.log.rows[:, NUMBER].astype(int))
-            most, when = int(np.argmax(often)), f"t = {row[TIME]:.10g} {self._system.units.time}".rstrip()
+            most, when = int(np.argmax(often)), self._when(row[TIME])
             raise EventError(
                 f"there are more than {MOST_EVENTS:,} events by {when}, {often[most]:,} of them "
                 f"{_said(self._bounds[most])}. Seek fewer (a bound, a direction, fewer bodies), or run in parts; all "
@@ -361,14 +366,17 @@ class Seeking:
                 names = [self._system.names[k] for k in both]
                 kinds = [self._bounds[int(row[NUMBER])].words[int(row[RISING])] for row in (one, two)]
                 raise EventError(
-                    f"{kinds[0]!r} and {kinds[1]!r} both act on {names[0]} at t = {one[TIME]:.10g} "
-                    f"{self._system.units.time}; expected one at a time. Let one of them only record.",
+                    f"{kinds[0]!r} and {kinds[1]!r} both act on {names[0]} at {self._when(one[TIME])}; expected one at "
+                    "a time. Let one of them only record.",
                     time=float(one[TIME]),
                     bodies=names,
                 )
 
+    def _when(self, time: float) -> str:
+        return "t = " + with_unit(f"{time:.10g}", self._system.units.time)
+
     def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
-        when = f"t = {error.time:.10g} {self._system.units.time}".rstrip()
+        when = self._when(error.time)
         return EventError(
             f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend "
             "the function; all before stays readable.",
@@ -380,9 +388,28 @@ def _said(bound: Bound) -> str:
     return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
 
 
-def _plain(given: dict[str, Any]) -> dict[str, Any]:
-    """Return fields as JSON can hold them: quantities as texts, with all their digits."""
-    return {
-        name: f"{value.value!r} {value.unit}" if isinstance(value, u.Quantity) else value
-        for name, value in given.items()
-    }
+def _given(event: Sought) -> dict[str, Any]:
+    """Return what an event was given, as an archive holds it: `given` is None if functions are only described."""
+    known: dict[str, Any] = {"given": None, "then": event.then}
+    if event.stored:
+        known["given"] = {name: _plain(value) for name, value in event.given().items()}
+    else:
+        known["of"] = {name: _told(value) for name, value in event.given().items()}
+    if isinstance(event.then, OfTwo):
+        known["then"] = repr(event.then)
+    elif isinstance(event.then, Action):
+        known |= {"then": "a function", "does": description(getattr(event.then, "function", event.then))}
+    return known
+
+
+def _told(value: Any) -> Any:
+    return description(value) if callable(value) or hasattr(value, "free_symbols") else _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """Return a field as JSON can hold it: quantities as texts, with all their digits."""
+    if isinstance(value, u.Quantity):
+        return f"{float(value.value)!r} {value.unit}" if value.isscalar else [_plain(x) for x in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value
