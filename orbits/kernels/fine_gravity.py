@@ -21,7 +21,7 @@ LIGHT = 0.01
 """The attraction of a body on one more than a hundred times as heavy is in plain precision: that is its share of their
 relative motion."""
 
-DISTANT = 1e-24
+DISTANT = 1e-26
 """The square of the low part of a separation, as a fraction of the square of the separation, above which it is more than
 its rounding error, and moved into the high part."""
 

@@ -28,6 +28,7 @@ from orbits.propagation.events.base import Happening, Sought
 from orbits.propagation.events.particles import Followed, Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
+from orbits.propagation.precision import warn_of_energy
 from orbits.propagation.progress import Progress
 from orbits.propagation.replay import REPLAY, seen_by
 from orbits.propagation.sample_store import SampleStore
@@ -194,6 +195,8 @@ def march(
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
+        if watch.check_step:
+            warn_of_energy(trajectory)
         if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
                 warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of

@@ -24,12 +24,13 @@ from orbits.propagation.events.particles import Sample
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import differences, provenance, restore
+from orbits.propagation.precision import check_length, warn_if_far
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
-from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
+from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -90,7 +91,8 @@ def propagate(
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
-        about close passages that the step did not resolve (see `run.closest_approaches()`)
+        about close passages that the step did not resolve (see `run.closest_approaches()`); with `OrbitsWarning` about
+        bodies so far from the origin that their separations have few digits
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
         once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same
     progress : None or True shows a progress bar on a terminal, False does not
@@ -162,8 +164,10 @@ def propagated(
     seeking = Seeking(system, events, grid.clock.direction)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
-        _refuse_endless(system, grid)
-    if checked_flag(check_step, "check_step") and not grid.clock.changes:
+        check_length(system, grid)
+    if checked_flag(check_step, "check_step"):
+        warn_if_far(system, grid.end)
+    if check_step and not grid.clock.changes:
         check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
         check(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step, seeking)
@@ -212,16 +216,6 @@ def propagated(
         )
 
     return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
-
-
-def _refuse_endless(system: System, grid: TimeGrid) -> None:
-    """Refuse a run of too many steps, estimated by the dynamical time at its start."""
-    steps = abs(grid.end) / dynamical_time(system)
-    if steps > MOST_STEPS:
-        raise InputError(
-            f"duration is {grid.end:g} {system.units.time}, about {steps:.1g} times the dynamical time of the bodies; "
-            "at most 2^53 steps are possible. Use a shorter duration."
-        )
 
 
 def resume(
