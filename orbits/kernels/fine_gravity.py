@@ -22,8 +22,8 @@ LIGHT = 0.01
 relative motion."""
 
 DISTANT = 1e-26
-"""The square of the low part of a separation, as a fraction of the square of the separation, above which it is more than
-its rounding error, and moved into the high part."""
+"""The square of the low part of a separation, as a fraction of the square of the separation, above which it is more
+than its rounding error, and moved into the high part."""
 
 
 @kernel

@@ -110,9 +110,9 @@ ROUND_OFF = 1e-9 ** (16 / 7)
 1e-9 with 8 stages, which leaves only round-off."""
 
 TIGHTEST, LOOSEST = 1e-12, 1e-3
-"""Below the first, the error signal of close bodies is round-off, which no shorter step makes smaller; above the second,
-orbits are qualitatively wrong: with 8 stages and 3e-3, the energy of an orbit of e = 0.9 is 3 % off after a hundred
-turns, and that of three bodies by a third."""
+"""Below the first, the error signal of close bodies is round-off, which no shorter step makes smaller; above the
+second, orbits are qualitatively wrong: with 8 stages and 3e-3, the energy of an orbit of e = 0.9 is 3 % off after a
+hundred turns, and that of three bodies by a third."""
 
 STRICT = 0.1
 """The fraction of its default below which a tolerance is far below it."""

@@ -77,7 +77,7 @@ def test_tolerances_that_lead_to_wrong_orbits_are_refused_with_the_error(toleran
 
 
 def test_a_tolerance_below_round_off_is_refused_with_what_is_reachable():
-    with pytest.raises(InputError, match="it is round-off that would be resolved. With 8 stages 1e-9 leaves nothing"):
+    with pytest.raises(InputError, match=r"it is round-off that would be resolved. With 8 stages 1e-9 leaves nothing"):
         orbits.Adaptive(tolerance=9e-13)
 
 
