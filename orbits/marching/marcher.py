@@ -410,12 +410,7 @@ class Marcher:
 
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
-        massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
-        massive[self._massive] = True
-        q, v = self.state()
-        options: dict[str, Any] = {"names": self.names, "stops": self._stops, "energy_bound": self._energy_bound}
-        options["retire"] = self._retire
-        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, self.clock, **options)
+        end = self._like_this(*self.state(), self.clock, stops=self._stops, energy_bound=self._energy_bound)
         end.restore(self.checkpoint())
         end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
         end.advance_to(Place(0, time))
@@ -427,18 +422,24 @@ class Marcher:
         """
         seen = self._as_seen()
         q, v = (seen[name][: 3 * self._bodies].reshape(3, -1).T for name in "qv")
-        options: dict[str, Any] = {"names": self.names, "forces": self._forces, "start": self.time, "dense": True}
         clock: Clock = self.clock
         place = Place(0, time)
         if not self.clock.changes:
             clock, place = ConstantSteps(time - self.time), Place(1, 0.0)
-        massive = np.ones(self._bodies, dtype=bool)
-        end = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
+        end = self._like_this(q, v, clock, start=self.time, dense=True)
         if self.clock.changes:
             for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"):
                 end._state[name][...] = self._state[name]
             end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
         return end, place
+
+    def _like_this(self, q: Array, v: Array, clock: Clock | float, **options: Any) -> Marcher:
+        """Return a march of the same bodies, or of the massive ones among them if q, v are theirs, with other options."""
+        massive = np.ones(len(q), dtype=bool)
+        if len(q) > self._bodies:
+            massive[self._particles] = False
+        options = {"names": self.names, "retire": self._retire, "forces": self._forces, **options}
+        return Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -482,14 +483,10 @@ class Marcher:
         """Return a marcher that has taken a partial step of `offset` from here in several parts, with observers: its
         record covers this step alone.
         """
-        massive = np.zeros(len(self._massive) + len(self._particles), dtype=bool)
-        massive[self._massive] = True
         q, v = self.state()
         gone = self._particles[self._retired.gone()]
         q[gone], v[gone] = NOWHERE, 0.0
-        options: dict[str, Any] = {"names": self.names, "retire": self._retire, "forces": self._forces}
-        options["start"] = self.time
-        part = Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, offset, **options)
+        part = self._like_this(q, v, offset, start=self.time)
         part._retired.take(self._retired)
         part.advance(1)
         return part
