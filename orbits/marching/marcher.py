@@ -434,7 +434,7 @@ class Marcher:
         return end, place
 
     def _like_this(self, q: Array, v: Array, clock: Clock | float, **options: Any) -> Marcher:
-        """Return a march of the same bodies, or of the massive ones among them if q, v are theirs, with other options."""
+        """Return a march of the same bodies, or of the massive ones if q, v are theirs, with other options."""
         massive = np.ones(len(q), dtype=bool)
         if len(q) > self._bodies:
             massive[self._particles] = False
