@@ -94,7 +94,7 @@ def propagate(
         about close passages that the step did not resolve (see `run.closest_approaches()`); with `OrbitsWarning` about
         bodies so far from the origin that their separations have few digits
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
-        once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same
+        once: about 0.3 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same
     progress : None or True shows a progress bar on a terminal, False does not
     threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
         the result do not depend on it
