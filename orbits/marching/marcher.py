@@ -534,6 +534,18 @@ class Marcher:
         q, v = self._state["particle_q"], self._state["particle_v"]
         return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"))
 
+    def retired_by(self, time: float) -> list[Retirement]:
+        """Return the particles that are retired, or cannot be followed up to a time less than a step ahead, in the
+        order of the caller's bodies. The march does not change: its next step may lose them a rounding error away.
+        """
+        if time == self.time:
+            return self.retired()
+        end = self.ended_at(time) if self.clock.changes else self.part_of_a_step(time - self.time)
+        known = {one.body: one for one in self.retired()}
+        changes, step = self.clock.changes, self.step
+        lost = [one._replace(step=step, reading=one.reading if changes else step) for one in end.retired()]
+        return [known.get(one.body, one) for one in lost]
+
     def touching(self) -> NDArray[np.intp]:
         """Return massless particles, in the numbers of the caller, among which are all that may have touched a body in
         the last block.

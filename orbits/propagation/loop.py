@@ -30,7 +30,7 @@ from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.precision import warn_of_energy
 from orbits.propagation.progress import Progress
-from orbits.propagation.replay import REPLAY, seen_by
+from orbits.propagation.replay import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.sample_store import SampleStore
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
@@ -188,7 +188,7 @@ def march(
         marcher.close()
     trajectory.stopped = watch.stopped
     trajectory._events = watch.events.table()
-    trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
+    trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
     if not (isinstance(marcher, ChangingMarch) and marcher.changed):
         trajectory.record = Record.of(of_this_leg(marcher), float(trajectory.times[-1]) if len(trajectory) else 0.0)

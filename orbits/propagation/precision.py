@@ -54,10 +54,10 @@ def check_length(system: System, grid: TimeGrid) -> None:
     turns = abs(grid.end) / (period if 0.0 < period < math.inf else 2.0 * math.pi * shortest)
     phase = PHASE * turns**1.5
     if phase > LOST:
-        where = "leave nothing of the phase" if phase > 1.0 else f"make the phase wrong by about {phase:.1g} rad"
+        lost = "leave nothing of its phase" if phase > 1.0 else f"make its phase wrong by about {phase:.1g} rad"
         warnings.warn(
-            f"duration is {length}, about {turns:.1g} turns of the fastest pair. Rounding errors alone {where} of its "
-            "orbit by the end; its shape is not concerned. Use a shorter duration if places on orbits matter.",
+            f"duration is {length}, about {turns:.1g} turns of the fastest pair. Rounding errors alone {lost} by the "
+            "end; the shape of its orbit is not concerned. Use a shorter duration if places on orbits matter.",
             OrbitsWarning,
             stacklevel=level_of_caller(),
         )
