@@ -36,6 +36,7 @@ from orbits.marching.changing import (
     TIME,
     TIME_LO,
     ChangingSteps,
+    is_number,
     keep,
     put_back,
     step_of,
@@ -144,7 +145,7 @@ class Adaptive(ChangingSteps):
         tolerance = self.tolerance
         if tolerance is None:
             return
-        if isinstance(tolerance, bool | str) or not isinstance(tolerance, int | float | np.floating):
+        if not is_number(tolerance):
             raise InputError(f"tolerance is {shown(tolerance)}; expected a number such as 1e-9.")
         if not TIGHTEST <= tolerance <= LOOSEST:
             reason = "With 8 stages 1e-9 leaves nothing but round-off, and a smaller tolerance is not more accurate."
