@@ -52,8 +52,7 @@ from orbits.kernels.iteration import (
     LIMIT,
     NEAR_FLOOR,
     PATIENCE,
-    begin,
-    falling,
+    judged,
     settled,
     unsettled_body,
 )
@@ -139,11 +138,7 @@ def step(method, model, t, h, state, storage):
         evaluations += 1
         if last:
             break
-        if evaluations == 1:
-            begin(work.change, work.history, blocks)
-        elif not falling(work.change, work.history, blocks):
-            patience -= 1
-            last = patience == 0 or settled(work.history, blocks, NEAR_FLOOR)
+        patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
     if not settled(work.history, blocks, CONVERGED):

@@ -77,6 +77,20 @@ def settled(history, blocks, fraction):
     return True
 
 
+@kernel(inline=True)
+def judged(change, history, blocks, sweep, patience, fraction):
+    """Return, after sweep number 1, 2, ..., the patience that is left and whether the next sweep is the last one: the
+    changes have stopped falling, and are below `fraction` or have been given as many chances as there were.
+    """
+    last = False
+    if sweep == 1:
+        begin(change, history, blocks)
+    elif not falling(change, history, blocks):
+        patience -= 1
+        last = patience == 0 or settled(history, blocks, fraction)
+    return patience, last
+
+
 @kernel
 def unsettled_part(history, blocks, parts, fraction):
     """Return the first part whose least change exceeds `fraction` of its scale; -1 if none does."""

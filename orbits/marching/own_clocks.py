@@ -23,7 +23,7 @@ from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_one
+from orbits.kernels.paths import record_one, record_particle
 from orbits.kernels.state import Columns, load_particle, store_particle
 from orbits.kernels.steps import (
     NOT_FINITE,
@@ -295,9 +295,7 @@ def march_own_clocks(
         else:
             storage = Storage(carry[p], scratch, stages[0], Share(p, p + 1, None))
             while done < steps:
-                record_one(
-                    track, done, lane, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
-                )
+                record_particle(track, done, lane, particle)
                 particle, status, count = follow(
                     method, model, clock, field, shared, done, p, particle, clocks[p], storage, log
                 )
@@ -307,9 +305,7 @@ def march_own_clocks(
                     break
                 done += 1
             for k in range(done, steps + 1):
-                record_one(
-                    track, k, lane, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
-                )
+                record_particle(track, k, lane, particle)
             if done == steps:
                 finish_log(method, model, field, log, p, steps, particle, track)
             else:

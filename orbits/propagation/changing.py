@@ -129,8 +129,15 @@ class ChangingMarch:
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, numbered as in the system at the start."""
+        return self._numbered(self._marcher.retired())
+
+    def retired_by(self, time: float) -> list[Retirement]:
+        """Return these, and the particles that cannot be followed up to a time less than a step ahead."""
+        return self._numbered(self._marcher.retired_by(time))
+
+    def _numbered(self, retired: list[Retirement]) -> list[Retirement]:
         numbers = np.flatnonzero(self._there)
-        return [lost._replace(body=int(numbers[lost.body])) for lost in self._marcher.retired()]
+        return [lost._replace(body=int(numbers[lost.body])) for lost in retired]
 
     def accounts(self) -> Array:
         """Return the time integrals of each force up to the state returned last; see `Marcher.accounts`."""

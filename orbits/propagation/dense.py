@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError, with_unit
 from orbits.integrators.forms import padded
-from orbits.marching.marcher import steps_apart
+from orbits.marching.blocks import steps_apart
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.legs import LegsAgain
 from orbits.propagation.marchers import bound

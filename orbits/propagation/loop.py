@@ -31,8 +31,9 @@ from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import Followed, Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
+from orbits.propagation.precision import warn_of_energy
 from orbits.propagation.progress import Progress
-from orbits.propagation.replay import REPLAY, seen_by
+from orbits.propagation.replay import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.sample_store import SampleStore
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
@@ -198,7 +199,7 @@ def march(
     trajectory.stopped = watch.stopped
     trajectory.span = 0.0, _reached(marcher, grid, finished, watch)
     trajectory._events = watch.events.table()
-    trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
+    trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
     if isinstance(marcher, ChangingMarch) and marcher.changed:
         trajectory.kept = None  # steps are of the bodies of the start
@@ -208,6 +209,8 @@ def march(
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
+        if watch.check_step:
+            warn_of_energy(trajectory)
         if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
                 warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of

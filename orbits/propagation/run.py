@@ -12,7 +12,7 @@ import numpy as np
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, with_unit
+from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation import kepler_splitting, step_check
@@ -24,12 +24,13 @@ from orbits.propagation.events.particles import Sample
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import differences, provenance, restore
+from orbits.propagation.precision import check_length, warn_if_far
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
-from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
+from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -91,9 +92,10 @@ def propagate(
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
-        about close passages that the step did not resolve (see `run.closest_approaches()`)
+        about close passages that the step did not resolve (see `run.closest_approaches()`); with `OrbitsWarning` about
+        bodies so far from the origin that their separations have few digits
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
-        once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
+        once: about 0.3 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
         an event changes the bodies there is a warning, and `run.at` marches from the samples, as without it
     progress : None or True shows a progress bar on a terminal, False does not
     threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
@@ -172,8 +174,10 @@ def propagated(
     seeking = Seeking(system, events, grid.clock.direction)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
-        _refuse_endless(system, grid)
-    if checked_flag(check_step, "check_step") and not grid.clock.changes:
+        check_length(system, grid)
+    if checked_flag(check_step, "check_step"):
+        warn_if_far(system, grid.end)
+    if check_step and not grid.clock.changes:
         check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
         check(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step, seeking)
@@ -222,16 +226,6 @@ def propagated(
         )
 
     return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
-
-
-def _refuse_endless(system: System, grid: TimeGrid) -> None:
-    """Refuse a run of too many steps, estimated by the dynamical time at its start."""
-    steps = abs(grid.end) / dynamical_time(system)
-    if steps > MOST_STEPS:
-        raise InputError(
-            f"duration is {with_unit(f'{grid.end:g}', system.units.time)}, about {steps:.1g} times the dynamical time "
-            "of the bodies; at most 2^53 steps are possible. Use a shorter duration."
-        )
 
 
 def resume(
