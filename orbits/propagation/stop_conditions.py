@@ -17,7 +17,7 @@ from orbits.checks import positive_number
 from orbits.errors import InputError, shown
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.events.base import RECORD, Sought
-from orbits.propagation.events.kinds import Distance, pairs_of
+from orbits.propagation.events.kinds import Distance, check_names, pairs_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -234,9 +234,7 @@ def _check_pair(condition: CloserThan | FartherThan) -> None:
     distance = quantity_from_text(condition.distance, f"{what}.distance", expected)
     object.__setattr__(condition, "distance", distance)
     positive_number(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
-    for name in (condition.body, condition.other):
-        if not isinstance(name, str | None):
-            raise InputError(f"{what} of {shown(name)}; expected the name of a body, or None for any.")
+    check_names(condition, condition.body, condition.other)
 
 
 def _seconds(value: Any) -> float:

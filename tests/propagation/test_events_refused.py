@@ -43,6 +43,27 @@ REFUSED = [
 ]
 
 
+ONE_BODY_TWICE = [
+    lambda: orbits.Collision("a", "a"),
+    lambda: orbits.CloseApproach("a", "a"),
+    lambda: orbits.CloserThan(0.1, "a", "a"),
+    lambda: orbits.FartherThan(0.1, "a", "a"),
+    lambda: orbits.Pericentre("a", "a"),
+    lambda: orbits.NodeCrossing("a", "a"),
+    lambda: orbits.PlaneCrossing("a", about="a"),
+    lambda: orbits.ElementCrossing("a", "e", 0.1, "a"),
+    lambda: orbits.Conjunction("b", "a", observer="a"),
+    lambda: orbits.Transit("a", "a", observer="b"),
+    lambda: orbits.Event(lambda t, q, v: t, bodies=("a", "a")),
+]
+
+
+@pytest.mark.parametrize("call", ONE_BODY_TWICE)
+def test_an_event_of_one_body_twice_is_refused_when_it_is_made(call):
+    with pytest.raises(orbits.InputError, match=r"'a' twice; expected (two|three) bodies"):
+        call()
+
+
 @pytest.mark.parametrize(("call", "message"), REFUSED)
 def test_what_cannot_be_sought_is_refused(call, message):
     with pytest.raises(orbits.InputError, match=message):

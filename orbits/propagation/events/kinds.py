@@ -111,10 +111,13 @@ class Apocentre(Pericentre):
 
 
 def check_names(event: Sought, *names: Any) -> None:
-    """Raise InputError for anything but strings and None."""
+    """Raise InputError for anything but strings and None, and for a name that comes twice."""
     for name in names:
         if not isinstance(name, str | None):
             raise InputError(f"{type(event).__name__} of {shown(name)}; expected the name of a body, or None.")
+    named = [name for name in names if name is not None]
+    if len(set(named)) < len(named):
+        raise InputError(f"{type(event).__name__}: {named[0]!r} twice; expected two bodies.")
 
 
 def a_distance(value: Any, what: str) -> Any:

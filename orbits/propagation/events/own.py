@@ -12,7 +12,7 @@ from orbits.body_names import index_of
 from orbits.errors import InputError, shown
 from orbits.kernels.calling import call_each
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole
-from orbits.propagation.events.kinds import pairs_of
+from orbits.propagation.events.kinds import check_names, pairs_of
 from orbits.propagation.events.planes import check_direction, wanted
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ class Event(Sought):
         if not fits:
             raise InputError(f"Event: bodies is {shown(self.bodies)}; expected the names of one or two bodies.")
         object.__setattr__(self, "bodies", tuple(bodies))
+        check_names(self, *self.bodies)
 
     @staticmethod
     def symbols(body: str) -> Any:
