@@ -40,6 +40,10 @@ STEEP, BISECTIONS = 1e-2, 60
 """A function larger than this share of those at the checks around it, where its zero should be, jumps there; and the
 number of bisections after which the place of the jump is known to the last digit."""
 
+POLE = 100.0
+"""A function that is so many times as large on both sides of a change of sign as at the checks around it has a pole there,
+and no zero: it passes through infinity."""
+
 BESIDE = 0.1
 """How far from its bracket, in units of its width, a zero of the exact motion may lie."""
 
@@ -258,7 +262,8 @@ def _refined(
     """Return the zeros of functions of the exact motion from those of the rough one, and which there are.
 
     By Newton's method, and then by secants; the slope of the rough motion is good enough to begin with. Functions that
-    jump, or are flat at their zero, do not converge: their change of sign is found by bisection.
+    jump, or are flat at their zero, do not converge: their change of sign is found by bisection. There is no zero where
+    it is a pole.
 
     bracket : the checks before and after each, and the functions there
     """
@@ -296,17 +301,19 @@ def _refined(
             middle = 0.5 * (below + above)
             same = (exact(k[doubtful], middle, c[doubtful]) >= 0.0) == positive
             below, above = np.where(same, middle, below), np.where(same, above, middle)
-        at[doubtful], there[doubtful] = above, True
+        sides = [np.abs(exact(k[doubtful], x, c[doubtful])) for x in (below, above)]
+        around = np.maximum(np.abs(g_low[doubtful]), np.abs(g_high[doubtful]))
+        at[doubtful], there[doubtful] = above, ~(np.minimum(*sides) > POLE * around)
     return at, there
 
 
 def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:
-    """Return the function of a column at a fraction of a step."""
+    """Return the function of a column at a fraction of a step. It raises NotFiniteError where that is no number."""
 
     def along(steps: Whole, fractions: Array, columns: Whole) -> Array:
         t, q, v = stretch.at(steps, fractions, rough)
         g = bound.at(t, q, v, columns)
-        _check_finite(g, t)
+        _check_finite(np.where(np.isinf(g), 1.0, g), t)  # a search may meet a pole
         return g
 
     return along
