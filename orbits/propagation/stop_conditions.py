@@ -16,7 +16,7 @@ from orbits.body_names import index_of
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
-from orbits.propagation.events.base import RECORD, Sought
+from orbits.propagation.events.base import RECORD, STOP, Sought
 from orbits.propagation.events.kinds import Distance, check_names, pairs_of
 from orbits.units import quantity_from_text
 
@@ -34,6 +34,7 @@ class CloserThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
+    A run that is to stop there is refused if bodies are there at its start; others record when they get there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -59,6 +60,7 @@ class FartherThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
+    A run that is to stop there is refused if bodies are there at its start; others record when they get there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -177,12 +179,9 @@ class Conditions:
                     f"{what}: {condition.body} and {condition.other} are both massless particles, which are not "
                     "followed in pairs; expected a body with mass among the two."
                 )
-            distance = float(np.linalg.norm(system.values.q[named[0]] - system.values.q[named[1]]))
-            if (distance < bound) == isinstance(condition, CloserThan) and distance != bound:
-                raise InputError(
-                    f"{what}: {condition.body} and {condition.other} are {distance:g} {system.units.length} apart at "
-                    f"the start already; the bound is {bound:g}. Give another one."
-                )
+        for row in named[:1] or np.flatnonzero(system.massive).tolist():
+            every = np.arange(len(system)) if system.massive[row] else np.flatnonzero(system.massive)
+            _check_start(condition, system, row, np.array(named[1:], dtype=np.int64) if named[1:] else every, bound)
         kind = CLOSER if isinstance(condition, CloserThan) else FARTHER
         return kind, rows[0], rows[1], bound * bound
 
@@ -225,7 +224,23 @@ def distances(
     what = type(event).__name__
     bound = float(system.units.length_value(event.distance, what))
     pairs = pairs_of(system, event.body, event.other, what)
+    if event.then == STOP:
+        for row, other in pairs:
+            _check_start(event, system, row, np.array([other]), bound)
     return Distance(words(f"{bound:g} {system.units.length}".rstrip()), pairs, bound)
+
+
+def _check_start(condition: CloserThan | FartherThan, system: System, row: int, others: Any, bound: float) -> None:
+    """Raise InputError if a body and any of others are where the run is to end already at its start."""
+    others = others[others != row]
+    apart = np.linalg.norm(system.values.q[others] - system.values.q[row], axis=1)
+    there = np.flatnonzero(apart < bound if isinstance(condition, CloserThan) else apart > bound)
+    if len(there):
+        raise InputError(
+            f"{type(condition).__name__}: {system.names[row]} and {system.names[others[there[0]]]} are "
+            f"{apart[there[0]]:g} {system.units.length} apart at the start already; the bound is {bound:g}. Give "
+            "another one, or name the bodies that it is for."
+        )
 
 
 def _check_pair(condition: CloserThan | FartherThan) -> None:
