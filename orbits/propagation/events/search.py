@@ -31,7 +31,7 @@ ROUGHLY = 1e-9
 ROUNDS, TINY = 200, np.finfo(np.float64).tiny
 """The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
 
-REFINEMENTS, MISSED = 8, 1e-3
+REFINEMENTS, MISSED = 24, 1e-6
 """The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
 march, from which on there is no zero.
 """
@@ -44,7 +44,7 @@ POLE = 100.0
 """A function that is so many times as large on both sides of a change of sign as at the checks around it has a pole there,
 and no zero: it passes through infinity."""
 
-BESIDE = 0.1
+BESIDE = 0.5
 """How far from its bracket, in units of its width, a zero of the exact motion may lie."""
 
 CHECKS = np.concatenate([[0.0], NODES])
@@ -296,6 +296,7 @@ def _refined(
         ends = [exact(k[doubtful], x[doubtful], c[doubtful]) for x in (low, high)]
         changes = (ends[0] >= 0.0) != (ends[1] >= 0.0)
         doubtful, positive = doubtful[changes], ends[0][changes] >= 0.0
+    if len(doubtful):
         below, above = low[doubtful], high[doubtful]
         for _ in range(BISECTIONS):
             middle = 0.5 * (below + above)
