@@ -11,6 +11,7 @@ from orbits import checks
 from orbits.body_names import index_of
 from orbits.elements.frames import checked_frame, default_frame, from_frame
 from orbits.errors import InputError, shown
+from orbits.kernels.event_search import HEIGHT
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole, dot
 from orbits.propagation.events.kinds import check_names, pairs_of, primary_of
 from orbits.units import quantity_from_text
@@ -104,6 +105,10 @@ class Height(Bound):
         for row, (a, b) in enumerate(self.pairs[columns]):
             found[row] = dot(q[:, a] if b == NOBODY else q[:, a] - q[:, b], self._normal) - self._offset
         return found.T
+
+    def of_pairs(self) -> tuple[int, Array]:
+        """Return the kind of function, the normal and the offset."""
+        return HEIGHT, np.array([*self._normal, self._offset])
 
 
 def axes_of(units: UnitSystem, frame: str | None) -> Array:

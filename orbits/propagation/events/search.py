@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.kernels.event_search import brackets_of_pairs
 from orbits.marching.motion import Motion
-from orbits.propagation.events.base import Array, Bound, Whole
+from orbits.propagation.events.base import NOBODY, Array, Bound, Whole
 
 NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0]
 
@@ -31,10 +32,16 @@ ROUGHLY = 1e-9
 ROUNDS, TINY = 200, np.finfo(np.float64).tiny
 """The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
 
+ROUGH_ROUNDS = 10
+"""The steps to the zero of a cubic, from which the search begins."""
+
 REFINEMENTS, MISSED = 24, 1e-6
 """The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
 march, from which on there is no zero.
 """
+
+SETTLED = 1e-9
+"""The secant, as a fraction of a step, from which on one that is not half as long as the last is due to rounding."""
 
 STEEP, BISECTIONS = 1e-2, 60
 """A function larger than this share of those at the checks around it, where its zero should be, jumps there; and the
@@ -48,6 +55,9 @@ BESIDE = 0.5
 """How far from its bracket, in units of its width, a zero of the exact motion may lie."""
 
 CHECKS = np.concatenate([[0.0], NODES])
+
+PLACES = np.concatenate([NODES, NODES + APART, [APART, 1.0 - APART, 1.0], np.ones(5)])
+"""The same for functions that compiled code computes: see `orbits.kernels.event_search.PLACES`."""
 
 FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
 """Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
@@ -110,6 +120,14 @@ class Stretch:
         t = (begin[:, None] + fractions * length[:, None]).ravel()
         return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
 
+    def polynomials(self, steps: slice, fractions: Array) -> tuple[Array, tuple[Array, Array, Array, Array], int]:
+        """Return the lengths of these steps, what `Motion.polynomials` returns, and the number of bodies there."""
+        return self._motion.lengths[steps], self._motion.polynomials(steps, fractions), int(self._massive.sum())
+
+    def numbers(self, pairs: Whole) -> Whole:
+        """Return the numbers of bodies among those that move here, from those in the system."""
+        return np.where(pairs == NOBODY, NOBODY, (np.cumsum(self._massive) - 1)[pairs])
+
     def ends(self) -> tuple[Array, Array, Array]:
         """Return t (steps + 1,), q and v at the ends of the steps, as they were marched."""
         n = int(self._massive.sum())
@@ -130,18 +148,24 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[tup
 
     first : whether the stretch is at the start of a run, where a zero does not count
     """
-    t, q, v = ends = stretch.ends()
-    columns = [bound.near(*ends) for bound in bounds]
+    columns = [np.arange(len(bound.pairs) if bound.sought else 0) for bound in bounds]
+    compiled = [bound.of_pairs() for bound in bounds]
+    by_arrays = any(len(some) and one is None for some, one in zip(columns, compiled, strict=True))
+    t, q, v = stretch.ends() if by_arrays else 3 * (np.zeros(0),)
     found: list[list[Brackets]] = [[] for _ in bounds]
     failed: dict[int, NotFiniteError] = {}
     most = max((len(some) for some in columns), default=0)
     at_once = max(1, min(STEPS_AT_ONCE, POINTS // (len(FRACTIONS) * max(1, most))))
     for begin in range(0, len(stretch) if most else 0, at_once):
         steps = slice(begin, min(begin + at_once, len(stretch)))
-        states = stretch.at_checks(steps, FRACTIONS)
-        start, last = ((t[k : k + 1], q[k : k + 1], v[k : k + 1]) for k in (steps.start, steps.stop))
-        for number, bound in enumerate(bounds):
-            if len(columns[number]) and number not in failed:
+        if by_arrays:
+            states = stretch.at_checks(steps, FRACTIONS)
+            start, last = ((t[k : k + 1], q[k : k + 1], v[k : k + 1]) for k in (steps.start, steps.stop))
+        for number, (bound, how) in enumerate(zip(bounds, compiled, strict=True)):
+            if len(columns[number]) and how is not None:
+                where = stretch, columns[number], steps, first and begin == 0
+                found[number].append(_brackets_of_pairs(bound, how, *where))
+            elif len(columns[number]) and number not in failed:
                 g, g_start, g_last = (bound.values(*some, columns[number]) for some in (states, start, last))
                 g[:1] = g_start  # as it was marched, and as what is before ends
                 finite, failure = _finite_steps(g, g_last, states[0], last[0])
@@ -179,7 +203,7 @@ def _finite_steps(g: Array, g_last: Array, t: Array, t_last: Array) -> tuple[int
 
 class Brackets(NamedTuple):
     """Where zeros, or extrema with two zeros about them, are between two checks: steps and columns, (m,); the fractions
-    of both checks, and the function there; and whether it is an extremum.
+    of both checks, the function there, and what it gains there in `APART`; and whether it is an extremum.
     """
 
     steps: Whole
@@ -188,7 +212,31 @@ class Brackets(NamedTuple):
     high: Array
     g_low: Array
     g_high: Array
+    slope_low: Array
+    slope_high: Array
     turns: NDArray[np.bool_]
+
+
+def _brackets_of_pairs(
+    bound: Bound, how: tuple[int, Array], stretch: Stretch, columns: Whole, steps: slice, start: bool
+) -> Brackets:
+    """Return the brackets in consecutive steps of a function that compiled code computes.
+
+    how : as `Bound.of_pairs` returns it; start : whether the first step is that of a run
+    """
+    words = bound.words[::-1] if stretch.backwards else bound.words
+    wanted = np.array([word is not None for word in words])
+    pairs = stretch.numbers(bound.pairs[columns])
+    lengths, polynomials, size = stretch.polynomials(steps, PLACES)
+    most = (len(NODES) + 1) * len(columns) * len(lengths)
+    found, places = np.empty((most, 6)), np.empty((most, 3), dtype=np.int64)
+    path, kicks, once, twice = polynomials
+    room, apart = np.zeros((3, len(PLACES))), np.zeros((3, len(once)))
+    count = brackets_of_pairs(
+        *how, wanted, once, twice, PLACES, lengths, path, kicks, size, pairs, start, room, apart, found, places
+    )
+    which = places[:count]
+    return Brackets(steps.start + which[:, 0], columns[which[:, 1]], *found[:count].T, which[:, 2] > 0)
 
 
 def _brackets(
@@ -224,7 +272,7 @@ def _brackets(
             changes &= positive != (falling != backwards)
     c, k, i = np.nonzero(changes | turns)
     edges = np.append(CHECKS, 1.0)
-    ends = edges[i], edges[i + 1], before[c, k, i], after[c, k, i]
+    ends = edges[i], edges[i + 1], before[c, k, i], after[c, k, i], slope[c, k, i], slope_after[c, k, i]
     return Brackets(steps.start + k, columns[c], *ends, turns[c, k, i])
 
 
@@ -233,62 +281,98 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     if not sum(len(some.steps) for some in found):
         nothing = np.zeros(0, dtype=np.int64)
         return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool))
-    k, c, low, high, g_low, g_high, turns = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    along = _along(bound, stretch)
-    if turns.any():
-        around = k[turns], c[turns], low[turns], high[turns], g_low[turns], g_high[turns]
-        middle, g_middle = _extrema(along, *around)
-        two = np.where(around[4] >= 0.0, g_middle < 0.0, g_middle > 0.0)
-        k2, c2, low2, high2, g_low2, g_high2 = (x[two] for x in around)
-        middle, g_middle = middle[two], g_middle[two]
-        k, c = np.concatenate([k[~turns], k2, k2]), np.concatenate([c[~turns], c2, c2])
-        low, high = np.concatenate([low[~turns], low2, middle]), np.concatenate([high[~turns], middle, high2])
-        g_low = np.concatenate([g_low[~turns], g_low2, g_middle])
-        g_high = np.concatenate([g_high[~turns], g_middle, g_high2])
-    rising = (g_low < 0.0) != stretch.backwards
+    some = Brackets(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    if some.turns.any():
+        some = _parted(_along(bound, stretch), some)
+    rising = (some.g_low < 0.0) != stretch.backwards
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
-    k, c, rising = k[wanted], c[wanted], rising[wanted]
-    low, high, g_low, g_high = low[wanted], high[wanted], g_low[wanted], g_high[wanted]
-    at = _root(lambda x, which: along(k[which], x, c[which]), low, high, g_low, g_high)
-    at, there = _refined(along, _along(bound, stretch, False), k, c, at, (low, high, g_low, g_high))
+    rising, some = rising[wanted], Brackets(*(x[wanted] for x in some))
+    k, c = some.steps, some.columns
+    at, there = _refined(_along(bound, stretch), _along(bound, stretch, False), some)
     k, c, at, rising = k[there], c[there], at[there], rising[there]
     order = np.lexsort((c, at, k))
     return Zeros(k[order], at[order], c[order], rising[order])
 
 
-def _refined(
-    rough: Along, exact: Along, k: Whole, c: Whole, at: Array, bracket: tuple[Array, Array, Array, Array]
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the zeros of functions of the exact motion from those of the rough one, and which there are.
-
-    By Newton's method, and then by secants; the slope of the rough motion is good enough to begin with. Functions that
-    jump, or are flat at their zero, do not converge: their change of sign is found by bisection. There is no zero where
-    it is a pole.
-
-    bracket : the checks before and after each, and the functions there
+def _parted(along: Along, some: Brackets) -> Brackets:
+    """Return brackets of single zeros: two for each extremum at which a function has the other sign, which are still
+    marked as its: the slope at their common end is not known.
     """
-    if not len(at):
-        return at, np.ones(0, dtype=bool)
-    low, high, g_low, g_high = bracket
+    around, single = Brackets(*(x[some.turns] for x in some)), Brackets(*(x[~some.turns] for x in some))
+    middle, g_middle = _extrema(along, *around[:6])
+    two = np.where(around.g_low >= 0.0, g_middle < 0.0, g_middle > 0.0)
+    around, middle, g_middle = Brackets(*(x[two] for x in around)), middle[two], g_middle[two]
+    left = around._replace(high=middle, g_high=g_middle)
+    right = around._replace(low=middle, g_low=g_middle)
+    return Brackets(*(np.concatenate(parts) for parts in zip(single, left, right, strict=True)))
+
+
+def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:
+    """Return where functions are about zero in brackets, and their slopes there: from cubics, and about an extremum from
+    the rough motion.
+    """
+    at, slope = _zeros_of_cubics(some)
+    turns = np.flatnonzero(some.turns)
+    if len(turns):
+        k, c, low, high, g_low, g_high = (x[turns] for x in some[:6])
+        at[turns] = x = _root(lambda x, which: rough(k[which], x, c[which]), low, high, g_low, g_high)
+        ahead = np.where(x < 0.5, APART, -APART)
+        slope[turns] = (rough(k, x + ahead, c) - rough(k, x, c)) / ahead
+    return at, slope
+
+
+def _zeros_of_cubics(some: Brackets) -> tuple[Array, Array]:
+    """Return the zeros of cubics through the functions and their slopes at both ends of brackets, and the slopes there.
+
+    By bisection, each step of which is replaced by one of Newton's method if that stays in the bracket.
+    """
+    width = some.high - some.low
+    a, b = some.slope_low * (width / APART), some.slope_high * (width / APART)
+    rise = some.g_high - some.g_low
+    bend, twist = 3.0 * rise - 2.0 * a - b, a + b - 2.0 * rise
+    x, below, above = np.full(len(width), 0.5), np.zeros(len(width)), np.ones(len(width))
+    slope = rise
+    with np.errstate(all="ignore"):
+        for _ in range(ROUGH_ROUNDS):
+            g = some.g_low + x * (a + x * (bend + x * twist))
+            same = (g >= 0.0) == (some.g_low >= 0.0)
+            below, above = np.where(same, x, below), np.where(same, above, x)
+            slope = a + x * (2.0 * bend + 3.0 * x * twist)
+            following = x - g / slope
+            x = np.where((following >= below) & (following <= above), following, 0.5 * (below + above))
+    return some.low + x * width, slope / width
+
+
+def _refined(rough: Along, exact: Along, some: Brackets) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the zeros of functions of the exact motion in brackets of the rough one, and which there are.
+
+    By Newton's method, and then by secants, from rough zeros and slopes. Functions that jump, or are flat at
+    their zero, do not converge: their change of sign is found by bisection. There is no zero where it is a pole.
+    """
+    if not len(some.steps):
+        return np.zeros(0), np.ones(0, dtype=bool)
+    k, c, low, high, g_low, g_high = some[:6]
     room = BESIDE * (high - low)
     low, high = np.maximum(low - room, 0.0), np.minimum(high + room, 1.0)
-    ahead = np.where(at < 0.5, APART, -APART)
+    at, slope = _rough_zeros(rough, some)
     g = exact(k, at, c)
     with np.errstate(all="ignore"):
-        slope = (rough(k, at + ahead, c) - rough(k, at, c)) / ahead
         last = np.where(g == 0.0, 0.0, -g / slope)
-    at, going = at.copy(), np.flatnonzero(np.abs(last) > CLOSE)
-    for _ in range(REFINEMENTS):
+    going = np.flatnonzero(np.abs(last) > CLOSE)
+    for done in range(REFINEMENTS):
         if not len(going):
             break
         moved = np.clip(at[going] + last[going], low[going], high[going])
-        way, before = moved - at[going], g[going]
+        way, before, previous = moved - at[going], g[going], np.abs(last[going])
         at[going], g[going] = moved, exact(k[going], moved, c[going])
         with np.errstate(all="ignore"):
             change = g[going] - before
             slope[going] = np.where((change != 0.0) & (way != 0.0), change / way, slope[going])
             last[going] = np.where(g[going] == 0.0, 0.0, -g[going] / slope[going])
-        going = going[np.abs(last[going]) > CLOSE]
+        size = np.abs(last[going])
+        # Two zeros beside an extremum may be so close that the first slope is a poor one.
+        settled = (size <= SETTLED) & (size >= 0.5 * previous) & (~some.turns[going] | (done > 1))
+        going = going[(size > CLOSE) & ~settled]
     # A zero at the end of a step may lie behind it by the difference of the two motions.
     there = np.abs(last) < MISSED
     doubtful = np.flatnonzero(~there | (np.abs(g) > STEEP * np.minimum(np.abs(g_low), np.abs(g_high))))

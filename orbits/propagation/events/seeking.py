@@ -41,6 +41,9 @@ Array = NDArray[np.float64]
 STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
 
+ENOUGH = 0.25
+"""The share of these steps from which on a block is searched as it is, not copied first."""
+
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
 
@@ -111,7 +114,8 @@ class Seeking:
         for k in numbers:
             bodies = self._bounds[k].bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
-        self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
+        most = max(1, min(STEPS, NUMBERS // (30 * len(system))))
+        self._collected, self._enough = Collected(most), ENOUGH * most
         self._first = True
         self.log = Log(self._direction)
 
@@ -189,9 +193,9 @@ class Seeking:
             if found is not None:
                 marcher.go_back(found.steps)
             return found
-        if not self._collected.takes(motion):
+        if len(motion) >= self._enough or not self._collected.takes(motion):
             self.flush()
-            if not self._collected.takes(motion):
+            if len(motion) >= self._enough or not self._collected.takes(motion):
                 self._seek(motion, True)
         return None
 
