@@ -150,10 +150,10 @@ def _stays_away(values, slopes, i, width):
 
 @kernel
 def brackets_of_pairs(
-    kind, numbers, wanted, once, twice, checks, lengths, path, kicks, size, pairs, start, room, apart,
+    kind, numbers, wanted, once, twice, checks, lengths, path, kicks, size, pairs, start, room, apart, first,
     found, places
 ):  # fmt: skip
-    """Write the brackets of zeros in recorded steps, and return their number.
+    """Write the brackets of zeros in recorded steps from number `first` on, as long as there is room for those of a step.
 
     kind, numbers : of the function, (4,): a direction n and a number c
     wanted : (2,), whether zeros count at which the function falls from step to step, and rises
@@ -163,10 +163,14 @@ def brackets_of_pairs(
     room : (3, PLACES), apart : (3, stages), workspace
     found : (many, 6), receives both checks, the function there, and its slopes
     places : (many, 3), receives the step, the column, and whether it is an extremum
+
+    Returns the number of brackets, and that of the step at which to go on.
     """
     count, weights = 0, (once, twice, checks)
     computed, values, slopes = room[0], room[1], room[2]
-    for k in range(len(lengths)):
+    for k in range(first, len(lengths)):
+        if count + (EDGES - 1) * len(pairs) > len(found):
+            return count, k
         h, states, after = lengths[k], path[k], path[k + 1]
         for column in range(len(pairs)):
             a, b = pairs[column, 0], pairs[column, 1]
@@ -206,4 +210,4 @@ def brackets_of_pairs(
                 row[2], row[3], row[4], row[5] = values[i], values[i + 1], slopes[i], slopes[i + 1]
                 place[0], place[1], place[2] = k, column, turns
                 count += 1
-    return count
+    return count, len(lengths)

@@ -8,7 +8,7 @@ therefore has all its zeros found.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +61,9 @@ PLACES = np.concatenate([NODES, NODES + APART, [APART, 1.0 - APART, 1.0], np.one
 
 FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
 """Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
+
+BRACKETS_AT_ONCE = 1024
+"""The brackets for which there is room in a call of compiled code."""
 
 STEPS_AT_ONCE, POINTS = 256, 2_000_000
 """The most steps that are searched at a time, and the most numbers that a function has in them."""
@@ -148,34 +151,13 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[tup
 
     first : whether the stretch is at the start of a run, where a zero does not count
     """
-    columns = [np.arange(len(bound.pairs) if bound.sought else 0) for bound in bounds]
-    compiled = [bound.of_pairs() for bound in bounds]
-    by_arrays = any(len(some) and one is None for some, one in zip(columns, compiled, strict=True))
-    t, q, v = stretch.ends() if by_arrays else 3 * (np.zeros(0),)
-    found: list[list[Brackets]] = [[] for _ in bounds]
-    failed: dict[int, NotFiniteError] = {}
-    most = max((len(some) for some in columns), default=0)
-    at_once = max(1, min(STEPS_AT_ONCE, POINTS // (len(FRACTIONS) * max(1, most))))
-    for begin in range(0, len(stretch) if most else 0, at_once):
-        steps = slice(begin, min(begin + at_once, len(stretch)))
-        if by_arrays:
-            states = stretch.at_checks(steps, FRACTIONS)
-            start, last = ((t[k : k + 1], q[k : k + 1], v[k : k + 1]) for k in (steps.start, steps.stop))
-        for number, (bound, how) in enumerate(zip(bounds, compiled, strict=True)):
-            if len(columns[number]) and how is not None:
-                where = stretch, columns[number], steps, first and begin == 0
-                found[number].append(_brackets_of_pairs(bound, how, *where))
-            elif len(columns[number]) and number not in failed:
-                g, g_start, g_last = (bound.values(*some, columns[number]) for some in (states, start, last))
-                g[:1] = g_start  # as it was marched, and as what is before ends
-                finite, failure = _finite_steps(g, g_last, states[0], last[0])
-                if failure is not None:
-                    failed[number] = failure
-                    g_last, g = g[finite * len(FRACTIONS) :][:1], g[: finite * len(FRACTIONS)]
-                if finite:
-                    those = slice(begin, begin + finite)
-                    where = columns[number], those, stretch.backwards, first and begin == 0
-                    found[number].append(_brackets(bound.words, g, g_last, *where))
+    compiled = {number: how for number, bound in enumerate(bounds) if (how := bound.of_pairs()) is not None}
+    found = [
+        _brackets_of_pairs(bound, compiled[number], stretch, first) if number in compiled else []
+        for number, bound in enumerate(bounds)
+    ]
+    others = {k: bound for k, bound in enumerate(bounds) if bound.sought and k not in compiled}
+    failed = _add_brackets(others, stretch, first, found) if others else {}
     answers: list[tuple[Zeros, NotFiniteError | None]] = []
     for number, bound in enumerate(bounds):
         try:
@@ -183,6 +165,34 @@ def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[tup
         except NotFiniteError as error:
             answers.append((_zeros(bound, stretch, []), failed.get(number, error)))
     return answers
+
+
+def _add_brackets(
+    bounds: Mapping[int, Bound], stretch: Stretch, first: bool, found: list[list[Brackets]]
+) -> dict[int, NotFiniteError]:
+    """Add the brackets of functions of any kind, and return where any is not finite, by their numbers."""
+    t, q, v = stretch.ends()
+    failed: dict[int, NotFiniteError] = {}
+    most = max(len(bound.pairs) for bound in bounds.values())
+    at_once = max(1, min(STEPS_AT_ONCE, POINTS // (len(FRACTIONS) * most)))
+    for begin in range(0, len(stretch), at_once):
+        steps = slice(begin, min(begin + at_once, len(stretch)))
+        states = stretch.at_checks(steps, FRACTIONS)
+        start, last = ((t[k : k + 1], q[k : k + 1], v[k : k + 1]) for k in (steps.start, steps.stop))
+        for number, bound in bounds.items():
+            if number in failed:
+                continue
+            columns = np.arange(len(bound.pairs))
+            g, g_start, g_last = (bound.values(*some, columns) for some in (states, start, last))
+            g[:1] = g_start  # as it was marched, and as what is before ends
+            finite, failure = _finite_steps(g, g_last, states[0], last[0])
+            if failure is not None:
+                failed[number] = failure
+                g_last, g = g[finite * len(FRACTIONS) :][:1], g[: finite * len(FRACTIONS)]
+            if finite:
+                where = columns, slice(begin, begin + finite), stretch.backwards, first and begin == 0
+                found[number].append(_brackets(bound.words, g, g_last, *where))
+    return failed
 
 
 def _finite_steps(g: Array, g_last: Array, t: Array, t_last: Array) -> tuple[int, NotFiniteError | None]:
@@ -217,26 +227,26 @@ class Brackets(NamedTuple):
     turns: NDArray[np.bool_]
 
 
-def _brackets_of_pairs(
-    bound: Bound, how: tuple[int, Array], stretch: Stretch, columns: Whole, steps: slice, start: bool
-) -> Brackets:
-    """Return the brackets in consecutive steps of a function that compiled code computes.
+def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, start: bool) -> list[Brackets]:
+    """Return the brackets in all steps of a function that compiled code computes, in parts.
 
     how : as `Bound.of_pairs` returns it; start : whether the first step is that of a run
     """
     words = bound.words[::-1] if stretch.backwards else bound.words
-    wanted = np.array([word is not None for word in words])
-    pairs = stretch.numbers(bound.pairs[columns])
-    lengths, polynomials, size = stretch.polynomials(steps, PLACES)
-    most = (len(NODES) + 1) * len(columns) * len(lengths)
-    found, places = np.empty((most, 6)), np.empty((most, 3), dtype=np.int64)
-    path, kicks, once, twice = polynomials
+    wanted, pairs = np.array([word is not None for word in words]), stretch.numbers(bound.pairs)
+    lengths, (path, kicks, once, twice), size = stretch.polynomials(slice(0, len(stretch)), PLACES)
+    # No more than is needed: a large array is not made at once.
+    most = max(BRACKETS_AT_ONCE, (len(NODES) + 1) * len(pairs))
+    numbers, places = np.empty((most, 6)), np.empty((most, 3), dtype=np.int64)
     room, apart = np.zeros((3, len(PLACES))), np.zeros((3, len(once)))
-    count = brackets_of_pairs(
-        *how, wanted, once, twice, PLACES, lengths, path, kicks, size, pairs, start, room, apart, found, places
-    )
-    which = places[:count]
-    return Brackets(steps.start + which[:, 0], columns[which[:, 1]], *found[:count].T, which[:, 2] > 0)
+    found: list[Brackets] = []
+    step = 0
+    while step < len(stretch):
+        motion = lengths, path, kicks, size, pairs, start, room, apart
+        count, step = brackets_of_pairs(*how, wanted, once, twice, PLACES, *motion, step, numbers, places)
+        which = places[:count].copy()
+        found.append(Brackets(which[:, 0], which[:, 1], *numbers[:count].T.copy(), which[:, 2] > 0))
+    return found
 
 
 def _brackets(
