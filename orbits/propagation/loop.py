@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import (
     EventError,
+    EventWarning,
     IntegrationError,
     Interrupted,
     OrbitsError,
@@ -194,13 +195,14 @@ def march(
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
+        judgement.warn_of_events(watch.events.remarks())
         if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
                 warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of
                 warn(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
-    except (RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost
+    except (EventWarning, RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost
         warning.trajectory = trajectory
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise

@@ -163,3 +163,63 @@ def test_a_function_at_an_event_that_returns_something_else_ends_the_run():
     with pytest.raises(orbits.EventError, match=r"returned 3 at t = 5.98.*; expected a System, or None") as caught:
         sought(orbits.Pericentre("planet", then=lambda t, system: 3))
     assert len(caught.value.trajectory) > 90
+
+
+def warned(system, event, duration=100.0, **options):
+    with pytest.warns(orbits.EventWarning) as caught:
+        run = orbits.propagate(system, duration=duration, samples=2, events=event, **options)
+    return run, str(caught[0].message)
+
+
+@pytest.mark.parametrize(
+    ("elements", "event"),
+    [
+        ({"e": 0.0}, orbits.Pericentre("planet")),
+        ({"e": 0.0}, orbits.CloserThan(1.0, "planet", "star")),
+        ({"e": 0.0}, orbits.Event(lambda t, q, v: ((q[:, 1] - q[:, 0]) * (v[:, 1] - v[:, 0])).sum(axis=1))),
+        ({"e": 0.1, "inc": 1e-15}, orbits.NodeCrossing("planet")),
+        ({"e": 0.1, "inc": 0.3}, orbits.ElementCrossing("planet", "a", 1.0)),
+        ({"e": 0.1, "inc": 0.3}, orbits.ElementCrossing("planet", "inc", 0.3)),
+    ],
+)
+def test_zeros_of_a_function_that_is_round_off_are_left_out_and_said(elements, event):
+    """Before, the apsides of a circular orbit filled the table: 800 in 32 revolutions."""
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "M": 0.3, "Omega": 0.4, "gm": 1e-9, **elements}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    run, text = warned(system, event)
+    assert len(run.events) == 0
+    assert f"{type(event).__name__}(" in text
+    assert "nothing but round-off" in text
+
+
+def test_apsides_and_nodes_that_are_above_round_off_are_all_found_without_a_warning(recwarn):
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 1e-9, "inc": 1e-9, "M": 0.3, "gm": 1e-9}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    events = [orbits.Pericentre("planet"), orbits.NodeCrossing("planet", direction=1)]
+    run = orbits.propagate(system, duration=2.0 * np.pi * 20, events=events)
+    assert [run.events.kind.tolist().count(kind) for kind in ("pericentre", "ascending node")] == [20, 20]
+    assert not [w for w in recwarn if issubclass(w.category, orbits.EventWarning)]
+
+
+def test_a_run_does_not_stop_at_round_off():
+    system = orbits.System.from_elements(
+        {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.0, "gm": 1e-9}}, units=orbits.DIMENSIONLESS
+    )
+    run, _ = warned(system, orbits.Pericentre("planet", then="stop"), 20.0)
+    assert run.complete
+
+
+def test_what_happens_in_every_step_is_said():
+    run, text = warned(pair(), orbits.Event(lambda t, q, v: np.sin(60.0 * t), name="wave"))
+    assert "Event(wave): 'wave' in every one of many steps" in text
+    assert len(run.events) > 1000
+
+
+def test_a_warning_about_events_that_is_raised_keeps_the_run():
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", orbits.EventWarning)
+        with pytest.raises(orbits.EventWarning) as caught:
+            orbits.propagate(pair(), duration=100.0, events=orbits.Event(lambda t, q, v: np.sin(60.0 * t)))
+    assert caught.value.trajectory.complete

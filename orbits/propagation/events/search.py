@@ -40,6 +40,9 @@ REFINEMENTS, MISSED = 24, 1e-6
 march, from which on there is no zero.
 """
 
+NEAR_BY = 0.1
+"""About how far apart the checks are, as a fraction of a step."""
+
 SETTLED = 1e-9
 """The secant, as a fraction of a step, from which on one that is not half as long as the last is due to rounding."""
 
@@ -78,12 +81,15 @@ class NotFiniteError(ArithmeticError):
 
 
 class Zeros(NamedTuple):
-    """Zeros: the number and the fraction of the step of each, its column, and whether the function rises in time."""
+    """Zeros: the number and the fraction of the step of each, its column, whether the function rises in time, and how
+    large it is `NEAR_BY`, a fraction of the step away.
+    """
 
     steps: Whole
     fractions: Array
     columns: Whole
     rising: NDArray[np.bool_]
+    sizes: Array
 
 
 Along = Callable[[Whole, Array, Whole], Array]
@@ -290,7 +296,7 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     """Return the zeros in brackets. Raises NotFiniteError."""
     if not sum(len(some.steps) for some in found):
         nothing = np.zeros(0, dtype=np.int64)
-        return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool))
+        return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool), np.zeros(0))
     some = Brackets(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
     if some.turns.any():
         some = _parted(_along(bound, stretch), some)
@@ -299,9 +305,10 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     rising, some = rising[wanted], Brackets(*(x[wanted] for x in some))
     k, c = some.steps, some.columns
     at, there = _refined(_along(bound, stretch), _along(bound, stretch, False), some)
-    k, c, at, rising = k[there], c[there], at[there], rising[there]
-    order = np.lexsort((c, at, k))
-    return Zeros(k[order], at[order], c[order], rising[order])
+    sizes = NEAR_BY * np.abs(some.g_high - some.g_low) / (some.high - some.low)
+    every = np.flatnonzero(there)
+    order = every[np.lexsort((c[there], at[there], k[there]))]
+    return Zeros(k[order], at[order], c[order], rising[order], sizes[order])
 
 
 def _parted(along: Along, some: Brackets) -> Brackets:

@@ -14,6 +14,7 @@ from orbits.errors import EventError, InputError, shown
 from orbits.marching.motion import Collected, Motion
 from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
+from orbits.propagation.events.meaning import are_clear, in_every_step
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
@@ -40,6 +41,16 @@ Array = NDArray[np.float64]
 
 STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
+
+ROUND_OFF = (
+    "where its function is nothing but round-off, as for apsides of a circular orbit, nodes of one in the plane, or an "
+    "element that stays at the value; such zeros mean nothing, and are left out."
+)
+EVERY_STEP = (
+    "in every one of many steps: its function changes faster than the steps, and zeros are missed if there is more than "
+    "one extremum between two checks. Give a shorter dt, or seek something else."
+)
+"""What is said of events that mean nothing, and of those that happen in every step."""
 
 ENOUGH = 0.25
 """The share of these steps from which on a block is searched as it is, not copied first."""
@@ -117,6 +128,7 @@ class Seeking:
         most = max(1, min(STEPS, NUMBERS // (30 * len(system))))
         self._collected, self._enough = Collected(most), ENOUGH * most
         self._first = True
+        self._remarks: dict[int, str] = {}
         self.log = Log(self._direction)
 
     def follow(self, system: System) -> None:
@@ -326,7 +338,12 @@ class Seeking:
             if not len(found.steps):
                 continue
             t, q, v = stretch.at(found.steps, found.fractions)
-            kept = bound.keeps(t, q, v, found.columns)
+            kept, clear = bound.keeps(t, q, v, found.columns), are_clear(bound, found, t, q, v)
+            if (kept & ~clear).any():
+                self._remark(number, ROUND_OFF)
+            elif in_every_step(found.steps[kept], found.columns[kept], len(stretch)):
+                self._remark(number, EVERY_STEP)
+            kept &= clear
             pairs, figures = bound.pairs[found.columns], bound.figures(t, q, v, found.columns)
             numbers = np.full(len(t), number)
             rows.append(np.column_stack([t, numbers, found.rising, pairs, figures])[kept])
@@ -336,6 +353,15 @@ class Seeking:
             before = (every[:, TIME] - failure.time) * self._direction < 0.0
             every, where = every[before], where[before]
         return every, where, failure
+
+    def _remark(self, number: int, what: str) -> None:
+        event, bound = self._of[number], self._bounds[number]
+        names = ", ".join(str(value) for value in event.given().values() if isinstance(value, str))
+        self._remarks[number] = f"{type(event).__name__}({names}): {_said(bound)} {what}"
+
+    def remarks(self) -> list[str]:
+        """Return what is to be said of events that mean nothing, or may be incomplete."""
+        return [said for search in (self, *self.particles) for _, said in sorted(search._remarks.items())]
 
     def note(self, row: Array) -> None:
         """List an event that the march found. Raises EventError if there are too many."""

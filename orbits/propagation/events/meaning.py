@@ -1,0 +1,46 @@
+"""Whether what is found means anything: functions that are round-off, and events that happen in every step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.propagation.events.base import Array, Bound, Whole
+from orbits.propagation.events.search import Zeros
+
+SHIFT = 1e-9
+"""How far bodies are moved, as a fraction of their positions and velocities, to see what a function makes of it."""
+
+ROUNDING = 1e-11
+"""The errors of positions and velocities, as a fraction of themselves, below which changes mean nothing: the
+motion between the checks has the errors of its polynomials, up to 1e-12 of a velocity.
+"""
+
+DIRECTIONS = 4
+"""The directions, all different for all bodies, in which they are moved."""
+
+MANY = 64
+"""The steps from which on events that happen in all of them are remarkable."""
+
+
+def are_clear(bound: Bound, zeros: Zeros, t: Array, q: Array, v: Array) -> NDArray[np.bool_]:
+    """Return at which zeros a function is more than round-off, a tenth of a step away, (m,).
+
+    t, q, v : the states there. Round-off is what becomes of the function if all bodies are moved by their last bits.
+    """
+    here, most = bound.at(t, q, v, zeros.columns), np.zeros(len(t))
+    for k in range(DIRECTIONS):
+        way = np.random.default_rng(k).uniform(-1.0, 1.0, (2, *q.shape[1:]))
+        sizes = (np.sqrt((x * x).sum(axis=2, keepdims=True)) for x in (q, v))
+        moved = (x + SHIFT * size * one for x, size, one in zip((q, v), sizes, way, strict=True))
+        with np.errstate(all="ignore"):
+            change = np.abs(bound.at(t, *moved, zeros.columns) - here)
+        most = np.fmax(most, np.where(np.isfinite(change), change, 0.0))
+    return np.asarray(~(zeros.sizes <= (ROUNDING / SHIFT) * most))
+
+
+def in_every_step(steps: Whole, columns: Whole, count: int) -> bool:
+    """Return whether one column of a function has zeros in each of many steps."""
+    if count < MANY or len(steps) < count:
+        return False
+    return any(len(np.unique(steps[columns == column])) == count for column in np.unique(columns))
