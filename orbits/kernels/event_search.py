@@ -1,8 +1,8 @@
 """The search for zeros of functions of the relative motion of pairs of bodies: brackets of them, in recorded steps.
 
 It does in one pass what `orbits.propagation.events.search` does with arrays for functions of any kind: a function is
-checked at the begin of each step, at eight nodes and at its end, with its slope by a difference to the right, at the end
-to the left; there is a bracket where it changes its sign, and where its slopes point towards zero.
+checked at the begin of each step, at eight nodes and at its end, with its slope by a difference to the right, at the
+end to the left; there is a bracket where it changes its sign, and where its slopes point towards zero.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ FAR = 0.5
 functions are polynomials: none has a dip that the slopes at the checks do not show.)"""
 
 PLACES = 24
-"""The fractions of a step at which a function is computed: eight nodes; a little after each; a little after the begin, a
-little before the end, and the end; the rest is room.
+"""The fractions of a step at which a function is computed: eight nodes; a little after each; a little after the begin,
+a little before the end, and the end; the rest is room.
 """
 
 
@@ -153,7 +153,7 @@ def brackets_of_pairs(
     kind, numbers, wanted, once, twice, checks, lengths, path, kicks, size, pairs, start, room, apart, first,
     found, places
 ):  # fmt: skip
-    """Write the brackets of zeros in recorded steps from number `first` on, as long as there is room for those of a step.
+    """Write the brackets of zeros in recorded steps from number `first` on, while there is room for those of a step.
 
     kind, numbers : of the function, (4,): a direction n and a number c
     wanted : (2,), whether zeros count at which the function falls from step to step, and rises
@@ -199,8 +199,8 @@ def brackets_of_pairs(
                 up, turns = values[i] >= 0.0, False
                 if up == (values[i + 1] >= 0.0):
                     turns = (slopes[i] < 0.0 < slopes[i + 1]) if up else (slopes[i] > 0.0 > slopes[i + 1])
-                    width = (checks[0] if i == 0 else (1.0 if i == WIDTH else checks[i]) - checks[i - 1]) / checks[2 * WIDTH]
-                    if not turns or _stays_away(values, slopes, i, width):
+                    width = (1.0 if i == WIDTH else checks[i]) - (0.0 if i == 0 else checks[i - 1])
+                    if not turns or _stays_away(values, slopes, i, width / checks[2 * WIDTH]):
                         continue
                 elif not wanted[0 if up else 1]:
                     continue

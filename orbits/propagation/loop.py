@@ -202,7 +202,7 @@ def march(
                 warn(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
-    except (EventWarning, RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost
+    except (EventWarning, RetiredWarning, StepWarning) as warning:  # raised as errors: the run is not lost
         warning.trajectory = trajectory
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise

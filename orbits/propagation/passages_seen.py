@@ -170,7 +170,8 @@ class Seen:
         """Numbers of the passages by bodies other than the dominant one, and by that one on a hyperbola, in order of
         discovery.
         """
-        return [k for k, one in enumerate(self.passages) if self.dominant not in (one.body, one.other) or self._free(one)]
+        passages = enumerate(self.passages)
+        return [k for k, one in passages if self.dominant not in (one.body, one.other) or self._free(one)]
 
     def _free(self, passage: Passage) -> bool:
         """Return whether two bodies leave each other for good after a passage."""

@@ -115,7 +115,7 @@ def test_a_close_approach_counts_only_within_the_distance_and_agrees_with_closes
     assert len(every.events) > len(run.events) > 1
 
 
-# The cubic between the states of Verlet's method is 5e-8 from its partial steps here: what is shallower may stay unseen.
+# The cubic between the states of Verlet's method is 5e-8 from its partial steps: what is shallower may stay unseen.
 @pytest.mark.parametrize(
     ("method", "least"),
     [("stormer-verlet", 1e-6), ("runge-kutta-4", 1e-10), ("gauss(stages=4)", 1e-10), ("gauss(stages=8)", 1e-12)],

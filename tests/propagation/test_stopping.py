@@ -113,7 +113,7 @@ def test_what_cannot_end_a_run_is_refused(system, stop, message):
 def test_a_bound_passed_at_the_start_is_refused_for_events_that_stop_as_for_conditions(system, bound):
     options = {"dt": 6 * u.day, "duration": 100 * u.day, "check_step": False}
     stops = dataclasses.replace(bound, then="stop")
-    with pytest.raises(orbits.InputError, match="Venus and Sun are .* apart at the start already"):
+    with pytest.raises(orbits.InputError, match=r"Venus and Sun are .* apart at the start already"):
         orbits.propagate(system, GAUSS, events=stops, **options)
     assert orbits.propagate(system, GAUSS, events=bound, **options).complete  # it records when they get there again
 

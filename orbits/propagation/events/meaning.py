@@ -16,6 +16,9 @@ ROUNDING = 1e-11
 motion between the checks has the errors of its polynomials, up to 1e-12 of a velocity.
 """
 
+PART = 1e-3
+"""What is shorter than this share of the longest step is the part of one, in which no function changes much."""
+
 DIRECTIONS = 4
 """The directions, all different for all bodies, in which they are moved."""
 
@@ -23,20 +26,25 @@ MANY = 64
 """The steps from which on events that happen in all of them are remarkable."""
 
 
-def are_clear(bound: Bound, zeros: Zeros, t: Array, q: Array, v: Array) -> NDArray[np.bool_]:
+def are_clear(
+    bound: Bound, zeros: Zeros, lengths: Array, longest: float, t: Array, q: Array, v: Array
+) -> NDArray[np.bool_]:
     """Return at which zeros a function is more than round-off, a tenth of a step away, (m,).
 
+    lengths : of the steps; longest : so far, which counts instead of a part of a step that is far shorter
     t, q, v : the states there. Round-off is what becomes of the function if all bodies are moved by their last bits.
     """
     here, most = bound.at(t, q, v, zeros.columns), np.zeros(len(t))
     for k in range(DIRECTIONS):
         way = np.random.default_rng(k).uniform(-1.0, 1.0, (2, *q.shape[1:]))
         sizes = (np.sqrt((x * x).sum(axis=2, keepdims=True)) for x in (q, v))
-        moved = (x + SHIFT * size * one for x, size, one in zip((q, v), sizes, way, strict=True))
+        near_q, near_v = (x + SHIFT * size * one for x, size, one in zip((q, v), sizes, way, strict=True))
         with np.errstate(all="ignore"):
-            change = np.abs(bound.at(t, *moved, zeros.columns) - here)
+            change = np.abs(bound.at(t, near_q, near_v, zeros.columns) - here)
         most = np.fmax(most, np.where(np.isfinite(change), change, 0.0))
-    return np.asarray(~(zeros.sizes <= (ROUNDING / SHIFT) * most))
+    own = np.maximum(np.abs(lengths[zeros.steps]), np.finfo(np.float64).tiny)
+    large = zeros.sizes * np.where(own < PART * longest, longest / own, 1.0)
+    return np.asarray(~(large <= (ROUNDING / SHIFT) * most))
 
 
 def in_every_step(steps: Whole, columns: Whole, count: int) -> bool:

@@ -9,7 +9,7 @@ therefore has all its zeros found.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +51,8 @@ STEEP, BISECTIONS = 1e-2, 60
 number of bisections after which the place of the jump is known to the last digit."""
 
 POLE = 100.0
-"""A function that is so many times as large on both sides of a change of sign as at the checks around it has a pole there,
-and no zero: it passes through infinity."""
+"""A function that is so many times as large on both sides of a change of sign as at the checks around it has a pole
+there, and no zero: it passes through infinity."""
 
 BESIDE = 0.5
 """How far from its bracket, in units of its width, a zero of the exact motion may lie."""
@@ -232,6 +232,15 @@ class Brackets(NamedTuple):
     slope_high: Array
     turns: NDArray[np.bool_]
 
+    def of(self, which: NDArray[Any]) -> Brackets:
+        """Return some of them, by their numbers or a mask."""
+        return Brackets(*(np.asarray(x)[which] for x in self))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Brackets]) -> Brackets:
+        """Return those of several parts."""
+        return cls(*(np.concatenate(some) for some in zip(*parts, strict=True)))
+
 
 def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, start: bool) -> list[Brackets]:
     """Return the brackets in all steps of a function that compiled code computes, in parts.
@@ -251,7 +260,11 @@ def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, s
         motion = lengths, path, kicks, size, pairs, start, room, apart
         count, step = brackets_of_pairs(*how, wanted, once, twice, PLACES, *motion, step, numbers, places)
         which = places[:count].copy()
-        found.append(Brackets(which[:, 0], which[:, 1], *numbers[:count].T.copy(), which[:, 2] > 0))
+        low, high, g_low, g_high, slope_low, slope_high = numbers[:count].T.copy()
+        turns = which[:, 2] > 0
+        found.append(
+            Brackets(which[:, 0], which[:, 1], low, high, g_low, g_high, slope_low, slope_high, turns)
+        )
     return found
 
 
@@ -297,12 +310,12 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     if not sum(len(some.steps) for some in found):
         nothing = np.zeros(0, dtype=np.int64)
         return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool), np.zeros(0))
-    some = Brackets(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    some = Brackets.joined(found)
     if some.turns.any():
         some = _parted(_along(bound, stretch), some)
     rising = (some.g_low < 0.0) != stretch.backwards
     wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
-    rising, some = rising[wanted], Brackets(*(x[wanted] for x in some))
+    rising, some = rising[wanted], some.of(wanted)
     k, c = some.steps, some.columns
     at, there = _refined(_along(bound, stretch), _along(bound, stretch, False), some)
     sizes = NEAR_BY * np.abs(some.g_high - some.g_low) / (some.high - some.low)
@@ -315,24 +328,28 @@ def _parted(along: Along, some: Brackets) -> Brackets:
     """Return brackets of single zeros: two for each extremum at which a function has the other sign, which are still
     marked as its: the slope at their common end is not known.
     """
-    around, single = Brackets(*(x[some.turns] for x in some)), Brackets(*(x[~some.turns] for x in some))
-    middle, g_middle = _extrema(along, *around[:6])
+    around, single = some.of(some.turns), some.of(~some.turns)
+    where = around.steps, around.columns, around.low, around.high, around.g_low, around.g_high
+    middle, g_middle = _extrema(along, *where)
     two = np.where(around.g_low >= 0.0, g_middle < 0.0, g_middle > 0.0)
-    around, middle, g_middle = Brackets(*(x[two] for x in around)), middle[two], g_middle[two]
+    around, middle, g_middle = around.of(two), middle[two], g_middle[two]
     left = around._replace(high=middle, g_high=g_middle)
     right = around._replace(low=middle, g_low=g_middle)
-    return Brackets(*(np.concatenate(parts) for parts in zip(single, left, right, strict=True)))
+    return Brackets.joined([single, left, right])
 
 
 def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:
-    """Return where functions are about zero in brackets, and their slopes there: from cubics, and about an extremum from
-    the rough motion.
+    """Return where functions are about zero in brackets, and their slopes there: from cubics, and about an extremum
+    from the rough motion.
     """
     at, slope = _zeros_of_cubics(some)
     turns = np.flatnonzero(some.turns)
     if len(turns):
-        k, c, low, high, g_low, g_high = (x[turns] for x in some[:6])
-        at[turns] = x = _root(lambda x, which: rough(k[which], x, c[which]), low, high, g_low, g_high)
+        own = some.of(turns)
+        k, c = own.steps, own.columns
+        at[turns] = x = _root(
+            lambda x, which: rough(k[which], x, c[which]), own.low, own.high, own.g_low, own.g_high
+        )
         ahead = np.where(x < 0.5, APART, -APART)
         slope[turns] = (rough(k, x + ahead, c) - rough(k, x, c)) / ahead
     return at, slope
@@ -368,9 +385,9 @@ def _refined(rough: Along, exact: Along, some: Brackets) -> tuple[Array, NDArray
     """
     if not len(some.steps):
         return np.zeros(0), np.ones(0, dtype=bool)
-    k, c, low, high, g_low, g_high = some[:6]
-    room = BESIDE * (high - low)
-    low, high = np.maximum(low - room, 0.0), np.minimum(high + room, 1.0)
+    k, c, g_low, g_high = some.steps, some.columns, some.g_low, some.g_high
+    room = BESIDE * (some.high - some.low)
+    low, high = np.maximum(some.low - room, 0.0), np.minimum(some.high + room, 1.0)
     at, slope = _rough_zeros(rough, some)
     g = exact(k, at, c)
     with np.errstate(all="ignore"):

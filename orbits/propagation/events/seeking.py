@@ -47,8 +47,8 @@ ROUND_OFF = (
     "element that stays at the value; such zeros mean nothing, and are left out."
 )
 EVERY_STEP = (
-    "in every one of many steps: its function changes faster than the steps, and zeros are missed if there is more than "
-    "one extremum between two checks. Give a shorter dt, or seek something else."
+    "in every one of many steps: its function changes faster than the steps, and zeros are missed if there is more "
+    "than one extremum between two checks. Give a shorter dt, or seek something else."
 )
 """What is said of events that mean nothing, and of those that happen in every step."""
 
@@ -129,6 +129,7 @@ class Seeking:
         self._collected, self._enough = Collected(most), ENOUGH * most
         self._first = True
         self._remarks: dict[int, str] = {}
+        self._longest = 0.0
         self.log = Log(self._direction)
 
     def follow(self, system: System) -> None:
@@ -332,13 +333,16 @@ class Seeking:
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
         bounds = [self._bounds[number] for number in self._numbers]
         answers = zeros_of(bounds, stretch, self._first)
+        lengths = np.diff(stretch.times)
+        self._longest = max(self._longest, float(np.abs(lengths).max()))
         for number, bound, (found, missing) in zip(self._numbers, bounds, answers, strict=True):
             if missing is not None and (failure is None or (missing.time - failure.time) * self._direction < 0.0):
                 failure = self._not_finite(number, missing)
             if not len(found.steps):
                 continue
             t, q, v = stretch.at(found.steps, found.fractions)
-            kept, clear = bound.keeps(t, q, v, found.columns), are_clear(bound, found, t, q, v)
+            kept = bound.keeps(t, q, v, found.columns)
+            clear = are_clear(bound, found, lengths, self._longest, t, q, v)
             if (kept & ~clear).any():
                 self._remark(number, ROUND_OFF)
             elif in_every_step(found.steps[kept], found.columns[kept], len(stretch)):
