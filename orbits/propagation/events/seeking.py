@@ -101,8 +101,9 @@ class Seeking:
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
         if self.touching and len(self.touching) < len(self._bounds):
             raise InputError(
-                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
-                "out the other events, or seek them in a run without collisions."
+                f"events = {shown(events)}: collisions are sought alone, as bodies may be gone after them that other "
+                "events need. Leave out the others, and seek them in a second run, without collisions and until the "
+                "first one (run.events.time[0])."
             )
         self.act = any(not isinstance(event.then, str) for event in self.events)
         groups = by_particles(self._bounds, self._of, system, self.act)
