@@ -223,3 +223,33 @@ def test_a_warning_about_events_that_is_raised_keeps_the_run():
         with pytest.raises(orbits.EventWarning) as caught:
             orbits.propagate(pair(), duration=100.0, events=orbits.Event(lambda t, q, v: np.sin(60.0 * t)))
     assert caught.value.trajectory.complete
+
+
+@pytest.mark.parametrize(
+    ("late", "message"),
+    [
+        (lambda t: np.array(["a"] * len(t)), "could not convert string to float"),
+        (lambda t: 1 / 0, "ZeroDivisionError"),
+        (lambda t: np.zeros((len(t), 2)), "it returned shape"),
+        (lambda t: 1j * t, "complex numbers"),
+    ],
+)
+def test_a_function_that_fails_on_the_way_ends_the_run_with_all_before_it(late, message):
+    event = orbits.Event(lambda t, q, v: late(t) if t.max() > 5.0 else t + 1.0, name="mine")
+    with pytest.raises(orbits.EventError, match=f"Event 'mine' fails between .*{message}.*all before") as caught:
+        orbits.propagate(pair(), duration=6.0, events=[event])
+    assert len(caught.value.trajectory) > 50
+
+
+def test_a_function_that_changes_its_arguments_changes_nothing_else():
+    def spoils(t, q, v):
+        t += 1.0
+        q[:], v[:] = 0.0, 0.0
+        return np.ones(len(t))
+
+    clean = orbits.propagate(pair(), duration=20.0, events=[orbits.ElementCrossing("planet", "f", 1.0)])
+    spoilt = orbits.propagate(
+        pair(), duration=20.0, events=[orbits.Event(spoils), orbits.ElementCrossing("planet", "f", 1.0)]
+    )
+    assert len(clean.events) == 4
+    assert spoilt.events.time.value.tolist() == clean.events.time.value.tolist()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from orbits.body_names import index_of
-from orbits.errors import InputError, shown
+from orbits.errors import EventError, InputError, shown
 from orbits.kernels.calling import call_each
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole
 from orbits.propagation.events.kinds import check_names, pairs_of
@@ -98,25 +98,38 @@ class Own(Bound):
         return
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
-        """Return the function, (m, 1)."""
-        found = np.array(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)
+        """Return the function, (m, 1). Raises EventError if it fails."""
+        try:
+            return self.called(t, q, v)[:, None]
+        except Exception as error:  # the function of a user may raise anything
+            name, between = self.words[0] or self.words[1], f"{t.min():.10g} and {t.max():.10g}"
+            raise EventError(
+                f"Event {name!r} fails between t = {between}: {type(error).__name__}: {error}. Mend the function; all before stays readable.",
+                time=float(t[0]),
+            ) from error
+
+    def called(self, t: Array, q: Array, v: Array) -> Array:
+        """Return the function of copies, (m,). Raises ValueError for anything but real numbers."""
+        found = np.asarray(self._function(t.copy(), np.array(q, order="C"), np.array(v, order="C")))
         if found.shape != t.shape:
             raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
-        return found[:, None]
+        if np.iscomplexobj(found):
+            raise ValueError("it returned complex numbers")
+        return np.array(found, dtype=np.float64)
 
 
 def _try(event: Event, own: Own, system: System) -> None:
     """Call the function with the state at the start, twice. Raises InputError if that fails."""
     _, q, v, _ = system.values
     try:
-        found = own.values(np.zeros(2), np.stack([q, q]), np.stack([v, v]), np.zeros(1, dtype=np.int64))
+        found = own.called(np.zeros(2), np.stack([q, q]), np.stack([v, v]))
     except Exception as error:  # the function of a user may raise anything
         raise InputError(
             f"Event {event.name!r} fails at the start of the run: {type(error).__name__}: {error}. Expected a function "
             "of t (m,), and of q and v (m, bodies, 3), that returns (m,)."
         ) from error
     if not np.isfinite(found).all():
-        raise InputError(f"Event {event.name!r} is {found[0, 0]} at the start of the run; expected a finite number.")
+        raise InputError(f"Event {event.name!r} is {found[0]} at the start of the run; expected a finite number.")
 
 
 def _vectorised(function: Any, system: System) -> Callable[[Array, Array, Array], Any]:
