@@ -104,7 +104,8 @@ class Own(Bound):
         except Exception as error:  # the function of a user may raise anything
             name, between = self.words[0] or self.words[1], f"{t.min():.10g} and {t.max():.10g}"
             raise EventError(
-                f"Event {name!r} fails between t = {between}: {type(error).__name__}: {error}. Mend the function; all before stays readable.",
+                f"Event {name!r} fails between t = {between}: {type(error).__name__}: {error}. Mend "
+                "the function; all before stays readable.",
                 time=float(t[0]),
             ) from error
 
