@@ -253,3 +253,12 @@ def test_a_function_that_changes_its_arguments_changes_nothing_else():
     )
     assert len(clean.events) == 4
     assert spoilt.events.time.value.tolist() == clean.events.time.value.tolist()
+
+
+def test_the_table_says_what_was_sought_and_never_happened():
+    events = [orbits.Pericentre("planet"), orbits.CloserThan(0.1, "planet", "star")]
+    assert repr(sought(*events).events).startswith("1 event; never: closer than 0.1")
+    assert repr(sought(events[1]).events) == "no events; never: closer than 0.1"
+    assert repr(sought(events[0]).events).startswith("1 event\n")
+    assert repr(sought().events) == "no events"
+    assert repr(sought(*events).events[:0]) == "no events"  # a part says nothing about the whole
