@@ -34,7 +34,7 @@ class CloserThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
-    A run that is to stop there is refused if bodies are there at its start; others record when they get there again.
+    A run that is to stop there is refused if two named bodies are there at its start; others record when they get there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -60,7 +60,7 @@ class FartherThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
-    A run that is to stop there is refused if bodies are there at its start; others record when they get there again.
+    A run that is to stop there is refused if two named bodies are there at its start; others record when they get there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -179,9 +179,8 @@ class Conditions:
                     f"{what}: {condition.body} and {condition.other} are both massless particles, which are not "
                     "followed in pairs; expected a body with mass among the two."
                 )
-        for row in named[:1] or np.flatnonzero(system.massive).tolist():
-            every = np.arange(len(system)) if system.massive[row] else np.flatnonzero(system.massive)
-            _check_start(condition, system, row, np.array(named[1:], dtype=np.int64) if named[1:] else every, bound)
+        if len(named) == 2:
+            _check_start(condition, system, named[0], np.array(named[1:]), bound)
         kind = CLOSER if isinstance(condition, CloserThan) else FARTHER
         return kind, rows[0], rows[1], bound * bound
 
@@ -224,7 +223,7 @@ def distances(
     what = type(event).__name__
     bound = float(system.units.length_value(event.distance, what))
     pairs = pairs_of(system, event.body, event.other, what)
-    if event.then == STOP:
+    if event.then == STOP and event.body is not None and event.other is not None:
         for row, other in pairs:
             _check_start(event, system, row, np.array([other]), bound)
     return Distance(words(f"{bound:g} {system.units.length}".rstrip()), pairs, bound)

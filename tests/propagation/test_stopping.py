@@ -98,9 +98,6 @@ def test_the_callback_sees_every_sample_and_may_end_the_run(system):
         (orbits.CloserThan(0.1, "Ceres", "Vesta"), "massless particles"),
         (orbits.CloserThan(9 * u.au, "Venus", "Sun"), "at the start already"),
         (orbits.FartherThan(0.1 * u.au, "Venus", "Sun"), "at the start already"),
-        (orbits.FartherThan(0.1 * u.au, "Venus"), "at the start already"),
-        (orbits.FartherThan(0.1 * u.au), "Sun and .* apart at the start already.*name the bodies"),
-        (orbits.CloserThan(9 * u.au, "Ceres"), "Ceres and Sun are"),
         ([orbits.EnergyErrorAbove(1e-3), orbits.EnergyErrorAbove(1e-2)], "at most one"),
     ],
 )
@@ -109,7 +106,7 @@ def test_what_cannot_end_a_run_is_refused(system, stop, message):
         orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, stop=stop)
 
 
-@pytest.mark.parametrize("bound", [orbits.CloserThan(9 * u.au, "Venus"), orbits.FartherThan(0.1 * u.au, "Venus")])
+@pytest.mark.parametrize("bound", [orbits.CloserThan(9 * u.au, "Venus", "Sun"), orbits.FartherThan(0.1 * u.au, "Venus", "Sun")])
 def test_a_bound_passed_at_the_start_is_refused_for_events_that_stop_as_for_conditions(system, bound):
     options = {"dt": 6 * u.day, "duration": 100 * u.day, "check_step": False}
     stops = dataclasses.replace(bound, then="stop")
