@@ -34,7 +34,8 @@ class CloserThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
-    A run that is to stop there is refused if two named bodies are there at its start; others record when they get there again.
+    A run that is to stop there is refused if two named bodies are there at its start; others record when they get
+    there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -60,7 +61,8 @@ class FartherThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
-    A run that is to stop there is refused if two named bodies are there at its start; others record when they get there again.
+    A run that is to stop there is refused if two named bodies are there at its start; others record when they get
+    there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
