@@ -106,7 +106,9 @@ def test_what_cannot_end_a_run_is_refused(system, stop, message):
         orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, stop=stop)
 
 
-@pytest.mark.parametrize("bound", [orbits.CloserThan(9 * u.au, "Venus", "Sun"), orbits.FartherThan(0.1 * u.au, "Venus", "Sun")])
+@pytest.mark.parametrize(
+    "bound", [orbits.CloserThan(9 * u.au, "Venus", "Sun"), orbits.FartherThan(0.1 * u.au, "Venus", "Sun")]
+)
 def test_a_bound_passed_at_the_start_is_refused_for_events_that_stop_as_for_conditions(system, bound):
     options = {"dt": 6 * u.day, "duration": 100 * u.day, "check_step": False}
     stops = dataclasses.replace(bound, then="stop")
