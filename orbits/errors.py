@@ -76,6 +76,15 @@ class RetiredWarning(OrbitsWarning):
     trajectory: Any = None
 
 
+class EventWarning(OrbitsWarning):
+    """Events of a run mean nothing, or may be incomplete: their function is round-off, or they happen in every step.
+
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None
+    """
+
+    trajectory: Any = None
+
+
 class IntegrationError(OrbitsError):
     """A step could not be taken. Everything computed before it remains valid.
 

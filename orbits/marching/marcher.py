@@ -426,7 +426,7 @@ class Marcher(Blocks):
         """Return the motion of the massive bodies within the steps of the last block, for a marcher with `dense`."""
         count, begun = self._block
         if self.clock.changes:
-            times, lengths = np.array([[begun, self._begun_lo]] * (count + 1)), self._lengths[:count]
+            times, lengths = np.full((count + 1, 2), (begun, self._begun_lo)), self._lengths[:count]
             times_reached(lengths, times)
             reached = times[:, 0]
         else:

@@ -531,8 +531,13 @@ def march_of_run(
         return march
     if conditions is not None and (len(conditions.stops) or conditions.energy < np.inf):
         raise InputError(
-            "stop=... with a distance or an energy is not tested where events may change the bodies; seek an event "
-            "with then='stop', or leave one of the two out."
+            "stop=... with a distance or an energy is tested in steps of the same bodies, but events may change them. "
+            + (
+                "End the run from callback=..., which has the state at each sample, or seek the collisions with "
+                "then='record', and in a run of their own."
+                if events.touching
+                else "Seek an event with then='stop' instead, such as CloserThan, or leave one of the two out."
+            )
         )
     if not isinstance(clock, Adaptive | ConstantSteps):
         raise InputError(

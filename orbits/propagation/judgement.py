@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orbits.errors import RetiredWarning, StepWarning, level_of_caller
+from orbits.errors import EventWarning, RetiredWarning, StepWarning, level_of_caller
 from orbits.kernels.steps import IMPACT
 from orbits.marching.retirement import REASONS
 from orbits.propagation.approach import Approach, as_error, said
@@ -129,6 +130,13 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def warn_of_events(remarks: Sequence[str]) -> None:
+    """Warn, with `EventWarning`, about events that mean nothing, or may be incomplete."""
+    if remarks:
+        text = "of the events that were sought:\n" + "\n".join(f"  {one}" for one in remarks)
+        warnings.warn(text, EventWarning, stacklevel=level_of_caller())
 
 
 def warn_of_retired(run: Trajectory) -> None:

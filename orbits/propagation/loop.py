@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
 from orbits.errors import (
     EventError,
+    EventWarning,
     IntegrationError,
     Interrupted,
     OrbitsError,
@@ -209,6 +210,7 @@ def march(
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
+        judgement.warn_of_events(watch.events.remarks())
         if watch.check_step:
             warn_of_energy(trajectory)
         if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
@@ -217,7 +219,7 @@ def march(
                 warn(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
-    except (RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost
+    except (EventWarning, RetiredWarning, StepWarning) as warning:  # raised as errors: the run is not lost
         warning.trajectory = trajectory
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise

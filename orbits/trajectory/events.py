@@ -33,6 +33,9 @@ function rises in time, 0 if it falls; the numbers of the bodies, -1 for none; a
 NaN where there is none.
 """
 
+SHOWN_KINDS = 4
+"""The most kinds of events that never happened that are named above a table."""
+
 COLUMNS = 8
 
 MOST_EVENTS = 1 << 15
@@ -92,6 +95,7 @@ class Events(Sequence[FoundEvent]):
         self._system, self._words = system, [tuple(pair) for pair in words]
         self._rows: Array = np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
         self._rows.flags.writeable = False
+        self._whole = True
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -101,7 +105,12 @@ class Events(Sequence[FoundEvent]):
         if not len(times) or self._system is None:
             return Events()
         when = self._rows[:, TIME]
-        return Events(self._system, self._words, self._rows[(when >= times.min()) & (when <= times.max())])
+        return self._some((when >= times.min()) & (when <= times.max()))
+
+    def _some(self, which: Any) -> Events:
+        part = Events(self._system, self._words, self._rows[which])
+        part._whole = self._whole and len(part) == len(self)
+        return part
 
     @overload
     def __getitem__(self, key: int) -> FoundEvent: ...
@@ -113,9 +122,9 @@ class Events(Sequence[FoundEvent]):
         """Return one event by index, or several by a slice, or by the name of a body. Raises UnknownNameError."""
         if isinstance(key, str):
             row = index_of(key, self._names)
-            return Events(self._system, self._words, self._rows[(self._rows[:, [BODY, OTHER]] == row).any(axis=1)])
+            return self._some((self._rows[:, [BODY, OTHER]] == row).any(axis=1))
         if isinstance(key, slice):
-            return Events(self._system, self._words, self._rows[key])
+            return self._some(key)
         return self._one(self._rows[key])
 
     def _one(self, row: Array) -> FoundEvent:
@@ -242,7 +251,14 @@ class Events(Sequence[FoundEvent]):
         return 3 + (self._system is not None and self._system.epoch is not None)
 
     def _caption(self) -> str:
-        return "no events" if not len(self) else f"{len(self):,} event{'s' * (len(self) > 1)}"
+        count = "no events" if not len(self) else f"{len(self):,} event{'s' * (len(self) > 1)}"
+        met = {(int(row[NUMBER]), int(row[RISING])) for row in self._rows}
+        sought = [(k, rises) for k, pair in enumerate(self._words) for rises, word in enumerate(pair) if word]
+        missing = list(dict.fromkeys(str(self._words[k][rises]) for k, rises in sought if (k, rises) not in met))
+        if not missing or not self._whole:
+            return count
+        more = f" and {len(missing) - SHOWN_KINDS} other kinds" if len(missing) > SHOWN_KINDS else ""
+        return f"{count}; never: {', '.join(missing[:SHOWN_KINDS])}{more}"
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         if not len(self):

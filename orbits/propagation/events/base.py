@@ -164,13 +164,13 @@ class Bound:
             found[rows] = self.values(t[rows], q[rows], v[rows], np.array([column]))[:, 0]
         return found
 
+    def of_pairs(self) -> tuple[int, Array] | None:
+        """Return how compiled code computes the function, see `orbits.kernels.event_search`; None if it cannot."""
+        return None
+
     def bodies(self) -> Whole | None:
         """Return the numbers of the bodies on which the function depends, or None for all."""
         return np.unique(self.pairs[self.pairs != NOBODY])
-
-    def near(self, times: Array, q: Array, v: Array) -> Whole:
-        """Return the columns that may have zeros in consecutive steps, from the states at their ends: times (m,)."""
-        return np.arange(len(self.pairs))
 
     def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
         """Return which zeros are events, (m,); columns : (m,)."""
@@ -204,10 +204,6 @@ class Touching(Bound):
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Raise NotImplementedError: kernels seek steps in which bodies touch."""
         raise NotImplementedError
-
-    def near(self, times: Array, q: Array, v: Array) -> Whole:
-        """Return no column: there is no function whose zeros are sought."""
-        return np.empty(0, dtype=np.int64)
 
 
 def dot(a: Array, b: Array) -> Array:

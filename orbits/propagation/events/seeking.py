@@ -16,6 +16,7 @@ from orbits.propagation.acting import OfTwo
 from orbits.propagation.events.base import NOBODY, Action, Bound, Happening, Sought, Touching
 from orbits.propagation.events.functions import Raised, description
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
+from orbits.propagation.events.meaning import are_clear, in_every_step
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
@@ -42,6 +43,19 @@ Array = NDArray[np.float64]
 
 STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
+
+ROUND_OFF = (
+    "where its function is nothing but round-off, as for apsides of a circular orbit, nodes of one in the plane, or an "
+    "element that stays at the value; such zeros mean nothing, and are left out."
+)
+EVERY_STEP = (
+    "in every one of many steps: its function changes faster than the steps, and zeros are missed if there is more "
+    "than one extremum between two checks. Give a shorter dt, or seek something else."
+)
+"""What is said of events that mean nothing, and of those that happen in every step."""
+
+ENOUGH = 0.25
+"""The share of these steps from which on a block is searched as it is, not copied first."""
 
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
@@ -89,8 +103,9 @@ class Seeking:
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
         if self.touching and len(self.touching) < len(self._bounds):
             raise InputError(
-                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
-                "out the other events, or seek them in a run without collisions."
+                f"events = {shown(events)}: collisions are sought alone, as bodies may be gone after them that other "
+                "events need. Leave out the others, and seek them in a second run, without collisions and until the "
+                "first one (run.events.time[0])."
             )
         self.act = any(not isinstance(event.then, str) for event in self.events)
         groups = by_particles(self._bounds, self._of, system, self.act)
@@ -113,8 +128,11 @@ class Seeking:
         for k in numbers:
             bodies = self._bounds[k].bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
-        self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
+        most = max(1, min(STEPS, NUMBERS // (30 * len(system))))
+        self._collected, self._enough = Collected(most), ENOUGH * most
         self._first = True
+        self._remarks: dict[int, str] = {}
+        self._longest = 0.0
         self.log = Log(self._direction)
 
     def follow(self, system: System) -> None:
@@ -190,9 +208,9 @@ class Seeking:
             if found is not None:
                 marcher.go_back(found.steps)
             return found
-        if not self._collected.takes(motion):
+        if len(motion) >= self._enough or not self._collected.takes(motion):
             self.flush()
-            if not self._collected.takes(motion):
+            if len(motion) >= self._enough or not self._collected.takes(motion):
                 self._seek(motion, True)
         return None
 
@@ -321,6 +339,8 @@ class Seeking:
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
         bounds = [self._bounds[number] for number in self._numbers]
         answers = zeros_of(bounds, stretch, self._first)
+        lengths = np.diff(stretch.times)
+        self._longest = max(self._longest, float(np.abs(lengths).max()))
         for number, bound, (found, missing) in zip(self._numbers, bounds, answers, strict=True):
             if missing is not None and (failure is None or (missing.time - failure.time) * self._direction < 0.0):
                 failure = self._not_finite(number, missing)
@@ -328,6 +348,12 @@ class Seeking:
                 continue
             t, q, v = stretch.at(found.steps, found.fractions)
             kept = bound.keeps(t, q, v, found.columns)
+            clear = are_clear(bound, found, lengths, self._longest, t, q, v)
+            if (kept & ~clear).any():
+                self._remark(number, ROUND_OFF)
+            elif in_every_step(found.steps[kept], found.columns[kept], len(stretch)):
+                self._remark(number, EVERY_STEP)
+            kept &= clear
             pairs, figures = bound.pairs[found.columns], bound.figures(t, q, v, found.columns)
             numbers = np.full(len(t), number)
             rows.append(np.column_stack([t, numbers, found.rising, pairs, figures])[kept])
@@ -337,6 +363,15 @@ class Seeking:
             before = (every[:, TIME] - failure.time) * self._direction < 0.0
             every, where = every[before], where[before]
         return every, where, failure
+
+    def _remark(self, number: int, what: str) -> None:
+        event, bound = self._of[number], self._bounds[number]
+        names = ", ".join(str(value) for value in event.given().values() if isinstance(value, str))
+        self._remarks[number] = f"{type(event).__name__}({names}): {_said(bound)} {what}"
+
+    def remarks(self) -> list[str]:
+        """Return what is to be said of events that mean nothing, or may be incomplete."""
+        return [said for search in (self, *self.particles) for _, said in sorted(search._remarks.items())]
 
     def note(self, row: Array) -> None:
         """List an event that the march found. Raises EventError if there are too many."""
