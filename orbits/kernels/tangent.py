@@ -7,9 +7,9 @@ the equations are linear. With the stage velocities eliminated,
     L_i = h w_i G_i dQ_i,                    dQ_i = dq + h c_i dv + h sum_j eta_ij L_j
     dv+ = dv + sum_i kick_i L_i,             dq+ = dq + h dv + h sum_i rest_i L_i
 
-where w_i = b_i, kick_i = 1 and rest_i = 1 - c_i for a symplectic method (see `orbits.marching.tangent`). Explicit methods
-need one sweep over the stages; the stages of implicit ones are iterated to the round-off floor. Nothing is written
-that the march reads.
+where w_i = b_i, kick_i = 1 and rest_i = 1 - c_i for a symplectic method (see `orbits.marching.tangent`). Explicit
+methods need one sweep over the stages; the stages of implicit ones are iterated to the round-off floor. Nothing is
+written that the march reads. For terms that depend on velocities see `orbits.kernels.tangent_momenta`.
 
 Eight tangent vectors are in the lanes of a register: a vector of d coordinates has d rows.
 
@@ -21,7 +21,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from orbits.kernels.binding import accelerate, dimension, hessians
+from numba.extending import overload
+
+from orbits.kernels.binding import OPTIONS, SumType, accelerate, add_hessians, dimension, other_terms, tides
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, store
 from orbits.kernels.summation import accumulate, add_product
@@ -34,8 +36,8 @@ LEVER, AREA, LOGARITHM, SQUARE, BEFORE = 0, 1, 2, 3, 4
 the last step."""
 
 FLOOR, STALLED = 2.0**-52, 1e-11
-"""The stages have converged when none changes by more than `FLOOR` of the largest, or when changes below `STALLED` of it
-no longer fall by half."""
+"""The stages have converged when none changes by more than `FLOOR` of the largest, or when changes below `STALLED` of
+it no longer fall by half."""
 
 SWEEPS = 100
 
@@ -44,7 +46,7 @@ LARGE, SMALLER = 2.0**600, 2.0**-300
 
 
 class Course(NamedTuple):
-    """Consecutive steps of a march: times (k + 1,), lengths (k,), and q and v at these times, path (k + 1, 2, padded)."""
+    """Consecutive steps of a march: times (k + 1,), lengths (k,); path (k + 1, 2, padded), q and v at these times."""
 
     times: Any
     lengths: Any
@@ -68,7 +70,7 @@ class Room(NamedTuple):
     """Workspace for D coordinates of the bodies, d of the vectors, s stages.
 
     Q, g : (s, padded) positions and accelerations of the stages
-    curvature : (3 D^2,) second derivatives of L; tides : (s, d, d), G at the stages; dQ : (d, 8)
+    curvature : (3 D^2,) second derivatives of terms; tides : (s, d, d), G at the stages; dQ : (d, 8)
     """
 
     Q: Any
@@ -79,11 +81,11 @@ class Room(NamedTuple):
 
 
 @kernel
-def follow(model, table, course, fan, rows, inertia, scale, room):
+def follow(model, table, course, fan, some, inertia, scale, room):
     """Let tangent vectors follow the steps of a march.
 
     model : see `Model`; table : (s, 4 + s)
-    rows : (d,) int64, the coordinates of the bodies that are varied; inertia : (d,), 1 / GM of each
+    some : (m,) int64, the bodies that are varied, in ascending order; d = 3 m; inertia : (n,), 1 / GM of all
     scale : the unit of time in which velocities count in |x|
 
     Returns the number of steps followed: fewer than those of the course if the stages of the next do not converge.
@@ -91,11 +93,13 @@ def follow(model, table, course, fan, rows, inertia, scale, room):
     explicit = is_explicit(table)
     for k in range(course.lengths.shape[0]):
         t, h = course.times[k], course.lengths[k]
+        if h == 0.0:  # with which a march may end
+            continue
         if not place_stages(model, table, explicit, h, course.path[k], course.path[k + 1], room):
             return k
         for i in range(table.shape[0]):
             at = t + table[i, NODE] * h
-            write_tides(model, at, room.Q[i], course.path[k, 1], room.curvature, rows, inertia, room.tides[i])
+            write_tides(model, at, room.Q[i], course.path[k, 1], room.curvature, some, inertia, room.tides[i])
         for g in range(fan.vectors.shape[0]):
             if not advance(table, explicit, h, room.tides, fan.vectors[g], fan.kicks[g], room.dQ):
                 return k
@@ -136,7 +140,7 @@ def place_stages(model, table, explicit, h, start, end, room):
                 Q[i, k] = q[k] + x * (way + (1.0 - x) * bend)
         accelerate(model.tag, model.parameters, Q[i], g[i])
     last = math.inf
-    for sweep in range(0 if explicit else SWEEPS):
+    for _sweep in range(0 if explicit else SWEEPS):
         change = reach = 0.0
         for i in range(s):
             for k in range(size):
@@ -149,20 +153,43 @@ def place_stages(model, table, explicit, h, start, end, room):
             accelerate(model.tag, model.parameters, Q[i], g[i])
         if change <= FLOOR * reach or (change <= STALLED * reach and not change <= 0.5 * last):
             return True
-        if not change * 0.0 == 0.0:
+        if change * 0.0 != 0.0:
             return False
         last = change
     return explicit
 
 
+def write_tides(model, t, q, v, curvature, some, inertia, out):
+    """Write G, the derivative of the accelerations of some bodies by their positions, (d, d)."""
+    raise NotImplementedError("write_tides() is for compiled code only")
+
+
+@overload(write_tides, jit_options=OPTIONS)
+def _write_tides(model, t, q, v, curvature, some, inertia, out):
+    if not isinstance(model.types[0], SumType):
+        return lambda model, t, q, v, curvature, some, inertia, out: tides(
+            model.tag, model.parameters, q, some, out
+        )
+
+    def of_a_sum(model, t, q, v, curvature, some, inertia, out):
+        tides(model.tag, model.parameters, q, some, out)
+        curvature[:] = 0.0
+        tags, vectors = other_terms(model.tag), model.parameters[1:]
+        add_hessians(tags, model.parameters[0], vectors, t, q, v, curvature)
+        add_block(curvature, 0, some, inertia, out)
+
+    return of_a_sum
+
+
 @kernel
-def write_tides(model, t, q, v, curvature, rows, inertia, tides):
-    """Write G, the derivative of the accelerations of some coordinates by these coordinates, (d, d)."""
-    size, d = dimension(model.tag, model.parameters), rows.shape[0]
-    hessians(model.tag, model.parameters, t, q, v, curvature)
-    for a in range(d):
-        for b in range(d):
-            tides[a, b] = curvature[rows[a] * size + rows[b]] * inertia[a]
+def add_block(curvature, first, some, inertia, out):
+    """Add a block of second derivatives of L, from element `first` of `curvature` on, over GM of each row to (d, d)."""
+    n, m = inertia.shape[0], some.shape[0]
+    for a in range(3 * m):
+        i = some[a % m]
+        row = first + (a // m * n + i) * 3 * n
+        for b in range(3 * m):
+            out[a, b] += curvature[row + b // m * n + some[b % m]] * inertia[i]
 
 
 @kernel
@@ -171,7 +198,7 @@ def advance(table, explicit, h, tides, vectors, kicks, dQ):
     s, d = table.shape[0], tides.shape[1]
     q, q_lo, v, v_lo = vectors[0], vectors[1], vectors[2], vectors[3]
     last, settled = full(math.inf), explicit
-    for sweep in range(1 if explicit else SWEEPS):
+    for _sweep in range(1 if explicit else SWEEPS):
         change, size = full(0.0), full(0.0)
         for i in range(s):
             for a in range(d):
@@ -229,7 +256,7 @@ def measure(t, h, scale, vectors, kicks, growth):
         grown = 0.5 * math.log(lane(now, j) / growth[SQUARE, j])
         growth[LEVER, j] += (t + 0.5 * h) * grown
         growth[LOGARITHM, j] += grown
-        Y = 2.0 * growth[LEVER, j] / (t + h) if h > 0.0 else growth[BEFORE, j]
+        Y = 2.0 * growth[LEVER, j] / (t + h)
         growth[AREA, j] += 0.5 * h * (growth[BEFORE, j] + Y)
         growth[BEFORE, j] = Y
     if largest(now) > LARGE:

@@ -14,7 +14,8 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import Model
-from orbits.kernels.tangent import AREA, BEFORE, ETA, LOGARITHM, SQUARE, Course, Fan, Room, follow
+from orbits.kernels.tangent import AREA, ETA, LOGARITHM, SQUARE, Course, Fan, Room, follow
+from orbits.kernels.tangent_momenta import MomentaRoom, follow_momenta
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian
 from orbits.marching.alignment import aligned
 from orbits.marching.motion import Motion
@@ -30,8 +31,9 @@ class Tangents:
 
     lagrangian, parameters : of the bodies that march, with the vectors of their kernels
     integrator : the method that takes their steps
-    bodies : the numbers of the bodies that are varied; the others have no variations
-    vectors : (count, 2, bodies, 3), dq and dv at the start
+    bodies : the numbers of the bodies that are varied, in ascending order; the others have no variations
+    q, v : (n, 3) of all bodies, where the march begins at t = 0
+    vectors : (count, 2, bodies, 3), dq and dv there
     scale : None, or the unit of time in which velocities count in the lengths of the vectors whose growth is measured
 
     Raises InputError if the derivative of the method, or of a term, is not known.
@@ -43,25 +45,34 @@ class Tangents:
         parameters: Any,
         integrator: Integrator,
         bodies: NDArray[np.intp],
+        q: Array,
+        v: Array,
         vectors: Array,
         scale: float | None = None,
     ) -> None:
         require_tangents(integrator, lagrangian)
-        self._model, self._table = Model(lagrangian.tag, parameters), table_of(integrator.tableau)
+        self._lagrangian, self._integrator = lagrangian, integrator
+        self._model, self._with_momenta = Model(lagrangian.tag, parameters), SEPARABLE not in lagrangian.traits
+        self._table = (momenta_table_of if self._with_momenta else table_of)(integrator.tableau)
         strength = np.asarray(parameters[0] if isinstance(parameters, tuple) else parameters)
-        n, size, s = len(strength) - 1, 3 * (len(strength) - 1), len(self._table)
-        self._rows = (np.arange(3, dtype=np.int64)[:, None] * n + np.asarray(bodies, dtype=np.int64)).ravel()
-        self._inertia = np.tile(1.0 / strength[1 + np.asarray(bodies)], 3)
-        self._count, d = len(vectors), len(self._rows)
-        groups = (self._count + WIDTH - 1) // WIDTH
+        self._some, self._inertia = np.array(bodies, dtype=np.int64), 1.0 / strength[1:]
+        self._count, n, s = len(vectors), len(self._inertia), len(self._table)
+        d, groups = 3 * len(self._some), (self._count + WIDTH - 1) // WIDTH
         self._vectors, self._kicks, self._growth = aligned(
-            (groups, 4, d, WIDTH), (groups, s * d, WIDTH), (0 if scale is None else groups, 5, WIDTH)
+            (groups, 4, d, WIDTH),
+            (groups, (2 if self._with_momenta else 1) * s * d, WIDTH),
+            (0 if scale is None else groups, 5, WIDTH),
         )
-        self._room = Room(
-            *aligned((s, padded(size)), (s, padded(size)), (3 * size * size,), (s, d, d), (d, WIDTH))
-        )
-        lanes = np.moveaxis(np.asarray(vectors, dtype=np.float64), 3, 2).reshape(self._count, 2, d)
-        filled = np.zeros((groups * WIDTH, 2, d))
+        stages, curvature, rows = (s, padded(3 * n)), (27 * n * n,), (d, WIDTH)
+        if self._with_momenta:
+            shapes = *[stages] * 4, stages[1:], curvature, (s, 4, d, d), rows, rows
+            self._room: Any = MomentaRoom(*aligned(*shapes))
+        else:
+            self._room = Room(*aligned(stages, stages, curvature, (s, d, d), rows))
+        self._now = 0.0, np.array(q, dtype=np.float64).ravel(), np.array(v, dtype=np.float64).ravel()
+        given = self._by_momenta(np.array(vectors, dtype=np.float64))
+        lanes = np.moveaxis(given, 3, 2).reshape(self._count, 2, d)
+        filled = np.empty((groups * WIDTH, 2, d))
         filled[: self._count] = lanes
         filled[self._count :] = lanes[:1]  # lanes that are not used move like the first one
         self._vectors[:, [DQ, DV]] = filled.reshape(groups, WIDTH, 2, d).transpose(0, 2, 3, 1)
@@ -69,20 +80,25 @@ class Tangents:
         if scale is not None:
             parts = self._vectors[:, [DQ, DV]] * np.array([1.0, self._scale])[:, None, None]
             self._growth[:, SQUARE] = np.sum(parts**2, axis=(1, 2))
-        self._integrator = integrator
 
     def follow(self, motion: Motion) -> None:
         """Follow the steps of a stretch of the march, which begins where the last one ended.
 
         Raises ConvergenceError if the stages of a step do not converge, InputError if the vectors become too large.
         """
+        if not len(motion):
+            return
         course = Course(*(np.ascontiguousarray(x) for x in (motion.times, motion.lengths, motion.path)))
         fan = Fan(self._vectors, self._kicks, self._growth)
-        done = follow(self._model, self._table, course, fan, self._rows, self._inertia, self._scale, self._room)
+        kernel = follow_momenta if self._with_momenta else follow
+        done = kernel(self._model, self._table, course, fan, self._some, self._inertia, self._scale, self._room)
+        size = 3 * len(self._inertia)
+        q, v = (x[:size].reshape(3, -1).T.ravel() for x in course.path[-1])
+        self._now = float(course.times[-1]), q, v
         if not np.isfinite(self._vectors).all():
             raise InputError(
-                f"tangent vectors exceed the range of numbers by t = {course.times[-1]:.10g}, 1e308 times what they were; "
-                "expected a shorter duration, or orbits.megno, which scales them on the way."
+                f"tangent vectors exceed 1e308, the range of numbers, by t = {course.times[-1]:.10g}; expected a "
+                "shorter duration, or orbits.megno, which scales them on the way."
             )
         if done < len(course.lengths):
             t, h = float(course.times[done]), float(course.lengths[done])
@@ -106,7 +122,7 @@ class Tangents:
         """Return the vectors, (count, 2, bodies, 3), rounded to float64."""
         groups, _, d, _ = self._vectors.shape
         lanes = self._vectors[:, [DQ, DV]].transpose(0, 3, 1, 2).reshape(groups * WIDTH, 2, 3, d // 3)
-        return np.ascontiguousarray(np.moveaxis(lanes[: self._count], 2, 3))
+        return self._by_velocities(np.ascontiguousarray(np.moveaxis(lanes[: self._count], 2, 3)))
 
     def growth(self, time: float) -> tuple[Array, Array]:
         """Return MEGNO, the mean of Y over the time |time| > 0 of the march, and ln(|x| / |x0|), of each vector,
@@ -115,9 +131,39 @@ class Tangents:
         mean, log = self._growth[:, AREA].ravel() / abs(time), self._growth[:, LOGARITHM].ravel()
         return mean[: self._count], log[: self._count].copy()
 
-    def latest(self) -> Array:
-        """Return Y of each vector at the last step, (count,)."""
-        return np.asarray(self._growth[:, BEFORE].ravel()[: self._count].copy())
+    def to_momenta(self) -> Array:
+        """Return the derivative of (q, p) by (q, v) here and now, (2 d, 2 d): x, y, z of each varied body in turn, p
+        times G.
+        """
+        mixed, mass, _ = self._curvatures()
+        d = len(mass)
+        return np.block([[np.eye(d), np.zeros((d, d))], [mixed.T, mass]])
+
+    def _by_momenta(self, vectors: Array) -> Array:
+        """Return vectors of dq and dv, (count, 2, bodies, 3), as those of dq and dw = dp / m, here and now."""
+        if self._with_momenta:
+            mixed, mass, gm = self._curvatures()
+            dq, dv = (vectors[:, k].reshape(self._count, -1) for k in range(2))
+            vectors[:, 1] = ((dq @ mixed + dv @ mass) / gm).reshape(vectors[:, 1].shape)
+        return vectors
+
+    def _by_velocities(self, vectors: Array) -> Array:
+        """Undo `_by_momenta`."""
+        if self._with_momenta:
+            mixed, mass, gm = self._curvatures()
+            dq, dw = (vectors[:, k].reshape(self._count, -1) for k in range(2))
+            vectors[:, 1] = np.linalg.solve(mass, (dw * gm - dq @ mixed).T).T.reshape(vectors[:, 1].shape)
+        return vectors
+
+    def _curvatures(self) -> tuple[Array, Array, Array]:
+        """Return d2L/dq dv and d2L/dv dv, (d, d), and GM, (d,), of the varied bodies, x, y, z of each in turn."""
+        gm = np.repeat(1.0 / self._inertia[self._some], 3)
+        if not self._with_momenta:
+            return np.zeros((len(gm), len(gm))), np.diag(gm), gm
+        t, q, v = self._now
+        own = (3 * self._some[:, None] + np.arange(3)).ravel()
+        _, mixed, mass = self._lagrangian.hessians(q, v, t)
+        return mixed[np.ix_(own, own)], mass[np.ix_(own, own)], gm
 
 
 def require_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
@@ -136,12 +182,6 @@ def require_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
     if without or GRADIENTS not in lagrangian.traits:
         what = f"the term '{without[0]}'" if without else f"'{lagrangian.name}'"
         raise InputError(f"{what} has no second derivatives, so variations are not known; give its kernels `hessians`.")
-    if SEPARABLE not in lagrangian.traits:
-        bound = [term.name for term in summands if SEPARABLE not in term.traits]
-        raise InputError(
-            f"variations are computed for forces that depend on positions alone, so far, not with the term "
-            f"'{bound[0] if bound else lagrangian.name}'. Leave it out: system.replaced(terms=...)."
-        )
 
 
 @lru_cache(maxsize=64)
@@ -168,3 +208,11 @@ def table_of(tableau: PartitionedTableau) -> Array:
             for i in range(s):
                 out[i, ETA + j] = float(mpmath.fsum(a[i][k] * x for k, x in columns[j] if a[i][k] != 0) / w)
     return out
+
+
+@lru_cache(maxsize=64)
+def momenta_table_of(tableau: SymplecticTableau) -> Array:
+    """Return the table (s, 2 + 2 s) of a symplectic pair: c, b, mu and mu_bar, exactly symplectic in binary, see
+    `orbits.kernels.tangent_momenta`.
+    """
+    return np.column_stack([tableau.nodes, tableau.b, tableau.mu, tableau.mu_bar])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.integrators.base import Integrator
+from orbits.marching.choice import form_of_bodies
 from orbits.marching.tangent import Tangents, require_tangents
 from orbits.marching.transformed import TimeTransformed
 from orbits.propagation import step_check
@@ -37,6 +38,7 @@ def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -
     """Raise InputError, with the reason, if the variations of a run are not known."""
     acting = model(system)
     require_tangents(integrator, acting.lagrangian)
+    form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False)
     if acting.forces:
         raise InputError(
             f"the variations of {type(system.forces[0]).__name__}, a force without a Lagrangian, are not known; leave "
@@ -75,7 +77,9 @@ def tangents_of(
 ) -> Tangents:
     """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`."""
     acting = model(followed.system)
-    return Tangents(acting.lagrangian, acting.vectors, integrator, followed.varied, vectors, scale)
+    values = followed.system.values
+    which = (followed.varied, values.q, values.v)
+    return Tangents(acting.lagrangian, acting.vectors, integrator, *which, vectors, scale)
 
 
 def at_samples(

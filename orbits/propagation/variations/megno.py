@@ -59,8 +59,8 @@ class TangentGrowth:
     t : times since the epoch
     megno : the mean over eight tangent vectors; NaN at the start
     spread : their standard deviation
-    lyapunov : ln(|x(t)| / |x(0)|) / t, their mean, 1 / time: it tends to the largest Lyapunov exponent on a chaotic orbit,
-        and to 0, as ln(t) / t, on a regular one
+    lyapunov : ln(|x(t)| / |x(0)|) / t, their mean, 1 / time: it tends to the largest Lyapunov exponent on a chaotic
+        orbit, and to 0, as ln(t) / t, on a regular one
     """
 
     name: str
@@ -84,7 +84,9 @@ class Megno:
     Each value is that after the last whole step before the sample.
     """
 
-    def __init__(self, system: System, massive: TangentGrowth, particles: tuple[TangentGrowth, ...], made_by: str) -> None:
+    def __init__(
+        self, system: System, massive: TangentGrowth, particles: tuple[TangentGrowth, ...], made_by: str
+    ) -> None:
         self.system, self.massive, self.particles, self.made_by = system, massive, particles, made_by
 
     @property

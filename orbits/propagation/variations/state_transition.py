@@ -50,9 +50,9 @@ class StateTransition:
     particle after it is lost, are NaN.
     """
 
-    def __init__(self, system: System, times: Array, matrix: Array, *, made_by: str) -> None:
+    def __init__(self, system: System, times: Array, matrix: Array, momenta: Array, *, made_by: str) -> None:
         self.system, self.matrix, self.made_by = system, matrix, made_by
-        self._times = times
+        self._times, self._momenta = times, momenta
         self.matrix.flags.writeable = False
 
     @property
@@ -84,21 +84,21 @@ class StateTransition:
         return list(self.names)
 
     def symplecticity_defect(self) -> Any:
-        """Return the largest |M^T J M - J| of the massive bodies over |M|^2, with momenta GM v: at the level of
-        round-off, 1e-16 and less, for a symplectic method; a number, or (n,).
+        """Return the largest |M^T J M - J| of the massive bodies over |M|^2, with momenta p = dL/dv: at the
+        level of round-off, 1e-16, for a symplectic method; a number, or (n,).
 
-        In coordinates sqrt(GM) (q, v tau) with the shortest dynamical time tau, which give all bodies equal weight.
+        In coordinates sqrt(GM) q and p tau / sqrt(GM), tau the shortest dynamical time, which give all bodies equal
+        weight.
         """
         massive = np.flatnonzero(self.system.massive)
         tau, gm = dynamical_time(self.system), np.repeat(self.system.values.gm[massive], 3)
-        tau = tau if np.isfinite(tau) else 1.0
-        n = 6 * len(self.names)
+        n, d = 6 * len(self.names), len(gm)
         rows = np.arange(n).reshape(len(self.names), 2, 3)[massive].transpose(1, 0, 2).ravel()
-        # Momenta GM v tau: the units of time and of mass cancel in the defect.
-        canonical = np.concatenate([np.ones(len(gm)), gm * tau])
+        scale = np.concatenate([np.ones(d), np.full(d, tau if np.isfinite(tau) else 1.0)])
+        start, *ends = (scale[:, None] * to_momenta for to_momenta in self._momenta)
         found = [
-            symplecticity_defect(canonical[:, None] * M[np.ix_(rows, rows)] / canonical, np.sqrt(gm))
-            for M in self.matrix.reshape(-1, n, n)
+            symplecticity_defect(np.linalg.solve(start.T, (end @ M[np.ix_(rows, rows)]).T).T, np.sqrt(gm))
+            for end, M in zip(ends, self.matrix.reshape(-1, n, n), strict=True)
         ]
         return np.array(found).reshape(self._times.shape)[()]
 
@@ -169,11 +169,11 @@ def state_transition(
     require_followable(system, integrator, grid)
     if checked_flag(check_step, "check_step"):
         warn_if_too_long(system, integrator, grid)
-    matrix = matrices(system, integrator, grid, coupled=with_bodies)
+    matrix, momenta = matrices(system, integrator, grid, coupled=with_bodies)
     times = np.array(grid.times)
     if samples is None:
         times, matrix = times[0], matrix[0]
-    return StateTransition(system, np.asarray(times), matrix, made_by=made_by(system, integrator, grid))
+    return StateTransition(system, np.asarray(times), matrix, momenta, made_by=made_by(system, integrator, grid))
 
 
 def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
@@ -183,8 +183,10 @@ def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
     return f"{integrator.label}, dt = {grid.dt:g} {system.units.time}".rstrip()
 
 
-def matrices(system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool) -> Array:
-    """Return the matrix at each sample, (n, 6 N, 6 N)."""
+def matrices(system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool) -> tuple[Array, Array]:
+    """Return the matrix at each sample, (n, 6 N, 6 N), and the derivatives of (q, p) by (q, v) of the massive bodies at
+    the start and at each sample; see `Tangents.to_momenta`.
+    """
     N = len(system.names)
     needed = 8 * len(grid) * (6 * N) ** 2
     if needed > MEMORY_SHARE * memory():
@@ -193,7 +195,7 @@ def matrices(system: System, integrator: Integrator, grid: TimeGrid, *, coupled:
             "memory, more than this machine has; expected fewer samples, or fewer massless particles at a time."
         )
     out = np.zeros((len(grid), N, 6, N, 6))
-    _fill(massive_of(system), integrator, grid, out)
+    momenta = _fill(massive_of(system), integrator, grid, out)
     for p in np.flatnonzero(~system.massive).tolist():
         out[:, p] = np.nan
         out[:, p, :, ~system.massive] = 0.0
@@ -207,17 +209,22 @@ def matrices(system: System, integrator: Integrator, grid: TimeGrid, *, coupled:
                 RetiredWarning,
                 stacklevel=level_of_caller(),
             )
-    return out.reshape(len(grid), 6 * N, 6 * N)
+    return out.reshape(len(grid), 6 * N, 6 * N), momenta
 
 
-def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> None:
-    """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6)."""
+def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
+    """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6); return what
+    `Tangents.to_momenta` has at the start and at each sample.
+    """
     numbers, count = followed.numbers, len(followed.varied)
     vectors = np.eye(6 * count).reshape(6 * count, count, 2, 3).swapaxes(1, 2)
     tangents = tangents_of(followed, integrator, vectors)
+    momenta = [tangents.to_momenta()]
     for k, (now, _) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=True)):
         # (columns, 2, bodies, 3) to (bodies, 6, columns)
         rows = now.vectors().transpose(2, 1, 3, 0).reshape(count, 6, count, 6)
         for i, body in enumerate(numbers.tolist()):
             if particle is None or body == particle:
                 out[k, body][:, numbers] = rows[i]
+        momenta.append(now.to_momenta())
+    return np.array(momenta)
