@@ -29,7 +29,11 @@ from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, max
 from orbits.kernels.summation import accumulate, add_product
 
 NODE, WEIGHT, KICK, REST, ETA = 0, 1, 2, 3, 4
-"""The columns of a table: c, w, kick and rest of each stage; from `ETA` on, eta."""
+"""The columns of a table: c, w, kick and rest of each stage; from `ETA` on eta, then the continuation: the weights of L
+at the stages of one step in the guess for those of the next."""
+
+ALIKE = 0.1
+"""The relative difference of successive steps up to which the continuation is used; other steps start cold."""
 
 LEVER, AREA, LOGARITHM, SQUARE, BEFORE = 0, 1, 2, 3, 4
 """The rows of the growth of eight vectors: sum of t d(ln |x|), integral of Y dt, ln |x| since the start; |x|^2 and Y at
@@ -71,6 +75,7 @@ class Room(NamedTuple):
 
     Q, g : (s, padded) positions and accelerations of the stages
     curvature : (3 D^2,) second derivatives of terms; tides : (s, d, d), G at the stages; dQ : (d, 8)
+    ahead, rows : (s,) and (s, 8)
     """
 
     Q: Any
@@ -78,33 +83,42 @@ class Room(NamedTuple):
     curvature: Any
     tides: Any
     dQ: Any
+    ahead: Any
+    rows: Any
 
 
 @kernel
-def follow(model, table, course, fan, some, inertia, scale, room):
+def follow(model, table, course, before, fan, some, inertia, scale, room):
     """Let tangent vectors follow the steps of a march.
 
-    model : see `Model`; table : (s, 4 + s)
+    model : see `Model`; table : (s, 4 + 2 s); before : the length of the step before the first, 0 if there is none
     some : (m,) int64, the bodies that are varied, in ascending order; d = 3 m; inertia : (n,), 1 / GM of all
     scale : the unit of time in which velocities count in |x|
 
     Returns the number of steps followed: fewer than those of the course if the stages of the next do not converge.
     """
-    explicit = is_explicit(table)
+    s, explicit = table.shape[0], is_explicit(table)
+    joined = explicit and are_joined(table)
     for k in range(course.lengths.shape[0]):
         t, h = course.times[k], course.lengths[k]
         if h == 0.0:  # with which a march may end
             continue
-        if not place_stages(model, table, explicit, h, course.path[k], course.path[k + 1], room):
+        warm = abs(h - before) <= ALIKE * abs(h)
+        if not place_stages(model, table, explicit, warm, h, course.path[k], course.path[k + 1], room):
             return k
-        for i in range(table.shape[0]):
+        if joined and before != 0.0:
+            for a in range(room.tides.shape[1]):
+                for b in range(room.tides.shape[2]):
+                    room.tides[0, a, b] = room.tides[s - 1, a, b]
+        for i in range(1 if joined and before != 0.0 else 0, s):
             at = t + table[i, NODE] * h
             write_tides(model, at, room.Q[i], course.path[k, 1], room.curvature, some, inertia, room.tides[i])
         for g in range(fan.vectors.shape[0]):
-            if not advance(table, explicit, h, room.tides, fan.vectors[g], fan.kicks[g], room.dQ):
+            if not advance(table, explicit, warm, h, room.tides, fan.vectors[g], fan.kicks[g], room):
                 return k
             if fan.growth.shape[0]:
                 measure(abs(t), abs(h), scale, fan.vectors[g], fan.kicks[g], fan.growth[g])
+        before = h
     return course.lengths.shape[0]
 
 
@@ -119,13 +133,28 @@ def is_explicit(table):
 
 
 @kernel
-def place_stages(model, table, explicit, h, start, end, room):
+def are_joined(table):
+    """Return whether the first stage is the start of a step and the last one its end, so that successive steps have it
+    in common.
+    """
+    last = table.shape[0] - 1
+    joined = last > 0 and table[0, NODE] == 0.0 and table[last, NODE] == 1.0
+    for j in range(last + 1):
+        joined = joined and table[0, ETA + j] == 0.0 and table[last, ETA + j] == table[j, REST]
+    return joined
+
+
+@kernel
+def place_stages(model, table, explicit, warm, h, start, end, room):
     """Write the positions of the bodies at the stages of a step from `start` to `end`, (2, padded) each.
 
-    Returns whether their iteration converges; it starts from the cubic through both states.
+    warm : whether the accelerations at the stages of the step before serve as a guess; otherwise it is the cubic
+    through both states. Returns whether the iteration of the stages converges.
     """
     Q, g, s, size = room.Q, room.g, table.shape[0], dimension(model.tag, model.parameters)
     q, v = start[0], start[1]
+    if warm and not explicit:
+        continued(table, g, size, room.ahead)
     for i in range(s):
         x = table[i, NODE]
         for k in range(size):
@@ -138,7 +167,8 @@ def place_stages(model, table, explicit, h, start, end, room):
                 way = end[0, k] - q[k]
                 bend = h * ((1.0 - x) * v[k] - x * end[1, k]) + way * (2.0 * x - 1.0)
                 Q[i, k] = q[k] + x * (way + (1.0 - x) * bend)
-        accelerate(model.tag, model.parameters, Q[i], g[i])
+        if (explicit and i < s - 1) or not (explicit or warm):
+            accelerate(model.tag, model.parameters, Q[i], g[i])
     last = math.inf
     for _sweep in range(0 if explicit else SWEEPS):
         change = reach = 0.0
@@ -193,27 +223,67 @@ def add_block(curvature, first, some, inertia, out):
 
 
 @kernel
-def advance(table, explicit, h, tides, vectors, kicks, dQ):
+def continued(table, g, size, ahead):
+    """Replace the accelerations at the stages of a step by a guess for those of the next; ahead : (s,), workspace."""
+    s = table.shape[0]
+    for k in range(size):
+        for i in range(s):
+            ahead[i] = 0.0
+            for j in range(s):
+                ahead[i] += table[i, ETA + s + j] * (table[j, WEIGHT] * g[j, k])
+        for i in range(s):
+            g[i, k] = ahead[i] / table[i, WEIGHT]
+
+
+@kernel
+def guess(table, warm, kicks, d, rows):
+    """Replace L of the step before by a guess for the next step; rows : (s, 8), workspace."""
+    s = table.shape[0]
+    for a in range(d):
+        for i in range(s):
+            value = full(0.0)
+            if warm:
+                for j in range(s):
+                    value = value + table[i, ETA + s + j] * load(kicks, j * d + a)
+            store(rows, i, value)
+        for i in range(s):
+            store(kicks, i * d + a, load(rows, i))
+
+
+@kernel
+def advance(table, explicit, warm, h, tides, vectors, kicks, room):
     """Take a step of eight tangent vectors, (4, d, 8). Returns whether the iteration of the stages converges."""
-    s, d = table.shape[0], tides.shape[1]
+    s, d, dQ = table.shape[0], tides.shape[1], room.dQ
+    if not explicit:
+        guess(table, warm, kicks, d, room.rows)
     q, q_lo, v, v_lo = vectors[0], vectors[1], vectors[2], vectors[3]
     last, settled = full(math.inf), explicit
     for _sweep in range(1 if explicit else SWEEPS):
         change, size = full(0.0), full(0.0)
         for i in range(s):
-            for a in range(d):
-                value = table[i, NODE] * load(v, a)
-                for j in range(i if explicit else s):
-                    value = value + table[i, ETA + j] * load(kicks, j * d + a)
-                store(dQ, a, load(q, a) + (load(q_lo, a) + h * value))
             weight = h * table[i, WEIGHT]
-            for a in range(d):
-                pull = full(0.0)
+            for a in range(0, d, 3):  # three rows at once, whose instructions overlap
+                c = table[i, NODE]
+                x, y, z = c * load(v, a), c * load(v, a + 1), c * load(v, a + 2)
+                for j in range(i if explicit else s):
+                    eta, k = table[i, ETA + j], j * d + a
+                    x, y, z = x + eta * load(kicks, k), y + eta * load(kicks, k + 1), z + eta * load(kicks, k + 2)
+                store(dQ, a, load(q, a) + (load(q_lo, a) + h * x))
+                store(dQ, a + 1, load(q, a + 1) + (load(q_lo, a + 1) + h * y))
+                store(dQ, a + 2, load(q, a + 2) + (load(q_lo, a + 2) + h * z))
+            for a in range(0, d, 3):
+                x, y, z = full(0.0), full(0.0), full(0.0)
                 for b in range(d):
-                    pull = pull + tides[i, a, b] * load(dQ, b)
-                new = weight * pull
-                change, size = maximum(change, abs(new - load(kicks, i * d + a))), maximum(size, abs(new))
-                store(kicks, i * d + a, new)
+                    other = load(dQ, b)
+                    x, y = x + tides[i, a, b] * other, y + tides[i, a + 1, b] * other
+                    z = z + tides[i, a + 2, b] * other
+                x, y, z, k = weight * x, weight * y, weight * z, i * d + a
+                off = maximum(abs(x - load(kicks, k)), abs(y - load(kicks, k + 1)))
+                change = maximum(change, maximum(off, abs(z - load(kicks, k + 2))))
+                size = maximum(size, maximum(abs(x), maximum(abs(y), abs(z))))
+                store(kicks, k, x)
+                store(kicks, k + 1, y)
+                store(kicks, k + 2, z)
         if not explicit:
             stalled = (change <= STALLED * size) * (change > 0.5 * last)
             if not any_lane((1.0 - (change <= FLOOR * size)) * (1.0 - stalled)):  # true for NaN

@@ -49,8 +49,11 @@ class MomentaRoom(NamedTuple):
 
 
 @kernel
-def follow_momenta(model, table, course, fan, some, inertia, scale, room):
-    """As `orbits.kernels.tangent.follow`, with vectors of dq and dw, and kicks (groups, 2 s d, 8): L and K."""
+def follow_momenta(model, table, course, before, fan, some, inertia, scale, room):
+    """As `orbits.kernels.tangent.follow`, with vectors of dq and dw, and kicks (groups, 2 s d, 8): L and K.
+
+    before : not used: the stages start from those of the step before, whatever its length
+    """
     for k in range(course.lengths.shape[0]):
         t, h = course.times[k], course.lengths[k]
         if h == 0.0:  # with which a march may end

@@ -68,7 +68,8 @@ class Tangents:
             shapes = *[stages] * 4, stages[1:], curvature, (s, 4, d, d), rows, rows
             self._room: Any = MomentaRoom(*aligned(*shapes))
         else:
-            self._room = Room(*aligned(stages, stages, curvature, (s, d, d), rows))
+            self._room = Room(*aligned(stages, stages, curvature, (s, d, d), rows, (s,), (s, WIDTH)))
+        self._before = 0.0
         self._now = 0.0, np.array(q, dtype=np.float64).ravel(), np.array(v, dtype=np.float64).ravel()
         given = self._by_momenta(np.array(vectors, dtype=np.float64))
         lanes = np.moveaxis(given, 3, 2).reshape(self._count, 2, d)
@@ -91,7 +92,9 @@ class Tangents:
         course = Course(*(np.ascontiguousarray(x) for x in (motion.times, motion.lengths, motion.path)))
         fan = Fan(self._vectors, self._kicks, self._growth)
         kernel = follow_momenta if self._with_momenta else follow
-        done = kernel(self._model, self._table, course, fan, self._some, self._inertia, self._scale, self._room)
+        others = self._some, self._inertia, self._scale, self._room
+        done = kernel(self._model, self._table, course, self._before, fan, *others)
+        self._before = float(course.lengths[-1])
         size = 3 * len(self._inertia)
         q, v = (x[:size].reshape(3, -1).T.ravel() for x in course.path[-1])
         self._now = float(course.times[-1]), q, v
@@ -113,9 +116,8 @@ class Tangents:
         """Return a copy that can follow another march from here, such as a part of a step."""
         copy: Tangents = object.__new__(Tangents)
         copy.__dict__.update(self.__dict__)
-        copy._vectors, copy._kicks, copy._growth = (
-            x.copy() for x in (self._vectors, self._kicks, self._growth)
-        )
+        copy._vectors, copy._kicks, copy._growth = (x.copy() for x in (self._vectors, self._kicks, self._growth))
+        copy._room = type(self._room)(*(x.copy() for x in self._room))
         return copy
 
     def vectors(self) -> Array:
@@ -186,17 +188,18 @@ def require_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
 
 @lru_cache(maxsize=64)
 def table_of(tableau: PartitionedTableau) -> Array:
-    """Return the table (s, 4 + s) of a method: c, w, kick, rest and eta, see `orbits.kernels.tangent`.
+    """Return the table (s, 4 + 2 s) of a method: c, w, kick, rest, eta and continuation, see `orbits.kernels.tangent`.
 
     That of a symplectic pair is exactly symplectic in binary, with eta_ij - eta_ji = c_i - c_j and rest = 1 - c. For
     others, w = b where it is not 0, and otherwise 1; eta_ij = (a a_bar)_ij / w_j, kick = b / w, and
     rest_j = (sum_i b_i a_bar_ij) / w_j, rounded once.
     """
     s = tableau.stages
-    out = np.zeros((s, ETA + s))
+    out = np.zeros((s, ETA + 2 * s))
     if isinstance(tableau, SymplecticTableau):
         out[:, :ETA] = np.stack([tableau.nodes, tableau.b, np.ones(s), tableau.one_minus_nodes], axis=1)
-        out[:, ETA:] = tableau.eta
+        out[:, ETA : ETA + s] = tableau.eta
+        out[:, ETA + s :] = tableau.b[:, None] * tableau.continuation / tableau.b
         return out
     with mpmath.workdps(DIGITS):
         a, a_bar, b = tableau.exact_a, tableau.exact_a_bar, tableau.exact_b
@@ -207,7 +210,7 @@ def table_of(tableau: PartitionedTableau) -> Array:
             out[j, :ETA] = [float(x) for x in (tableau.exact_c[j], w, b[j] / w, rest)]
             for i in range(s):
                 out[i, ETA + j] = float(mpmath.fsum(a[i][k] * x for k, x in columns[j] if a[i][k] != 0) / w)
-    return out
+    return out  # without a continuation: the stages of implicit ones start at rest
 
 
 @lru_cache(maxsize=64)

@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from orbits.checks import checked_flag
 from orbits.errors import InputError
+from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
     from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Seen
+    from orbits.propagation.variations.megno import Megno
+    from orbits.propagation.variations.state_transition import StateTransition
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
@@ -65,6 +69,22 @@ class Replay:
 
         _refuse_legs(run, "run.error_estimate() marches companions with")
         return error_bars(run)
+
+    def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
+        """Return MEGNO and Lyapunov exponents along a run."""
+        from orbits.propagation.variations.megno import checked_seed, megno_of
+
+        _refuse_legs(run, "run.megno() marches tangent vectors with")
+        grid, seed = TimeGrid(run.clock, run.times), checked_seed(seed)
+        return megno_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
+
+    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+        """Return the state-transition matrices at the samples of a run."""
+        from orbits.propagation.variations.state_transition import state_transition_of
+
+        _refuse_legs(run, "run.state_transition() marches tangent vectors with")
+        grid = TimeGrid(run.clock, run.times)
+        return state_transition_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"))
 
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive, as listed in its last checkpoint."""

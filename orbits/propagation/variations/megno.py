@@ -185,25 +185,22 @@ def megno(
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
     integrator = integrators.named("gauss" if integrator is None else integrator)
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
+    seed = checked_seed(seed)
+    if checked_flag(check_step, "check_step"):
+        warn_if_too_long(system, integrator, grid)
+    return megno_of(system, integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
+
+
+def checked_seed(seed: Any) -> int:
+    """Return a whole number from 0 on. Raises InputError for anything else."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"seed is {shown(seed)}; expected a whole number >= 0.")
-    return megno_of(
-        system,
-        integrator,
-        grid,
-        coupled=checked_flag(coupled, "coupled"),
-        seed=int(seed),
-        check_step=checked_flag(check_step, "check_step"),
-    )
+        raise InputError(f"seed is {shown(seed)}; expected a whole number from 0 on.")
+    return int(seed)
 
 
-def megno_of(
-    system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool, seed: int, check_step: bool
-) -> Megno:
+def megno_of(system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool, seed: int) -> Megno:
     """As `megno`, on an existing grid of steps and samples."""
     require_followable(system, integrator, grid)
-    if check_step:
-        warn_if_too_long(system, integrator, grid)
     scale = dynamical_time(system)
     scale = scale if np.isfinite(scale) else 1.0
     massive = _growth(WHOLE, massive_of(system), integrator, grid, scale, seed)
