@@ -72,18 +72,22 @@ class Replay:
 
     def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
         """Return MEGNO and Lyapunov exponents along a run."""
+        from orbits.propagation.variations.following import require_followable
         from orbits.propagation.variations.megno import checked_seed, megno_of
 
         _refuse_legs(run, "run.megno() marches tangent vectors with")
         grid, seed = TimeGrid(run.clock, run.times), checked_seed(seed)
+        require_followable(run.system, run.integrator, grid)
         return megno_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
 
     def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
         """Return the state-transition matrices at the samples of a run."""
+        from orbits.propagation.variations.following import require_followable
         from orbits.propagation.variations.state_transition import state_transition_of
 
         _refuse_legs(run, "run.state_transition() marches tangent vectors with")
         grid = TimeGrid(run.clock, run.times)
+        require_followable(run.system, run.integrator, grid)
         return state_transition_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"))
 
     def retired(self, run: Trajectory) -> RetiredParticles:

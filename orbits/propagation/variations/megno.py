@@ -186,6 +186,7 @@ def megno(
     integrator = integrators.named("gauss" if integrator is None else integrator)
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
     seed = checked_seed(seed)
+    require_followable(system, integrator, grid)
     if checked_flag(check_step, "check_step"):
         warn_if_too_long(system, integrator, grid)
     return megno_of(system, integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
@@ -200,7 +201,6 @@ def checked_seed(seed: Any) -> int:
 
 def megno_of(system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool, seed: int) -> Megno:
     """As `megno`, on an existing grid of steps and samples."""
-    require_followable(system, integrator, grid)
     scale = dynamical_time(system)
     scale = scale if np.isfinite(scale) else 1.0
     massive = _growth(WHOLE, massive_of(system), integrator, grid, scale, seed)

@@ -166,6 +166,7 @@ def state_transition(
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=2 if samples is None else samples)
     if samples is None:
         grid = TimeGrid(grid.clock, grid.times[-1:])
+    require_followable(system, integrator, grid)
     if checked_flag(check_step, "check_step"):
         warn_if_too_long(system, integrator, grid)
     return state_transition_of(system, integrator, grid, coupled=with_bodies, at_end=samples is None)
@@ -175,7 +176,6 @@ def state_transition_of(
     system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool, at_end: bool = False
 ) -> StateTransition:
     """As `state_transition`, on an existing grid of steps and samples; at_end : without an axis of samples."""
-    require_followable(system, integrator, grid)
     matrix, momenta = matrices(system, integrator, grid, coupled=coupled)
     times = np.array(grid.times)
     if at_end:
