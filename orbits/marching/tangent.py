@@ -63,7 +63,8 @@ class Tangents:
             (groups, (2 if self._with_momenta else 1) * s * d, WIDTH),
             (0 if scale is None else groups, 5, WIDTH),
         )
-        stages, curvature, rows = (s, padded(3 * n)), (27 * n * n,), (d, WIDTH)
+        of_terms = 27 * n * n if isinstance(parameters, tuple) else 1
+        stages, curvature, rows = (s, padded(3 * n)), (of_terms,), (d, WIDTH)
         if self._with_momenta:
             shapes = *[stages] * 4, stages[1:], curvature, (s, 4, d, d), rows, rows
             self._room: Any = MomentaRoom(*aligned(*shapes))

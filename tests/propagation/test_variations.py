@@ -82,18 +82,20 @@ def test_the_derivative_after_a_period_of_a_circle_is_that_of_keplers_third_law(
     system = orbits.System(["A"], [1.0], np.zeros((1, 3)), np.zeros((1, 3)), units=orbits.DIMENSIONLESS)
     system = system.add("p", primary="A", a=1.0)
     stm = matrix(system, duration=YEAR)
-    # At x = a, a push along the orbit by dv makes the orbit larger, da = 2 a dv / v, and the period longer by 3/2 da / a:
-    # the body is 3 P dv behind where it was; a push outwards returns.
+    # At x = a, a push along the orbit by dv makes it larger, da = 2 a dv / v, and the period longer by 3/2 da / a: the
+    # body is 3 P dv behind where it was. A push outwards leaves no trace.
     forward = stm["p"] @ np.array([0, 0, 0, 0, 1.0, 0])
     np.testing.assert_allclose(forward, [0, -3 * YEAR, 0, 3 * YEAR, 1, 0], atol=1e-11)
     np.testing.assert_allclose(stm["p"][:, 3], [0, 0, 0, 1, 0, 0], atol=1e-11)
 
 
-@pytest.mark.parametrize("method", [GAUSS, VERLET], ids=lambda m: m.label)
-@pytest.mark.parametrize("clock", [0.125, None], ids=["constant", "adaptive"])
+BOTH = pytest.mark.parametrize(
+    ("method", "clock"), [(VERLET, 0.125), (GAUSS, 0.125), (GAUSS, None)], ids=["explicit", "implicit", "adaptive"]
+)
+
+
+@BOTH
 def test_a_matrix_is_the_product_of_those_of_its_parts(method, clock):
-    if clock is None and method is VERLET:
-        pytest.skip("chooses no steps")
     system = planets(0.6)
     whole = matrix(system, method, dt=clock, duration=3.0, samples=[0.0, 1.0, 3.0])
     middle = orbits.propagate(system, method, dt=clock, duration=1.0, samples=[1.0], check_step=False)[-1]
@@ -120,9 +122,17 @@ def test_samples_change_no_bit_of_the_matrices():
     np.testing.assert_array_equal(many.matrix[-2:], few.matrix)
 
 
-@pytest.mark.parametrize(
-    ("method", "clock"), [(VERLET, 0.1), (GAUSS, 0.1), (GAUSS, None)], ids=["explicit", "implicit", "adaptive"]
-)
+@BOTH
+def test_the_way_back_is_the_inverse(method, clock):
+    system = planets()
+    there = matrix(system, method, dt=clock, duration=2.0)
+    end = orbits.propagate(system, method, dt=clock, duration=2.0, samples=[2.0], check_step=False)[-1]
+    back = matrix(end, method, dt=clock, duration=-2.0)
+    # Symmetric methods retrace their steps up to the rounding of the end; steps chosen anew leave their own errors.
+    np.testing.assert_allclose(back.matrix @ there.matrix, np.eye(18), atol=1e-12 if clock else 1e-11)
+
+
+@BOTH
 def test_the_orbit_has_the_same_bits_with_variations_as_without(method, clock):
     system = planets()
     run = orbits.propagate(system, method, dt=clock, duration=5.0, samples=[5.0], check_step=False)
@@ -224,6 +234,14 @@ def test_a_matrix_says_what_it_is_and_gives_blocks_by_name():
         stm[0]
 
 
+def test_no_bit_depends_on_the_threads():
+    system = planets(0.5, 0.6, 0.7)
+    one, two = (matrix(system, VERLET, dt=0.05, duration=1.0, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.matrix, two.matrix)
+    one, two = (orbits.megno(system, VERLET, dt=0.05, duration=1.0, threads=k, check_step=False) for k in (1, 2))
+    assert [x.megno[-1] for x in one.particles] == [x.megno[-1] for x in two.particles]
+
+
 def test_a_run_gives_the_matrices_at_its_samples():
     system = planets(0.6)
     run = orbits.propagate(system, VERLET, dt=0.05, duration=2.0, samples=5, check_step=False)
@@ -240,7 +258,7 @@ def test_what_has_no_known_derivative_is_refused_with_the_reason():
         matrix(system.with_forces(orbits.Drag(rate=0.1)), dt=0.1, duration=1.0)
     with pytest.raises(InputError, match="steps of time"):
         matrix(system, dt=orbits.TimeTransformed(step=0.3), duration=1.0)
-    with pytest.raises(InputError, match="depends? on velocity|not separable"):
+    with pytest.raises(InputError, match="not separable"):
         matrix(system.with_terms(SPIN), VERLET, dt=0.1, duration=1.0)
     with pytest.raises(UnknownNameError, match="tmax"):
         orbits.state_transition(system, dt=0.1, duration=1.0, tmax=3.0)
@@ -263,9 +281,9 @@ def test_vectors_beyond_the_range_of_numbers_are_refused():
     system = planets()
     tangents = tangents_of(massive_of(system), VERLET, np.full((1, 2, 3, 3), 1e308))
     march = bound(system, VERLET, 0.1, dense=True)
+    motion, _ = next(stretches(march, march.clock.place(20.0)))
     with pytest.raises(InputError, match=r"orbits\.megno"):
-        for motion, _ in stretches(march, march.clock.place(100.0)):
-            tangents.follow(motion)
+        tangents.follow(motion)
 
 
 def test_some_bodies_alone_are_varied_in_the_field_of_the_others():

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.checks import whole_number
+from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.marching.choice import form_of_bodies
+from orbits.marching.marcher import available_threads
+from orbits.marching.pool import Pool
 from orbits.marching.tangent import Tangents, require_tangents
 from orbits.marching.transformed import TimeTransformed
 from orbits.propagation import step_check
@@ -21,6 +24,7 @@ from orbits.system.model import model
 from orbits.time_grid import TimeGrid
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
 class Followed(NamedTuple):
@@ -70,6 +74,32 @@ def particle_of(system: System, number: int, *, coupled: bool) -> Followed:
     numbers = np.flatnonzero(there)
     varied = np.arange(len(numbers)) if coupled else np.flatnonzero(numbers == number)
     return Followed(light, varied, numbers[varied])
+
+
+def each_in_threads(
+    work: Callable[[int], T], particles: Sequence[int], threads: int | None
+) -> Iterator[T | IntegrationError]:
+    """Yield the results of a function for massless particles, in their order, computed in threads; for one whose motion
+    cannot be integrated, the error.
+
+    threads : how many; None for all processors. The results do not depend on it
+    """
+    count = available_threads() if threads is None else whole_number(threads, "threads, if given,")
+
+    def guarded(particle: int) -> T | IntegrationError:
+        try:
+            return work(particle)
+        except IntegrationError as error:
+            return error
+
+    if count == 1 or len(particles) < 2:
+        yield from map(guarded, particles)
+        return
+    pool = Pool(min(count, len(particles)))
+    try:
+        yield from pool.map(guarded, particles)
+    finally:  # also after an interrupt: those that have begun are waited for
+        pool.shutdown(cancel_futures=True)
 
 
 def tangents_of(

@@ -30,6 +30,7 @@ from orbits.integrators.base import Integrator
 from orbits.propagation.variations.following import (
     Followed,
     at_samples,
+    each_in_threads,
     massive_of,
     particle_of,
     require_followable,
@@ -158,6 +159,7 @@ def megno(
     coupled: bool = False,
     seed: int = 0,
     check_step: bool = True,
+    threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> Megno:
     """Return MEGNO and Lyapunov exponents of all massive bodies together, and of each massless particle.
@@ -171,6 +173,7 @@ def megno(
         only the particle is varied, in the field of the bodies on their orbits, which is the usual indicator and much
         faster
     seed : of the directions of the eight tangent vectors, which are random
+    threads : number of threads for massless particles; None for all processors. No bit of the result depends on it
 
     The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start; MEGNO does
     not depend on this choice in the end. Vectors are scaled when they become large. Nothing is stored: an interrupted
@@ -189,7 +192,7 @@ def megno(
     require_followable(system, integrator, grid)
     if checked_flag(check_step, "check_step"):
         warn_if_too_long(system, integrator, grid)
-    return megno_of(system, integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
+    return megno_of(system, integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed, threads=threads)
 
 
 def checked_seed(seed: Any) -> int:
@@ -199,39 +202,60 @@ def checked_seed(seed: Any) -> int:
     return int(seed)
 
 
-def megno_of(system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool, seed: int) -> Megno:
+def megno_of(
+    system: System,
+    integrator: Integrator,
+    grid: TimeGrid,
+    *,
+    coupled: bool,
+    seed: int,
+    threads: int | None = None,
+) -> Megno:
     """As `megno`, on an existing grid of steps and samples."""
     scale = dynamical_time(system)
     scale = scale if np.isfinite(scale) else 1.0
-    massive = _growth(WHOLE, massive_of(system), integrator, grid, scale, seed)
-    particles = tuple(
-        _growth(system.names[p], particle_of(system, p, coupled=coupled), integrator, grid, scale, seed)
-        for p in np.flatnonzero(~system.massive).tolist()
-    )
-    return Megno(system, massive, particles, made_by(system, integrator, grid))
+
+    def growth(name: str, followed: Followed) -> tuple[TangentGrowth, IntegrationError | None]:
+        return _growth(name, followed, integrator, grid, scale, seed)
+
+    massive, failure = growth(WHOLE, massive_of(system))
+    if failure is not None:
+        raise failure
+    numbers = np.flatnonzero(~system.massive).tolist()
+
+    def of_particle(p: int) -> tuple[TangentGrowth, IntegrationError | None]:
+        return growth(system.names[p], particle_of(system, p, coupled=coupled))
+
+    particles = []
+    for found in each_in_threads(of_particle, numbers, threads):
+        assert not isinstance(found, IntegrationError)  # which comes with what was known before
+        particle, failure = found
+        if failure is not None:
+            warnings.warn(
+                f"the MEGNO of {particle.name} is not known from the step on that its motion cannot take: {failure}",
+                RetiredWarning,
+                stacklevel=level_of_caller(),
+            )
+        particles.append(particle)
+    return Megno(system, massive, tuple(particles), made_by(system, integrator, grid))
 
 
 def _growth(
     name: str, followed: Followed, integrator: Integrator, grid: TimeGrid, scale: float, seed: int
-) -> TangentGrowth:
-    """Return the growth of tangent vectors of what is followed at the samples."""
+) -> tuple[TangentGrowth, IntegrationError | None]:
+    """Return the growth of tangent vectors of what is followed at the samples, and what ended it before the last."""
     vectors = np.random.default_rng(seed).standard_normal((VECTORS, 2, len(followed.varied), 3))
     vectors[:, 1] /= scale
     lengths = np.sqrt(np.sum(vectors[:, 0] ** 2 + (scale * vectors[:, 1]) ** 2, axis=(1, 2)))
     tangents = tangents_of(followed, integrator, vectors / lengths[:, None, None, None], scale)
-    out = np.full((3, len(grid)), np.nan)
+    out, failure = np.full((3, len(grid)), np.nan), None
     try:
         for k, (now, time) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=False)):
             if time != 0.0:
                 mean, log = now.growth(time)
                 out[:, k] = mean.mean(), mean.std(ddof=1), log.mean() / abs(time)
     except IntegrationError as error:
-        if name == WHOLE:
-            raise
-        warnings.warn(
-            f"the MEGNO of {name} is not known from the step on that its motion cannot take: {error}",
-            RetiredWarning,
-            stacklevel=level_of_caller(),
-        )
-    units = followed.system.units
-    return TangentGrowth(name, u.Quantity(grid.times, units.time), out[0], out[1], u.Quantity(out[2], 1 / units.time))
+        failure = error
+    time_unit = followed.system.units.time
+    t, rate = u.Quantity(grid.times, time_unit), u.Quantity(out[2], 1 / time_unit)
+    return TangentGrowth(name, t, out[0], out[1], rate), failure

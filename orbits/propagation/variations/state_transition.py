@@ -14,13 +14,14 @@ from orbits.body_names import index_of
 from orbits.checks import checked_flag
 from orbits.diagnostics.tangent import symplecticity_defect
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, IntegrationError, RetiredWarning, level_of_caller, shown
+from orbits.errors import InputError, RetiredWarning, level_of_caller, shown
 from orbits.export import headed, html_table, text_table
 from orbits.integrators.base import Integrator
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.variations.following import (
     Followed,
     at_samples,
+    each_in_threads,
     massive_of,
     particle_of,
     require_followable,
@@ -134,6 +135,7 @@ def state_transition(
     samples: Any = None,
     coupled: bool = True,
     check_step: bool = True,
+    threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> StateTransition:
     """Return the state-transition matrix of a run: the derivative of the state at its end by that at its start.
@@ -147,6 +149,7 @@ def state_transition(
         each
     coupled : whether the derivatives of massless particles by the start of the massive bodies are computed too; without
         them, which is much faster, these blocks are NaN
+    threads : number of threads for massless particles; None for all processors. No bit of the result depends on it
 
     It is the derivative of what the method computes: of its steps, for as many as are taken, at fixed lengths. That of
     a symplectic method is symplectic to round-off. The orbit is that of `orbits.propagate` to the last bit for massive
@@ -169,14 +172,20 @@ def state_transition(
     require_followable(system, integrator, grid)
     if checked_flag(check_step, "check_step"):
         warn_if_too_long(system, integrator, grid)
-    return state_transition_of(system, integrator, grid, coupled=with_bodies, at_end=samples is None)
+    return state_transition_of(system, integrator, grid, coupled=with_bodies, threads=threads, at_end=samples is None)
 
 
 def state_transition_of(
-    system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool, at_end: bool = False
+    system: System,
+    integrator: Integrator,
+    grid: TimeGrid,
+    *,
+    coupled: bool,
+    threads: int | None = None,
+    at_end: bool = False,
 ) -> StateTransition:
     """As `state_transition`, on an existing grid of steps and samples; at_end : without an axis of samples."""
-    matrix, momenta = matrices(system, integrator, grid, coupled=coupled)
+    matrix, momenta = matrices(system, integrator, grid, coupled, threads)
     times = np.array(grid.times)
     if at_end:
         times, matrix = times[0], matrix[0]
@@ -192,7 +201,9 @@ def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
     return f"{integrator.label}, dt = {grid.dt:g} {system.units.time}".rstrip()
 
 
-def matrices(system: System, integrator: Integrator, grid: TimeGrid, *, coupled: bool) -> tuple[Array, Array]:
+def matrices(
+    system: System, integrator: Integrator, grid: TimeGrid, coupled: bool, threads: int | None
+) -> tuple[Array, Array]:
     """Return the matrix at each sample, (n, 6 N, 6 N), and the derivatives of (q, p) by (q, v) of the massive bodies at
     the start and at each sample; see `Tangents.to_momenta`.
     """
@@ -205,16 +216,20 @@ def matrices(system: System, integrator: Integrator, grid: TimeGrid, *, coupled:
         )
     out = np.zeros((len(grid), N, 6, N, 6))
     momenta = _fill(massive_of(system), integrator, grid, out)
-    for p in np.flatnonzero(~system.massive).tolist():
+    particles = np.flatnonzero(~system.massive).tolist()
+    for p in particles:
         out[:, p] = np.nan
         out[:, p, :, ~system.massive] = 0.0
         out[:, p, :, p] = np.nan
-        try:
-            _fill(particle_of(system, p, coupled=coupled), integrator, grid, out, p)
-        except IntegrationError as error:
+
+    def fill(p: int) -> None:
+        _fill(particle_of(system, p, coupled=coupled), integrator, grid, out, p)
+
+    for p, failure in zip(particles, each_in_threads(fill, particles, threads), strict=True):
+        if failure is not None:
             warnings.warn(
                 f"the state transition of {system.names[p]} is not known from the step on that its motion cannot take: "
-                f"{error}",
+                f"{failure}",
                 RetiredWarning,
                 stacklevel=level_of_caller(),
             )
