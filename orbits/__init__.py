@@ -71,6 +71,8 @@ if TYPE_CHECKING:
     from orbits.propagation.events.planes import NodeCrossing, PlaneCrossing
     from orbits.propagation.events.seen import Conjunction, Occultation, Opposition, Transit
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
+    from orbits.propagation.variations.megno import megno
+    from orbits.propagation.variations.state_transition import state_transition
     from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
@@ -155,11 +157,13 @@ __all__ = [
     "kepler_flow",
     "kernel",
     "march",
+    "megno",
     "propagate",
     "read_mpcorb",
     "read_sbdb",
     "resume",
     "run_from_rebound",
+    "state_transition",
     "to_rebound",
 ]
 
@@ -216,6 +220,8 @@ _HOME = {
     "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
     "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
+    "propagation.variations.megno": ["megno"],
+    "propagation.variations.state_transition": ["state_transition"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],

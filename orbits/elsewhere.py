@@ -33,6 +33,8 @@ PUBLIC_NAMES = {
     "integrate": "orbits.propagate(system, method, dt=..., duration=...)",
     "open": "orbits.Trajectory.open(path)",
     "load": "orbits.Trajectory.open(path)",
+    **dict.fromkeys(("init_megno", "lyapunov"), "orbits.megno(system, method, dt=..., duration=...)"),
+    **dict.fromkeys(("add_variation", "stm", "monodromy"), "orbits.state_transition(system, duration=...)"),
 }
 """Counterparts of names from other packages, in lower case."""
 

@@ -272,6 +272,24 @@ def _hessians(lagrangian, parameters, t, q, v, out):
     return compiled and (lambda lagrangian, parameters, t, q, v, out: compiled(parameters, t, q, v, out))
 
 
+def tides(lagrangian, parameters, q, some, out):
+    """Write the derivatives of the accelerations of some bodies by their positions; of the first term of a sum alone.
+
+    some : (m,) int64, their numbers in ascending order; out : (3m, 3m)
+    """
+    raise NotImplementedError("tides() is for compiled code only")
+
+
+@overload(tides, jit_options=OPTIONS)
+def _tides(lagrangian, parameters, q, some, out):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters, q, some, out: tides(
+            first_term(lagrangian), parameters[0], q, some, out
+        )
+    compiled = kernel_of(lagrangian, "tides")
+    return compiled and (lambda lagrangian, parameters, q, some, out: compiled(parameters, q, some, out))
+
+
 def accelerate(lagrangian, parameters, q, out):
     """Write the accelerations g(q) of all coordinates into `out`; padded vectors (d + 8,), or rows of eight stages."""
     raise NotImplementedError("accelerate() is for compiled code only")

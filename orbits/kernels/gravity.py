@@ -7,6 +7,8 @@ length squared, then GM of each body. Two bodies at the same position give value
 
 from __future__ import annotations
 
+import math
+
 from numba import types
 from numba.extending import overload
 
@@ -260,6 +262,48 @@ def gross_attraction(strength, q, i):
             x, y, z = q[j] - q[i], q[n + j] - q[n + i], q[2 * n + j] - q[2 * n + i]
             gross += strength[1 + j] / (x * x + y * y + z * z + strength[0])
     return gross
+
+
+@kernel
+def pair_tides(strength, q, some, out):
+    """Write the derivatives of the accelerations of some bodies by their positions.
+
+    q : (3n,) float64; some : (m,) int64, their numbers in ascending order; out : (3m, 3m), x of all first
+    """
+    n, m = strength.shape[0] - 1, some.shape[0]
+    for a in range(3 * m):
+        for b in range(3 * m):
+            out[a, b] = 0.0
+    for row in range(m):
+        i, column = some[row], 0
+        for j in range(n):
+            while column < m and some[column] < j:
+                column += 1
+            both = column < m and some[column] == j
+            if j == i or (both and j < i):  # which came with the row of j
+                continue
+            x, y, z = q[j] - q[i], q[n + j] - q[n + i], q[2 * n + j] - q[2 * n + i]
+            r2 = strength[0] + x * x + y * y + z * z
+            w = 1.0 / (r2 * math.sqrt(r2))
+            bent = 3.0 * w / r2
+            for a in range(3):
+                da = x if a == 0 else (y if a == 1 else z)
+                for b in range(a, 3):
+                    db = x if b == 0 else (y if b == 1 else z)
+                    tide = bent * (da * db) - (w if a == b else 0.0)
+                    _add_tide(out, a * m + row, b * m + row, strength[1 + j] * tide)
+                    if both:
+                        _add_tide(out, a * m + column, b * m + column, strength[1 + i] * tide)
+                        out[a * m + row, b * m + column] = out[b * m + row, a * m + column] = -strength[1 + j] * tide
+                        out[a * m + column, b * m + row] = out[b * m + column, a * m + row] = -strength[1 + i] * tide
+
+
+@kernel(inline=True)
+def _add_tide(out, k, other, tide):
+    """Add an element of a symmetric matrix."""
+    out[k, other] += tide
+    if k != other:
+        out[other, k] += tide
 
 
 @kernel

@@ -32,6 +32,7 @@ from orbits.kernels.gravity import (
     gross_field,
     pair_accelerations,
     pair_potential,
+    pair_tides,
     share_of_accelerations,
 )
 from orbits.kernels.lanes import get, put, sqrt
@@ -122,6 +123,7 @@ def _compiled() -> Compiled:
         "accelerate_finely": fine_pair_accelerations,
         "dynamical_rate": dynamical_rate,
         "gross_attraction": gross_attraction,
+        "tides": pair_tides,
         "field": attraction,
         "field_close": close_attraction,
         "gross_field": gross_field,

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError
+from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
     from orbits.marching.marcher import Marcher
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
     from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Seen
     from orbits.propagation.stop_conditions import Stop
+    from orbits.propagation.variations.megno import Megno
+    from orbits.propagation.variations.state_transition import StateTransition
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
@@ -70,6 +74,26 @@ class Replay:
 
         _refuse_legs(run, "the companions of run.error_estimate() march")
         return error_bars(run)
+
+    def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
+        """Return MEGNO and Lyapunov exponents along a run."""
+        from orbits.propagation.variations.following import require_followable
+        from orbits.propagation.variations.megno import checked_seed, megno_of
+
+        _refuse_legs(run, "the tangent vectors of run.megno() march")
+        grid, seed = TimeGrid(run.clock, run.times), checked_seed(seed)
+        require_followable(run.system, run.integrator, grid)
+        return megno_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
+
+    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+        """Return the state-transition matrices at the samples of a run."""
+        from orbits.propagation.variations.following import require_followable
+        from orbits.propagation.variations.state_transition import state_transition_of
+
+        _refuse_legs(run, "the tangent vectors of run.state_transition() march")
+        grid = TimeGrid(run.clock, run.times)
+        require_followable(run.system, run.integrator, grid)
+        return state_transition_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"))
 
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive, as listed in its last checkpoint, and those lost between

@@ -1,4 +1,4 @@
-"""Results that need the run to be integrated again: states between its samples, and close approaches."""
+"""Results that need the run to be integrated again: states between its samples, close approaches, variations."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from orbits.propagation.approaches import Approaches
     from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.stop_conditions import Stop
+    from orbits.propagation.variations.megno import Megno
+    from orbits.propagation.variations.state_transition import StateTransition
     from orbits.spk import SpkFile
     from orbits.trajectory.retired import RetiredParticles
     from orbits.trajectory.trajectory import Trajectory
@@ -58,6 +60,12 @@ class MarchesAgain(Protocol):
 
     def error_estimate(self, run: Trajectory) -> ErrorBars:
         """Return the error bars of a run; see `Trajectory.error_estimate`."""
+
+    def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
+        """Return MEGNO and Lyapunov exponents along a run; see `Trajectory.megno`."""
+
+    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+        """Return the state-transition matrices at the samples of a run; see `Trajectory.state_transition`."""
 
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive."""
@@ -161,6 +169,26 @@ class MarchedAgain:
             self._require_method("run.error_estimate")
             run.error_bars = self._marches_again("run.error_estimate").error_estimate(run)
         return run.error_bars
+
+    def megno(self, *, coupled: bool = False, seed: int = 0) -> Megno:
+        """Return MEGNO and Lyapunov exponents at the samples of the run, which is marched again for it.
+
+        coupled, seed : as in `orbits.megno`
+        Raises InputError as that does, and for a trajectory that cannot be integrated again.
+        """
+        run: Trajectory = self  # type: ignore[assignment]
+        self._require_method("run.megno")
+        return self._marches_again("run.megno").megno(run, coupled=coupled, seed=seed)
+
+    def state_transition(self, *, coupled: bool = True) -> StateTransition:
+        """Return the state-transition matrices at the samples of the run, which is marched again for it.
+
+        coupled : as in `orbits.state_transition`
+        Raises InputError as that does, and for a trajectory that cannot be integrated again.
+        """
+        run: Trajectory = self  # type: ignore[assignment]
+        self._require_method("run.state_transition")
+        return self._marches_again("run.state_transition").state_transition(run, coupled=coupled)
 
     def begun(self) -> March:
         """Return a march of the run from its initial state, with its method and its step."""

@@ -1,0 +1,133 @@
+"""Tangent vectors that follow the march of a system from sample to sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.checks import whole_number
+from orbits.errors import InputError, IntegrationError
+from orbits.integrators.base import Integrator
+from orbits.marching.choice import form_of_bodies
+from orbits.marching.marcher import available_threads
+from orbits.marching.pool import Pool
+from orbits.marching.tangent import Tangents, require_tangents
+from orbits.marching.transformed import TimeTransformed
+from orbits.propagation import step_check
+from orbits.propagation.events.particles import stretches, with_light
+from orbits.propagation.marchers import bound
+from orbits.system import System
+from orbits.system.model import model
+from orbits.time_grid import TimeGrid
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+
+class Followed(NamedTuple):
+    """What is followed in one march: massive bodies, some of which are varied.
+
+    system : all of them have mass; varied : their numbers in it; numbers : those in the system of the caller
+    """
+
+    system: System
+    varied: NDArray[np.intp]
+    numbers: NDArray[np.intp]
+
+
+def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -> None:
+    """Raise InputError, with the reason, if the variations of a run are not known."""
+    acting = model(system)
+    require_tangents(integrator, acting.lagrangian)
+    form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False)
+    if acting.forces:
+        raise InputError(
+            f"the variations of {type(system.forces[0]).__name__}, a force without a Lagrangian, are not known; leave "
+            "it out: system.replaced(forces=())."
+        )
+    if isinstance(grid.clock, TimeTransformed):
+        raise InputError(
+            f"variations need steps of time, not {grid.clock.describe(integrator)}: leave dt out for steps that are "
+            "chosen one by one, or give dt=... a length."
+        )
+
+
+def warn_if_too_long(system: System, integrator: Integrator, grid: TimeGrid) -> None:
+    """Warn, as `propagate` does, if the step is too long for the fastest passage ahead."""
+    if not grid.clock.changes:
+        step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
+
+
+def massive_of(system: System) -> Followed:
+    """Return the massive bodies of a system, all of them varied."""
+    numbers = np.flatnonzero(system.massive)
+    light = [name for name, massive in zip(system.names, system.massive, strict=True) if not massive]
+    return Followed(system.remove(*light) if light else system, np.arange(len(numbers)), numbers)
+
+
+def particle_of(system: System, number: int, *, coupled: bool) -> Followed:
+    """Return a massless particle among the massive bodies, which are varied too if `coupled`."""
+    light, there = with_light(system, (number,))
+    numbers = np.flatnonzero(there)
+    varied = np.arange(len(numbers)) if coupled else np.flatnonzero(numbers == number)
+    return Followed(light, varied, numbers[varied])
+
+
+def each_in_threads(
+    work: Callable[[int], T], particles: Sequence[int], threads: int | None
+) -> Iterator[T | IntegrationError]:
+    """Yield the results of a function for massless particles, in their order, computed in threads; for one whose motion
+    cannot be integrated, the error.
+
+    threads : how many; None for all processors. The results do not depend on it
+    """
+    count = available_threads() if threads is None else whole_number(threads, "threads, if given,")
+
+    def guarded(particle: int) -> T | IntegrationError:
+        try:
+            return work(particle)
+        except IntegrationError as error:
+            return error
+
+    if count == 1 or len(particles) < 2:
+        yield from map(guarded, particles)
+        return
+    pool = Pool(min(count, len(particles)))
+    try:
+        yield from pool.map(guarded, particles)
+    finally:  # also after an interrupt: those that have begun are waited for
+        pool.shutdown(cancel_futures=True)
+
+
+def tangents_of(
+    followed: Followed, integrator: Integrator, vectors: Array, scale: float | None = None
+) -> Tangents:
+    """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`."""
+    acting = model(followed.system)
+    values = followed.system.values
+    which = (followed.varied, values.q, values.v)
+    return Tangents(acting.lagrangian, acting.vectors, integrator, *which, vectors, scale)
+
+
+def at_samples(
+    followed: Followed, integrator: Integrator, grid: TimeGrid, tangents: Tangents, *, exactly: bool
+) -> Iterator[tuple[Tangents, float]]:
+    """Yield the tangent vectors at each sample, and the time there.
+
+    exactly : at the sample, after a part of a step; otherwise after the last whole step before it
+    """
+    march = bound(followed.system, integrator, grid.clock, threads=1, dense=True)
+    for sample, time in enumerate(grid.times.tolist()):
+        place = grid.place(sample)
+        for motion, _ in stretches(march, place):
+            tangents.follow(motion)
+        if not exactly or (march.time == time if grid.clock.changes else place.rest == 0.0):
+            yield tangents, march.time
+            continue
+        part = tangents.branched()
+        for motion, _ in stretches(*march.towards(time)):
+            part.follow(motion)
+        yield part, time

@@ -1,0 +1,261 @@
+"""MEGNO and Lyapunov exponents: whether orbits are regular or chaotic.
+
+A tangent vector x of a regular orbit grows linearly with time, that of a chaotic one exponentially. With
+
+    Y(t) = (2 / t) integral of t' d(ln |x|),     MEGNO = mean of Y over the time from 0 to t,
+
+MEGNO tends to 2 for quasi-periodic orbits, to 0 at a stable periodic one, and grows as lambda t / 2 with the largest
+Lyapunov exponent lambda.
+
+Source: Cincotta & Simó (2000), A&AS 147, 205; Cincotta, Giordano & Simó (2003), Physica D 182, 151.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits import integrators
+from orbits.body_names import index_of
+from orbits.checks import checked_flag
+from orbits.elsewhere import NoOthers, unknown_argument
+from orbits.errors import InputError, IntegrationError, RetiredWarning, level_of_caller, shown
+from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.integrators.base import Integrator
+from orbits.propagation.variations.following import (
+    Followed,
+    at_samples,
+    each_in_threads,
+    massive_of,
+    particle_of,
+    require_followable,
+    tangents_of,
+    warn_if_too_long,
+)
+from orbits.propagation.variations.state_transition import made_by
+from orbits.system import System
+from orbits.time_grid import TimeGrid, dynamical_time
+
+if TYPE_CHECKING:
+    from astropy.table import QTable
+
+Array = NDArray[np.float64]
+
+VECTORS = 8
+"""The tangent vectors that are followed: they fill the lanes of a register, so that eight take the time of one."""
+
+WHOLE = "all massive bodies"
+
+
+@dataclass(frozen=True, repr=False)
+class TangentGrowth:
+    """The growth of tangent vectors along one orbit, (n,) each, at samples of a run.
+
+    name : of the massless particle, or "all massive bodies"
+    t : times since the epoch
+    megno : the mean over eight tangent vectors; NaN at the start
+    spread : their standard deviation
+    lyapunov : ln(|x(t)| / |x(0)|) / t, their mean, 1 / time: it tends to the largest Lyapunov exponent on a chaotic
+        orbit, and to 0, as ln(t) / t, on a regular one
+    """
+
+    name: str
+    t: u.Quantity
+    megno: Array
+    spread: Array
+    lyapunov: u.Quantity
+
+    def __repr__(self) -> str:
+        last = f", MEGNO {self.megno[-1]:.4g} at t = {self.t[-1]:g}" if len(self.t) else ""
+        return f"TangentGrowth({self.name}, {len(self.t)} samples{last})"
+
+
+class Megno:
+    """MEGNO and Lyapunov exponents along a run.
+
+    massive : the `TangentGrowth` of all massive bodies together
+    m["Ceres"] : that of a massless particle; m.particles : all of these, in the order of the system
+    t : times since the epoch, (n,); made_by : method and steps, in words
+
+    Each value is that after the last whole step before the sample.
+    """
+
+    def __init__(
+        self, system: System, massive: TangentGrowth, particles: tuple[TangentGrowth, ...], made_by: str
+    ) -> None:
+        self.system, self.massive, self.particles, self.made_by = system, massive, particles, made_by
+
+    @property
+    def t(self) -> u.Quantity:
+        """Times since the epoch, (n,)."""
+        return self.massive.t
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the massless particles."""
+        return tuple(particle.name for particle in self.particles)
+
+    def __getitem__(self, name: str) -> TangentGrowth:
+        """Return the growth along the orbit of a massless particle.
+
+        Raises UnknownNameError for unknown names, InputError for massive bodies, which have only a common one.
+        """
+        index = index_of(name, self.system.names, "body") if isinstance(name, str) else -1
+        if index >= 0 and self.system.massive[index]:
+            raise InputError(
+                f"{self.system.names[index]!r} has mass, and the massive bodies move together: m.massive is the MEGNO "
+                "of all of them. Massless particles have one each."
+            )
+        return self.particles[index_of(name, self.names, "massless particle")]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
+
+    def to_table(self) -> QTable:
+        """Return an astropy QTable with a row for each orbit at the last sample: body, megno, spread, lyapunov."""
+        from astropy.table import QTable
+
+        rows = (self.massive, *self.particles)
+        columns = {
+            "body": np.array([row.name for row in rows], dtype=str),
+            "megno": np.array([row.megno[-1] for row in rows]),
+            "spread": np.array([row.spread[-1] for row in rows]),
+            "lyapunov": u.Quantity([row.lyapunov[-1] for row in rows]),
+        }
+        return QTable(columns, meta={"made_by": self.made_by})
+
+    def __repr__(self) -> str:
+        return text_table(self._caption(), *self._shown())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._caption(), *self._shown())
+
+    def _caption(self) -> str:
+        return f"MEGNO at t = {self.t[-1]:g}, {self.made_by} (2: regular; growing with time: chaotic)"
+
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        unit = self.system.units.time
+        head = ["orbit", "MEGNO", "spread", headed("Lyapunov time", unit)]
+        rows = [
+            [row.name, f"{row.megno[-1]:.4g}", f"{row.spread[-1]:.2g}", f"{1.0 / row.lyapunov[-1].value:.3g}"]
+            for row in (self.massive, *self.particles)[:MOST_ROWS]
+        ]
+        return head, rows, 1 + len(self.particles) - len(rows)
+
+
+def megno(
+    system: System,
+    integrator: Integrator | str | None = None,
+    *,
+    dt: Any = None,
+    duration: Any = None,
+    until: Any = None,
+    samples: Any = 101,
+    coupled: bool = False,
+    seed: int = 0,
+    check_step: bool = True,
+    threads: int | None = None,
+    **others: Unpack[NoOthers],
+) -> Megno:
+    """Return MEGNO and Lyapunov exponents of all massive bodies together, and of each massless particle.
+
+        m = orbits.megno(system, "gauss", dt=6 * u.day, duration="10000 yr")
+        m.massive.megno[-1], m.massive.lyapunov[-1]
+        m["Ceres"].megno
+
+    system, integrator, dt, duration, until, samples, check_step : as in `orbits.propagate`
+    coupled : whether the tangent vectors of massless particles include variations of the massive bodies; by default
+        only the particle is varied, in the field of the bodies on their orbits, which is the usual indicator and much
+        faster
+    seed : of the directions of the eight tangent vectors, which are random
+    threads : number of threads for massless particles; None for all processors. No bit of the result depends on it
+
+    The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start; MEGNO does
+    not depend on this choice in the end. Vectors are scaled when they become large. Nothing is stored: an interrupted
+    computation is lost.
+
+    Raises as `orbits.state_transition`. A massless particle that is lost on the way has NaN from there on, with a
+    `RetiredWarning`.
+    """
+    for name in others:
+        raise unknown_argument(megno, name)
+    if not isinstance(system, System):
+        raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
+    integrator = integrators.named("gauss" if integrator is None else integrator)
+    grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
+    seed = checked_seed(seed)
+    require_followable(system, integrator, grid)
+    if checked_flag(check_step, "check_step"):
+        warn_if_too_long(system, integrator, grid)
+    return megno_of(system, integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed, threads=threads)
+
+
+def checked_seed(seed: Any) -> int:
+    """Return a whole number from 0 on. Raises InputError for anything else."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed is {shown(seed)}; expected a whole number from 0 on.")
+    return int(seed)
+
+
+def megno_of(
+    system: System,
+    integrator: Integrator,
+    grid: TimeGrid,
+    *,
+    coupled: bool,
+    seed: int,
+    threads: int | None = None,
+) -> Megno:
+    """As `megno`, on an existing grid of steps and samples."""
+    scale = dynamical_time(system)
+    scale = scale if np.isfinite(scale) else 1.0
+
+    def growth(name: str, followed: Followed) -> tuple[TangentGrowth, IntegrationError | None]:
+        return _growth(name, followed, integrator, grid, scale, seed)
+
+    massive, failure = growth(WHOLE, massive_of(system))
+    if failure is not None:
+        raise failure
+    numbers = np.flatnonzero(~system.massive).tolist()
+
+    def of_particle(p: int) -> tuple[TangentGrowth, IntegrationError | None]:
+        return growth(system.names[p], particle_of(system, p, coupled=coupled))
+
+    particles = []
+    for found in each_in_threads(of_particle, numbers, threads):
+        assert not isinstance(found, IntegrationError)  # which comes with what was known before
+        particle, failure = found
+        if failure is not None:
+            warnings.warn(
+                f"the MEGNO of {particle.name} is not known from the step on that its motion cannot take: {failure}",
+                RetiredWarning,
+                stacklevel=level_of_caller(),
+            )
+        particles.append(particle)
+    return Megno(system, massive, tuple(particles), made_by(system, integrator, grid))
+
+
+def _growth(
+    name: str, followed: Followed, integrator: Integrator, grid: TimeGrid, scale: float, seed: int
+) -> tuple[TangentGrowth, IntegrationError | None]:
+    """Return the growth of tangent vectors of what is followed at the samples, and what ended it before the last."""
+    vectors = np.random.default_rng(seed).standard_normal((VECTORS, 2, len(followed.varied), 3))
+    vectors[:, 1] /= scale
+    lengths = np.sqrt(np.sum(vectors[:, 0] ** 2 + (scale * vectors[:, 1]) ** 2, axis=(1, 2)))
+    tangents = tangents_of(followed, integrator, vectors / lengths[:, None, None, None], scale)
+    out, failure = np.full((3, len(grid)), np.nan), None
+    try:
+        for k, (now, time) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=False)):
+            if time != 0.0:
+                mean, log = now.growth(time)
+                out[:, k] = mean.mean(), mean.std(ddof=1), log.mean() / abs(time)
+    except IntegrationError as error:
+        failure = error
+    time_unit = followed.system.units.time
+    t, rate = u.Quantity(grid.times, time_unit), u.Quantity(out[2], 1 / time_unit)
+    return TangentGrowth(name, t, out[0], out[1], rate), failure

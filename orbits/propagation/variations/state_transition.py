@@ -1,0 +1,254 @@
+"""State-transition matrices: how states at later times depend on those at the start."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, Unpack
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits import integrators
+from orbits.body_names import index_of
+from orbits.checks import checked_flag
+from orbits.diagnostics.tangent import symplecticity_defect
+from orbits.elsewhere import NoOthers, unknown_argument
+from orbits.errors import InputError, RetiredWarning, level_of_caller, shown
+from orbits.export import headed, html_table, text_table
+from orbits.integrators.base import Integrator
+from orbits.propagation.available_memory import MEMORY_SHARE, memory
+from orbits.propagation.variations.following import (
+    Followed,
+    at_samples,
+    each_in_threads,
+    massive_of,
+    particle_of,
+    require_followable,
+    tangents_of,
+    warn_if_too_long,
+)
+from orbits.system import System
+from orbits.time_grid import TimeGrid, dynamical_time
+
+Array = NDArray[np.float64]
+
+MOST_SHOWN = 10
+"""The most bodies in the table of a matrix."""
+
+
+class StateTransition:
+    """State-transition matrices of a run: derivatives of the states at its samples by those at the start.
+
+    system : at the start; t : the time of the matrices since the epoch, a quantity, () or (n,)
+    matrix : (6 N, 6 N) or (n, 6 N, 6 N) float64: rows are the state at t, columns that at the start, in the order
+        x, y, z, vx, vy, vz of each body in turn
+    made_by : method and steps, in words
+
+    Numbers are in the units of the system, such as au and d: a position by a position is a pure number, a position by a
+    velocity a time, a velocity by a position 1 / time. stm["Mercury", "Venus"], (..., 6, 6), is how Mercury depends on
+    the start of Venus; stm["Mercury"] how it depends on its own. Blocks that were not computed, and those of a
+    particle after it is lost, are NaN.
+    """
+
+    def __init__(self, system: System, times: Array, matrix: Array, momenta: Array, *, made_by: str) -> None:
+        self.system, self.matrix, self.made_by = system, matrix, made_by
+        self._times, self._momenta = times, momenta
+        self.matrix.flags.writeable = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the bodies, in the order of the rows and columns."""
+        return self.system.names
+
+    @property
+    def t(self) -> u.Quantity:
+        """The time of the matrices since the epoch, () or (n,)."""
+        return u.Quantity(self._times, self.system.units.time)
+
+    def __getitem__(self, key: str | tuple[str, str]) -> Array:
+        """Return the derivatives of a body by the start of another, (..., 6, 6); of one name, by its own start.
+
+        Raises UnknownNameError for unknown names, InputError for other keys.
+        """
+        pair = (key, key) if isinstance(key, str) else key
+        if not (isinstance(pair, tuple) and len(pair) == 2):
+            raise InputError(f'stm[{shown(key)}]: expected one name or two, as in stm["Mercury", "Venus"].')
+        i, j = (index_of(name, self.names, "body") for name in pair)
+        return np.asarray(self.matrix[..., 6 * i : 6 * i + 6, 6 * j : 6 * j + 6])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        """Return the matrix, for NumPy: np.asarray(stm) @ dx."""
+        return np.array(self.matrix, dtype=dtype, copy=copy)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.names)
+
+    def symplecticity_defect(self) -> Any:
+        """Return the largest |M^T J M - J| of the massive bodies over |M|^2, with momenta p = dL/dv: at the
+        level of round-off, 1e-16, for a symplectic method; a number, or (n,).
+
+        In coordinates sqrt(GM) q and p tau / sqrt(GM), tau the shortest dynamical time, which give all bodies equal
+        weight.
+        """
+        massive = np.flatnonzero(self.system.massive)
+        tau, gm = dynamical_time(self.system), np.repeat(self.system.values.gm[massive], 3)
+        n, d = 6 * len(self.names), len(gm)
+        rows = np.arange(n).reshape(len(self.names), 2, 3)[massive].transpose(1, 0, 2).ravel()
+        scale = np.concatenate([np.ones(d), np.full(d, tau if np.isfinite(tau) else 1.0)])
+        start, *ends = (scale[:, None] * to_momenta for to_momenta in self._momenta)
+        found = [
+            symplecticity_defect(np.linalg.solve(start.T, (end @ M[np.ix_(rows, rows)]).T).T, np.sqrt(gm))
+            for end, M in zip(ends, self.matrix.reshape(-1, n, n), strict=True)
+        ]
+        return np.array(found).reshape(self._times.shape)[()]
+
+    def __repr__(self) -> str:
+        return text_table(self._caption(), *self._shown())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._caption(), *self._shown())
+
+    def _caption(self) -> str:
+        count = f"{self.matrix.shape[-1]} x {self.matrix.shape[-1]}"
+        end = u.Quantity(self._times.ravel()[-1], self.system.units.time)
+        many = f"{self._times.size} samples to " if self._times.ndim else ""
+        return f"state transition {count} at {many}t = {end:g}, {self.made_by}; largest derivatives by its own start"
+
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        unit = self.system.units.time
+        head = ["body", "q by q", headed("q by v", unit), headed("v by q", 1 / unit), "v by v"]
+        last, rows = self.matrix.reshape(-1, *self.matrix.shape[-2:])[-1], []
+        for i, name in enumerate(self.names[:MOST_SHOWN]):
+            own = np.abs(last[6 * i : 6 * i + 6, 6 * i : 6 * i + 6]).reshape(2, 3, 2, 3)
+            rows.append([name, *(f"{own[a, :, b].max():.3g}" for a in range(2) for b in range(2))])
+        return head, rows, len(self.names) - len(rows)
+
+
+def state_transition(
+    system: System,
+    integrator: Integrator | str | None = None,
+    *,
+    dt: Any = None,
+    duration: Any = None,
+    until: Any = None,
+    samples: Any = None,
+    coupled: bool = True,
+    check_step: bool = True,
+    threads: int | None = None,
+    **others: Unpack[NoOthers],
+) -> StateTransition:
+    """Return the state-transition matrix of a run: the derivative of the state at its end by that at its start.
+
+        stm = orbits.state_transition(system, duration=1 * u.yr)
+        stm["Mercury", "Venus"]  # 6 x 6: Mercury at the end by Venus at the start
+        covariance = stm.matrix @ covariance @ stm.matrix.T
+
+    system, integrator, dt, duration, until, check_step : as in `orbits.propagate`
+    samples : None for the end alone; or a number of samples or their times, as in `orbits.propagate`, for a matrix at
+        each
+    coupled : whether the derivatives of massless particles by the start of the massive bodies are computed too; without
+        them, which is much faster, these blocks are NaN
+    threads : number of threads for massless particles; None for all processors. No bit of the result depends on it
+
+    It is the derivative of what the method computes: of its steps, for as many as are taken, at fixed lengths. That of
+    a symplectic method is symplectic to round-off. The orbit is that of `orbits.propagate` to the last bit for massive
+    bodies, and to round-off for massless particles. For all methods but `WisdomHolman`, and for all terms whose forces
+    depend on positions alone. Nothing is stored: an interrupted computation is lost.
+
+    Raises InputError for invalid arguments, for a method, a term or a force whose derivative is not known, and for a
+    matrix that exceeds the range of numbers; otherwise as `orbits.propagate`. The blocks of a
+    massless particle that is lost on the way are NaN, with a `RetiredWarning`.
+    """
+    for name in others:
+        raise unknown_argument(state_transition, name)
+    if not isinstance(system, System):
+        raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
+    integrator = integrators.named("gauss" if integrator is None else integrator)
+    with_bodies = checked_flag(coupled, "coupled")
+    grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=2 if samples is None else samples)
+    if samples is None:
+        grid = TimeGrid(grid.clock, grid.times[-1:])
+    require_followable(system, integrator, grid)
+    if checked_flag(check_step, "check_step"):
+        warn_if_too_long(system, integrator, grid)
+    return state_transition_of(system, integrator, grid, coupled=with_bodies, threads=threads, at_end=samples is None)
+
+
+def state_transition_of(
+    system: System,
+    integrator: Integrator,
+    grid: TimeGrid,
+    *,
+    coupled: bool,
+    threads: int | None = None,
+    at_end: bool = False,
+) -> StateTransition:
+    """As `state_transition`, on an existing grid of steps and samples; at_end : without an axis of samples."""
+    matrix, momenta = matrices(system, integrator, grid, coupled, threads)
+    times = np.array(grid.times)
+    if at_end:
+        times, matrix = times[0], matrix[0]
+    return StateTransition(
+        system, np.asarray(times), matrix, momenta, made_by=made_by(system, integrator, grid)
+    )
+
+
+def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
+    """Return method and steps in words."""
+    if grid.clock.changes:
+        return f"{integrator.label}, {grid.clock.describe(integrator)}"  # type: ignore[attr-defined]
+    return f"{integrator.label}, dt = {grid.dt:g} {system.units.time}".rstrip()
+
+
+def matrices(
+    system: System, integrator: Integrator, grid: TimeGrid, coupled: bool, threads: int | None
+) -> tuple[Array, Array]:
+    """Return the matrix at each sample, (n, 6 N, 6 N), and the derivatives of (q, p) by (q, v) of the massive bodies at
+    the start and at each sample; see `Tangents.to_momenta`.
+    """
+    N = len(system.names)
+    needed = 8 * len(grid) * (6 * N) ** 2
+    if needed > MEMORY_SHARE * memory():
+        raise InputError(
+            f"state-transition matrices of {N:,} bodies at {len(grid):,} samples need {needed / 2**30:.1f} GiB of "
+            "memory, more than this machine has; expected fewer samples, or fewer massless particles at a time."
+        )
+    out = np.zeros((len(grid), N, 6, N, 6))
+    momenta = _fill(massive_of(system), integrator, grid, out)
+    particles = np.flatnonzero(~system.massive).tolist()
+    for p in particles:
+        out[:, p] = np.nan
+        out[:, p, :, ~system.massive] = 0.0
+        out[:, p, :, p] = np.nan
+
+    def fill(p: int) -> None:
+        _fill(particle_of(system, p, coupled=coupled), integrator, grid, out, p)
+
+    for p, failure in zip(particles, each_in_threads(fill, particles, threads), strict=True):
+        if failure is not None:
+            warnings.warn(
+                f"the state transition of {system.names[p]} is not known from the step on that its motion cannot take: "
+                f"{failure}",
+                RetiredWarning,
+                stacklevel=level_of_caller(),
+            )
+    return out.reshape(len(grid), 6 * N, 6 * N), momenta
+
+
+def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
+    """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6); return what
+    `Tangents.to_momenta` has at the start and at each sample.
+    """
+    numbers, count = followed.numbers, len(followed.varied)
+    vectors = np.eye(6 * count).reshape(6 * count, count, 2, 3).swapaxes(1, 2)
+    tangents = tangents_of(followed, integrator, vectors)
+    momenta = [tangents.to_momenta()]
+    for k, (now, _) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=True)):
+        # (columns, 2, bodies, 3) to (bodies, 6, columns)
+        rows = now.vectors().transpose(2, 1, 3, 0).reshape(count, 6, count, 6)
+        for i, body in enumerate(numbers.tolist()):
+            if particle is None or body == particle:
+                out[k, body][:, numbers] = rows[i]
+        momenta.append(now.to_momenta())
+    return np.array(momenta)

@@ -1,0 +1,294 @@
+"""State-transition matrices are the derivatives of what the methods compute, and leave the orbit as it is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.diagnostics.stepping import Bodies, StepMap
+from orbits.errors import InputError, RetiredWarning, UnknownNameError
+from orbits.integrators import registry
+from orbits.integrators.base import SYMPLECTIC
+from orbits.marching.tangent import Tangents
+from orbits.propagation.events.particles import stretches
+from orbits.propagation.marchers import bound
+from orbits.propagation.variations.following import massive_of, particle_of, tangents_of
+
+GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
+YEAR = 2 * math.pi
+
+METHODS = [m for kind in registry().values() for m in kind.examples() if not m.follows_kepler]
+WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences of eighth order
+
+GM = [1.0, 1e-3, 3e-4]
+Q = [[0, 0, 0], [1.0, 0.1, 0.05], [-0.3, 1.7, -0.1]]
+V = [[0, 0, 0], [-0.1, 0.95, 0.02], [-0.7, -0.1, 0.05]]
+
+
+def planets(*particles):
+    """A star and two planets, all in three dimensions, and massless particles at these semi-major axes."""
+    q, v = np.array(Q) - np.array(GM) @ Q / sum(GM), np.array(V) - np.array(GM) @ V / sum(GM)
+    out = orbits.System(["A", "B", "C"], GM, q, v, units=orbits.DIMENSIONLESS)
+    for k, a in enumerate(particles):
+        out = out.add(f"p{k}", primary="A", a=a, e=0.1, inc=0.2, M=2.0 + k)
+    return out
+
+
+def matrix(system, method=GAUSS, **options):
+    return orbits.state_transition(system, method, check_step=False, **options)
+
+
+def differences(end, q, v, size):
+    """Return the derivative of `end`, which takes displacements (dq, dv) to (2, n, 3), by central differences."""
+    n = len(q)
+    out = np.empty((6 * n, 6 * n))
+    for body in range(n):
+        for k in range(6):
+            column = 0.0
+            for m, weight in WEIGHTS.items():
+                moved = np.zeros((2, n, 3))
+                moved[k // 3, body, k % 3] = m * size
+                column = column + weight * (end(*moved) - end(*-moved))
+            out[:, 6 * body + k] = column.transpose(1, 0, 2).ravel() / size
+    return out
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.label)
+def test_the_matrix_of_a_step_is_its_derivative_for_every_method(method):
+    h, system = 0.125, planets()
+    values = system.values
+    step = StepMap(Bodies.of(*values[:3]), method, h, particles=False)
+    # Differences of states in doubled precision, whose error is that of the eighth-order formula and of the stages.
+    by_differences = differences(lambda dq, dv: step(dq, dv).rounded(), values.q, values.v, 2.0**-7)
+    found = matrix(system, method, dt=h, duration=h).matrix
+    assert np.abs(found - by_differences).max() < 6e-14  # the largest seen: 2.3e-14
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.label)
+def test_the_matrix_is_symplectic_to_round_off_if_the_method_is_and_far_from_it_if_not(method):
+    stm = matrix(planets(), method, dt=0.0625, duration=40.0)
+    # Six orbits of the inner planet in 640 steps: seen are up to 5.5e-16.
+    if SYMPLECTIC in method.declares:
+        assert stm.symplecticity_defect() < 1.5e-15
+    else:
+        assert stm.symplecticity_defect() > 1e-9
+
+
+def test_the_derivative_after_a_period_of_a_circle_is_that_of_keplers_third_law():
+    system = orbits.System(["A"], [1.0], np.zeros((1, 3)), np.zeros((1, 3)), units=orbits.DIMENSIONLESS)
+    system = system.add("p", primary="A", a=1.0)
+    stm = matrix(system, duration=YEAR)
+    # At x = a, a push along the orbit by dv makes it larger, da = 2 a dv / v, and the period longer by 3/2 da / a: the
+    # body is 3 P dv behind where it was. A push outwards leaves no trace.
+    forward = stm["p"] @ np.array([0, 0, 0, 0, 1.0, 0])
+    np.testing.assert_allclose(forward, [0, -3 * YEAR, 0, 3 * YEAR, 1, 0], atol=1e-11)
+    np.testing.assert_allclose(stm["p"][:, 3], [0, 0, 0, 1, 0, 0], atol=1e-11)
+
+
+BOTH = pytest.mark.parametrize(
+    ("method", "clock"), [(VERLET, 0.125), (GAUSS, 0.125), (GAUSS, None)], ids=["explicit", "implicit", "adaptive"]
+)
+
+
+@BOTH
+def test_a_matrix_is_the_product_of_those_of_its_parts(method, clock):
+    system = planets(0.6)
+    whole = matrix(system, method, dt=clock, duration=3.0, samples=[0.0, 1.0, 3.0])
+    middle = orbits.propagate(system, method, dt=clock, duration=1.0, samples=[1.0], check_step=False)[-1]
+    second = matrix(middle, method, dt=clock, duration=2.0)
+    np.testing.assert_array_equal(whole.matrix[0], np.eye(24))
+    # To round-off with steps at the same places, and to the error of the method where steps are chosen anew.
+    product = second.matrix @ whole.matrix[1]
+    np.testing.assert_allclose(whole.matrix[2], product, atol=3e-13 if clock else 1e-11)
+
+
+def test_a_sample_between_steps_is_the_derivative_of_a_part_of_a_step():
+    system = planets()
+    between = matrix(system, VERLET, dt=0.125, duration=0.5625, samples=[0.5625]).matrix[0]
+    first = matrix(system, VERLET, dt=0.125, duration=0.5)
+    middle = orbits.propagate(system, VERLET, dt=0.125, duration=0.5, samples=[0.5], check_step=False)[-1]
+    rest = matrix(middle, VERLET, dt=0.0625, duration=0.0625)
+    np.testing.assert_allclose(between, rest.matrix @ first.matrix, atol=2e-14)
+
+
+def test_samples_change_no_bit_of_the_matrices():
+    system = planets(0.6)
+    many = matrix(system, dt=0.1, duration=2.0, samples=[0.33, 0.77, 1.0, 2.0])
+    few = matrix(system, dt=0.1, duration=2.0, samples=[1.0, 2.0])
+    np.testing.assert_array_equal(many.matrix[-2:], few.matrix)
+
+
+@BOTH
+def test_the_way_back_is_the_inverse(method, clock):
+    system = planets()
+    there = matrix(system, method, dt=clock, duration=2.0)
+    end = orbits.propagate(system, method, dt=clock, duration=2.0, samples=[2.0], check_step=False)[-1]
+    back = matrix(end, method, dt=clock, duration=-2.0)
+    # Symmetric methods retrace their steps up to the rounding of the end; steps chosen anew leave their own errors.
+    np.testing.assert_allclose(back.matrix @ there.matrix, np.eye(18), atol=1e-12 if clock else 1e-11)
+
+
+@BOTH
+def test_the_orbit_has_the_same_bits_with_variations_as_without(method, clock):
+    system = planets()
+    run = orbits.propagate(system, method, dt=clock, duration=5.0, samples=[5.0], check_step=False)
+    march = bound(system, method, run.clock, dense=True)
+    tangents = tangents_of(massive_of(system), method, np.ones((3, 2, 3, 3)))
+    place = run.clock.place(5.0)
+    for motion, _ in stretches(march, place):
+        tangents.follow(motion)
+    q, v = march.state_at(place)
+    np.testing.assert_array_equal(q, run.q.value[-1])
+    np.testing.assert_array_equal(v, run.v.value[-1])
+
+
+@pytest.mark.parametrize("clock", [0.05, None], ids=["constant", "adaptive"])
+def test_rows_of_a_massless_particle_are_the_derivatives_of_its_orbit(clock):
+    system = planets(0.6)
+    q0, v0 = system.values.q, system.values.v
+    march = {"dt": clock, "duration": 3.0, "samples": [3.0], "check_step": False}
+
+    def end(dq, dv):
+        run = orbits.propagate(system.replaced(q=q0 + dq, v=v0 + dv), GAUSS, **march)
+        return np.array([run.q.value[-1], run.v.value[-1]])
+
+    found = matrix(system, dt=clock, duration=3.0).matrix
+    by_differences = differences(end, q0, v0, 2.0**-10)  # of rounded states: 2e-16 / 2^-10 times the largest ones
+    assert np.abs(found).max() > 15.0
+    assert np.abs(found - by_differences).max() < 2e-10
+    np.testing.assert_array_equal(found[:18, 18:], 0.0)  # it moves nothing
+
+
+def test_a_particle_alone_has_the_same_derivative_by_its_own_start_and_none_by_others():
+    system = planets(0.6, 0.8)
+    whole, alone = matrix(system, dt=0.05, duration=3.0), matrix(system, dt=0.05, duration=3.0, coupled=False)
+    for name in ("p0", "p1"):
+        np.testing.assert_allclose(alone[name], whole[name], rtol=1e-13, atol=1e-13)
+        assert np.isnan(alone[name, "B"]).all()
+        assert np.isfinite(whole[name, "B"]).all()
+    np.testing.assert_array_equal(alone["B", "A"], whole["B", "A"])
+    np.testing.assert_array_equal(alone["p0", "p1"], 0.0)
+
+
+J2 = orbits.ZonalHarmonics("A", J2=0.3, J3=0.05, radius=0.1, pole=(0.1, 0.3, 0.9))
+SPIN = orbits.LenseThirring("A", spin=0.02, pole=(0.1, 0.3, 0.9), c=1.0)
+
+
+@pytest.mark.parametrize(
+    ("terms", "method"),
+    [((J2,), VERLET), ((J2,), GAUSS), ((SPIN,), orbits.Gauss(stages=4)), ((J2, SPIN), orbits.LobattoIIIAB(stages=3))],
+    ids=["J2 explicit", "J2", "spin", "both"],
+)
+def test_terms_bring_their_own_variations(terms, method):
+    system = planets(0.6).with_terms(*terms)
+    q0, v0 = system.values.q, system.values.v
+    march = {"dt": 0.05, "duration": 2.0, "samples": [2.0], "check_step": False}
+
+    def end(dq, dv):
+        run = orbits.propagate(system.replaced(q=q0 + dq, v=v0 + dv), method, **march)
+        return np.array([run.q.value[-1], run.v.value[-1]])
+
+    stm = matrix(system, method, dt=0.05, duration=2.0)
+    assert np.abs(stm.matrix - differences(end, q0, v0, 2.0**-10)).max() < 2e-10
+    without = matrix(planets(0.6), method, dt=0.05, duration=2.0)
+    assert np.abs(stm.matrix - without.matrix).max() > 1e-2  # the terms matter
+    assert stm.symplecticity_defect() < 1e-15  # with momenta dL/dv, which are not m v
+
+
+def test_rebounds_variational_particles_agree():
+    rebound = pytest.importorskip("rebound")
+    system = planets()
+    stm = matrix(system, duration=10.0)
+    for name, k in (("B", 0), ("C", 4)):
+        sim = orbits.to_rebound(system)
+        sim.integrator = "ias15"
+        variation = sim.add_variation()
+        setattr(variation.particles[system.names.index(name)], ("x", "y", "z", "vx", "vy", "vz")[k], 1.0)
+        sim.integrate(10.0)
+        theirs = [[p.x, p.y, p.z, p.vx, p.vy, p.vz] for p in variation.particles]
+        mine = stm.matrix[:, 6 * system.names.index(name) + k].reshape(3, 6)
+        np.testing.assert_allclose(mine, theirs, atol=1e-9 * np.abs(theirs).max())  # IAS15's own error here
+    assert rebound.__version__
+
+
+def test_a_matrix_says_what_it_is_and_gives_blocks_by_name():
+    system = orbits.System.solar_system(bodies=["Sun", "Mercury", "Venus"])
+    stm = orbits.state_transition(system, "gauss", dt=2 * u.day, duration=10 * u.day)
+    assert stm.matrix.shape == (18, 18)
+    assert stm.t == 10 * u.day
+    np.testing.assert_array_equal(stm["Mercury", "Venus"], stm.matrix[6:12, 12:18])
+    np.testing.assert_array_equal(stm["Mercury"], stm["mercury", "Mercury"])
+    np.testing.assert_array_equal(np.asarray(stm) @ np.ones(18), stm.matrix @ np.ones(18))
+    assert "Gauss(stages=8), dt = 2 d" in repr(stm)
+    assert "q by v [d]" in repr(stm)
+    several = orbits.state_transition(system, "gauss", dt=2 * u.day, duration=10 * u.day, samples=3)
+    assert several["Sun", "Venus"].shape == (3, 6, 6)
+    assert several.t.shape == several.symplecticity_defect().shape == (3,)
+    with pytest.raises(UnknownNameError, match="Vulcan"):
+        stm["Vulcan"]
+    with pytest.raises(InputError, match="one name or two"):
+        stm[0]
+
+
+def test_no_bit_depends_on_the_threads():
+    system = planets(0.5, 0.6, 0.7)
+    one, two = (matrix(system, VERLET, dt=0.05, duration=1.0, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.matrix, two.matrix)
+    one, two = (orbits.megno(system, VERLET, dt=0.05, duration=1.0, threads=k, check_step=False) for k in (1, 2))
+    assert [x.megno[-1] for x in one.particles] == [x.megno[-1] for x in two.particles]
+
+
+def test_a_run_gives_the_matrices_at_its_samples():
+    system = planets(0.6)
+    run = orbits.propagate(system, VERLET, dt=0.05, duration=2.0, samples=5, check_step=False)
+    np.testing.assert_array_equal(
+        run.state_transition().matrix, matrix(system, VERLET, dt=0.05, duration=2.0, samples=5).matrix
+    )
+
+
+def test_what_has_no_known_derivative_is_refused_with_the_reason():
+    system = planets()
+    with pytest.raises(InputError, match="Kepler orbits"):
+        matrix(system, orbits.WisdomHolman(), dt=0.1, duration=1.0)
+    with pytest.raises(InputError, match="Drag"):
+        matrix(system.with_forces(orbits.Drag(rate=0.1)), dt=0.1, duration=1.0)
+    with pytest.raises(InputError, match="steps of time"):
+        matrix(system, dt=orbits.TimeTransformed(step=0.3), duration=1.0)
+    with pytest.raises(InputError, match="not separable"):
+        matrix(system.with_terms(SPIN), VERLET, dt=0.1, duration=1.0)
+    with pytest.raises(UnknownNameError, match="tmax"):
+        orbits.state_transition(system, dt=0.1, duration=1.0, tmax=3.0)
+    with pytest.raises(InputError, match=r"orbits\.System"):
+        orbits.state_transition("sun", dt=0.1, duration=1.0)
+
+
+def test_a_particle_that_is_lost_has_no_derivative_from_there_on():
+    system = planets(0.6)
+    q, v = system.values.q.copy(), system.values.v.copy()
+    q[3], v[3] = q[0] + [0.3, 0.0, 0.0], v[0]  # it falls into the star
+    with pytest.warns(RetiredWarning, match="p0"):
+        stm = matrix(system.replaced(q=q, v=v), dt=0.05, duration=1.0, samples=[0.05, 1.0])
+    assert np.isfinite(stm["p0"][0]).all()
+    assert np.isnan(stm["p0"][1]).all()
+    assert np.isfinite(stm["B"]).all()
+
+
+def test_vectors_beyond_the_range_of_numbers_are_refused():
+    system = planets()
+    tangents = tangents_of(massive_of(system), VERLET, np.full((1, 2, 3, 3), 1e308))
+    march = bound(system, VERLET, 0.1, dense=True)
+    motion, _ = next(stretches(march, march.clock.place(20.0)))
+    with pytest.raises(InputError, match=r"orbits\.megno"):
+        tangents.follow(motion)
+
+
+def test_some_bodies_alone_are_varied_in_the_field_of_the_others():
+    followed = particle_of(planets(0.6), 3, coupled=False)
+    assert followed.varied.tolist() == followed.numbers.tolist() == [3]
+    tangents = tangents_of(followed, VERLET, np.eye(6).reshape(6, 2, 1, 3))
+    assert isinstance(tangents, Tangents)
+    np.testing.assert_array_equal(tangents.vectors().reshape(6, 6), np.eye(6))
