@@ -62,6 +62,15 @@ class Form:
         """Whether massless particles can be stepped through the stages of the massive bodies."""
         return "step_particles" in self.own_kernels()
 
+    def for_particles(self) -> Form:
+        """Return the form that marches massless particles too: by default this one."""
+        return self
+
+    @property
+    def keeps_particles(self) -> bool:
+        """Whether the carry of particles in lanes is kept in their rows of the archived carry."""
+        return "keep_particles" in self.own_kernels()
+
     @property
     def transforms(self) -> bool:
         """Whether what is marched is not what is seen, so that `enter` and `leave` lead from one to the other."""

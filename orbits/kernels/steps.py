@@ -257,6 +257,45 @@ def _step_particles(method, model, t, h, particles, carry, storage):
     )
 
 
+def keep_particles(method, carry, storage):
+    """Keep the carry of eight particles at the end of a block; by default it is lost."""
+    raise NotImplementedError("keep_particles() is for compiled code only")
+
+
+@overload(keep_particles, jit_options=OPTIONS)
+def _keep_particles(method, carry, storage):
+    compiled = _kernel(method, "keep_particles")
+    if compiled is None:
+        return lambda method, carry, storage: None
+    return lambda method, carry, storage: compiled(method, carry, storage)
+
+
+def enter_particles(method, model, state, particles, rows, storage):
+    """Compute what is marched of particles from what is seen."""
+    raise NotImplementedError("enter_particles() is for compiled code only")
+
+
+@overload(enter_particles, jit_options=OPTIONS)
+def _enter_particles(method, model, state, particles, rows, storage):
+    compiled = _kernel(method, "enter_particles")
+    return compiled and (
+        lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)
+    )
+
+
+def leave_particles(method, model, state, particles, rows, storage):
+    """Compute what is seen of particles from what is marched."""
+    raise NotImplementedError("leave_particles() is for compiled code only")
+
+
+@overload(leave_particles, jit_options=OPTIONS)
+def _leave_particles(method, model, state, particles, rows, storage):
+    compiled = _kernel(method, "leave_particles")
+    return compiled and (
+        lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)
+    )
+
+
 def lanes_of(method):
     """Return the number of particles, 8 or 1, that `step_particles` of a `Method` of that Numba type takes at a
     time.

@@ -273,6 +273,9 @@ class Marcher:
         """
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
+        if self._form.transforms:  # what is left of them is what is seen
+            seen = self._as_seen()
+            reached = {f"particle_{name}": seen[f"particle_{name}"][:, lost.particles] for name in ("q", "v")}
         self._retired.add(lost, step)
         for name, values in reached.items():
             if name == "particle_clock":
@@ -451,7 +454,7 @@ class Marcher:
         if not (self._form.transforms and self.step):
             return self._state
         copy = self._copied()
-        self._loops.leave(copy, self.clock)
+        self._loops.leave(copy, self.clock, self._retired.block)
         return copy
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -464,9 +467,10 @@ class Marcher:
         copy.pop("approaches", None)
         # The carry belongs to steps of h; a partial step has a cold start.
         self._form.forget(copy["memory"])
-        copy["particle_memory"][:] = 0.0
         if self._form.transforms:
-            self._loops.enter(copy, part)
+            self._loops.enter(copy, part, self._retired.block)
+        else:
+            copy["particle_memory"][:] = 0.0
         self._seen = copy["memory"]
         before = self.evaluations, self.particle_evaluations
         try:
@@ -475,7 +479,7 @@ class Marcher:
         finally:
             self.evaluations, self.particle_evaluations = before
         if self._form.transforms:
-            self._loops.leave(copy, part)
+            self._loops.leave(copy, part, self._retired.block)
         return self._gather(copy)
 
     def part_of_a_step(self, offset: float) -> Marcher:
@@ -530,7 +534,7 @@ class Marcher:
         self._passages.restore(checkpoint)
         self._retired.restore(checkpoint.get("retired"), self.step)
         if seen and self._form.transforms:
-            self._loops.enter(self._state, self.clock)
+            self._loops.enter(self._state, self.clock, self._retired.block)
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
