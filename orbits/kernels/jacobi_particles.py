@@ -315,11 +315,19 @@ def kicked_particles(marched, change, kick, g):
 
 @kernel(inline=True)
 def seen_particles(table, first, marched, rows):
-    """Return position and velocity, (x, y, z, vx, vy, vz), of particles as observers see them: uncorrected."""
+    """Return position and velocity, (x, y, z, vx, vy, vz), of particles as observers see them: uncorrected; lanes
+    without one stay where they are.
+    """
     x, y, z, vx, vy, vz = _of_places(table, first, 2, marched, rows)
+    there = marched.gm > 0.0
     return (
-        x + marched.x, y + marched.y, z + marched.z, vx + marched.vx, vy + marched.vy, vz + marched.vz,
-    )  # fmt: skip
+        select(there, x + marched.x, AWAY),
+        select(there, y + marched.y, AWAY),
+        select(there, z + marched.z, AWAY),
+        select(there, vx + marched.vx, 0.0),
+        select(there, vy + marched.vy, 0.0),
+        select(there, vz + marched.vz, 0.0),
+    )
 
 
 @kernel(inline=True)

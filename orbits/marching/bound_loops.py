@@ -276,9 +276,10 @@ class BoundLoops:
         return sum(future.result() for future in running)
 
     def close(self) -> None:
-        """Release the threads."""
+        """Release the threads; what is still asked for is computed by the caller's."""
         if self._pool is not None:
             self._pool.shutdown()
+            self._pool = None
 
 
 class _OwnClocks:
