@@ -353,9 +353,10 @@ class WisdomHolman(Integrator):
         the same approximately, by the interaction at displaced positions; or "standard", by the interaction
     corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
 
-    For massive bodies by Newton's gravity alone, on orbits that do not come close to each other, elliptic or
-    hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
-    bodies. It is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in
+    For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
+    planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
+    particle moves about the centre of mass of the dominant body and the planets whose semi-major axes are below its
+    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in
     the planets' masses; it is symmetric without a corrector, and up to that order with one.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
@@ -364,8 +365,9 @@ class WisdomHolman(Integrator):
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 15 times
     the time of a run without events. Collisions are refused.
 
-    Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Raises InputError
-    for other coordinates, kernels and correctors, and for a modified or lazy kick without a corrector.
+    Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
+    pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed. Raises
+    InputError for other coordinates, kernels and correctors, and for a modified or lazy kick without a corrector.
     """
 
     coordinates: str = "jacobi"
@@ -373,7 +375,7 @@ class WisdomHolman(Integrator):
     corrector: int = 17
 
     name: ClassVar[str] = "wisdom-holman"
-    summary: ClassVar[str] = "Wisdom–Holman: planets about a dominant body, corrected Kepler orbits and kicks"
+    summary: ClassVar[str] = "Wisdom–Holman: bodies about a dominant one, corrected Kepler orbits and kicks"
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE, NEWTONIAN})
     follows_kepler: ClassVar[bool] = True
     source: ClassVar[str] = (

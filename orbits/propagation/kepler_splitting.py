@@ -2,7 +2,8 @@
 
 Such a method follows the two-body motion about the dominant body exactly, so that its error on a single passage (see
 `step_check`) says nothing. Steps must resolve the fastest pericentre, or they are in resonance with it; and the planets
-must stay away from each other, because a close pair is not near a Kepler orbit about the dominant body.
+and the massless particles must stay away from planets, because a close pair is not near a Kepler orbit about the
+dominant body.
 
 Source: Rauch & Holman (1999), AJ 117, 1087; Wisdom (2015), AJ 150, 127.
 """
@@ -63,8 +64,9 @@ class _Orbit(NamedTuple):
 
 
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
-    """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, or if planets come so close to
-    each other, now or at a crossing of their orbits, that the method cannot follow them.
+    """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, of planets or of massless
+    particles, or if planets come so close to each other, now or at a crossing of their orbits, that the method cannot
+    follow them.
     """
     orbits = [_orbit(system, int(row)) for row in np.flatnonzero(system.massive) if row != _dominant(system)]
     units, centre = system.units, system.names[_dominant(system)]
@@ -82,6 +84,8 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
             StepWarning,
             stacklevel=level_of_caller(),
         )
+    if orbits and not system.massive.all():
+        _warn_of_particles(system, integrator, h, span)
     close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
     if close:
         hidden = f"\n  And {len(close) - SHOWN:,} more pairs." if len(close) > SHOWN else ""
@@ -94,8 +98,45 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         )
 
 
+def _warn_of_particles(system: System, integrator: Integrator, h: float, span: float) -> None:
+    """Warn of massless particles whose pericentres steps of h do not resolve."""
+    values, units, sun = system.values, system.units, _dominant(system)
+    rows = np.flatnonzero(~system.massive)
+    q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], float(values.gm[sun])
+    r, h2 = np.linalg.norm(q, axis=1), (np.cross(q, v) ** 2).sum(axis=1)
+    beta = 2.0 * mu / r - (v * v).sum(axis=1)
+    e = np.sqrt(np.maximum(1.0 - h2 * beta / mu**2, 0.0))
+    pericentre = h2 / mu / (1.0 + e)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = 2.0 * math.pi / abs(h) * np.sqrt(pericentre**3 / (mu * (1.0 + e)))
+        period = np.where(beta > 0.0, 2.0 * math.pi * mu / np.maximum(beta, 0.0) ** 1.5, np.inf)
+    ahead = (abs(span) >= period) | ((q * v).sum(axis=1) * span < 0.0) | (e < 0.1)
+    worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < LEAST_STEPS]
+    if not worst:
+        return
+    lines = [
+        f"  {system.names[rows[k]]} passes {system.names[sun]} at {_said(pericentre[k], units.length)}, where a full turn "
+        f"would take {steps[k]:.2g} steps."
+        for k in worst[:SHOWN]
+    ]
+    hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
+    count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
+    enough = abs(h) * float(steps[worst[0]]) / LEAST_STEPS
+    remedy = f"dt <= {_said(enough, units.time, 2)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    warnings.warn(
+        f"dt = {_said(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {LEAST_STEPS} steps "
+        "in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
+        + "\n".join(lines)
+        + f"{hidden}\n{remedy} run them without dt and method: each then takes steps of its own.",
+        StepWarning,
+        stacklevel=level_of_caller(),
+    )
+
+
 def encounters(run: Trajectory, seen: Seen) -> list[int]:
-    """Return the numbers of the passages of two planets within `HILL_RADII` of each other, closest first."""
+    """Return the numbers of the passages of planets, or of massless particles, within `HILL_RADII` of a planet, closest
+    first.
+    """
     gm, found = run.system.values.gm, []
     for k, passage in enumerate(seen.passages):
         if seen.dominant in (passage.body, passage.other) or passage.about is None:
@@ -108,17 +149,27 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
 
 
 def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
-    """Warn, with `StepWarning`, about close encounters of planets in a run that its method did not follow."""
+    """Warn, with `StepWarning`, about close encounters with planets in a run that its method did not follow."""
     found = encounters(run, seen)
     if not found:
         return
+    massive = run.system.massive
     passages = [Approach.of(run.system, run.clock, seen.passages[k], None) for k in found[:SHOWN]]
     hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
+    with_planets = {k for k in found if massive[seen.passages[k].body] and massive[seen.passages[k].other]}
+    pairs = [(seen.passages[k].body, seen.passages[k].other) for k in found]
+    who = len({body for pair in pairs for body in pair if not massive[body]})
+    whose = f" of {who:,} massless particle{'s' * (who > 1)}" * (who > 0) + " and" * (who > 0 and bool(with_planets))
+    whose += " of massive bodies" * bool(with_planets)
+    remedy = "Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
+    if not with_planets:
+        remedy = "All others are right. Run these without dt and method: each then takes steps of its own."
+    some = "at least " * (seen.left_out > 0)
     warnings.warn(
-        f"{run.integrator.label} cannot follow close encounters of massive bodies, within {HILL_RADII:.0f} Hill radii, "
-        f"and had {len(found):,}; the rest of the run is not to be trusted for these bodies:\n"
+        f"{run.integrator.label} cannot follow close encounters, within {HILL_RADII:.0f} Hill radii, and had {some}"
+        f"{len(found):,},{whose}; the rest of the run is not to be trusted for these bodies:\n"
         + "\n".join(f"  {passage}." for passage in passages)
-        + f"{hidden}\nUse Gauss(stages=8), the default, without dt: steps are then chosen one by one.",
+        + f"{hidden}\n{remedy}",
         StepWarning,
         stacklevel=level_of_caller(),
     )
