@@ -45,7 +45,6 @@ from orbits.kernels.jacobi import (
     move_planets,
     tide,
 )
-from orbits.kernels.kepler import kepler_increments
 from orbits.kernels.lanes import (
     WIDTH,
     fma,
@@ -58,6 +57,7 @@ from orbits.kernels.lanes import (
     transposed,
     unit,
 )
+from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
 
 MEMORY_ROWS = 2
@@ -288,7 +288,7 @@ def drifted_particles(marched, h, kick):
     """
     kx, ky, kz = kick * marched.gx, kick * marched.gy, kick * marched.gz
     vx, vy, vz = marched.vx + kx, marched.vy + ky, marched.vz + kz
-    dx, dy, dz, dvx, dvy, dvz = kepler_increments(marched.x, marched.y, marched.z, vx, vy, vz, marched.gm, full(h))
+    dx, dy, dz, dvx, dvy, dvz = short_increments(marched.x, marched.y, marched.z, vx, vy, vz, marched.gm, full(h))
     x, x_lo = accumulate(marched.x, marched.x_lo, dx)
     y, y_lo = accumulate(marched.y, marched.y_lo, dy)
     z, z_lo = accumulate(marched.z, marched.z_lo, dz)

@@ -276,6 +276,7 @@ class Marcher:
         if self._form.transforms:  # what is left of them is what is seen
             seen = self._as_seen()
             reached = {f"particle_{name}": seen[f"particle_{name}"][:, lost.particles] for name in ("q", "v")}
+            self._state["particle_memory"][lost.particles] = 0.0
         self._retired.add(lost, step)
         for name, values in reached.items():
             if name == "particle_clock":

@@ -155,14 +155,16 @@ def test_samples_archives_and_times_between_leave_the_run_as_it_is(tmp_path):
 
 
 def test_a_particle_that_cannot_be_stepped_is_retired_alone_where_it_is_seen():
-    """One is put into the Sun; its last state is that of the start, and the others go on to the same bits."""
+    """One is so far away that its distance has no square: what is left of it is the start, and the others go on to the
+    same bits.
+    """
     gm, q, v = among_planets()
-    q[12], v[12] = q[0], v[0]
+    q[12] = 1e200
     run = marcher(DEFAULT, gm, q, v, 3.0, retire=True)
     run.advance(300)
     (lost,) = run.retired()
     assert lost.body == 12
-    assert np.array_equal(lost.q, q[0])
+    assert np.array_equal(lost.q, q[12])
     assert lost.step == 0
     assert np.isnan(run.state()[0][12]).all()
     rest = np.arange(len(gm)) != 12
@@ -177,7 +179,7 @@ def test_a_particle_that_cannot_be_stepped_is_retired_alone_where_it_is_seen():
 
 def test_pericentres_that_steps_do_not_resolve_are_warned_of_with_steps_that_do():
     plunging = {(2.2, 0.97): 0, (2.5, 0.1): 0}
-    with pytest.warns(StepWarning, match=r"too long for 1 massless particle [^§]*p0 passes Sun at 0\.066 [^§]*dt <= 0\.3"):
+    with pytest.warns(StepWarning, match=r"too long for 1 massless particle [^§]*p0 passes Sun at 0\.066 [^§]*dt <= 0\.28 d"):
         orbits.propagate(system(plunging), DEFAULT, dt="3 d", duration="4 yr", samples=2, progress=False)
 
 
@@ -189,7 +191,8 @@ def test_encounters_of_particles_with_planets_are_named_with_time_and_place():
         run = orbits.propagate(giants, DEFAULT, dt="60 d", **options)
     assert "All others are right" in str(seen[-1].message)
     closest = min(run.unresolved(), key=lambda passage: passage.distance)
-    exact = orbits.propagate(giants, **options).closest_approaches()["p0"][0]
+    listed = orbits.propagate(giants, **options).closest_approaches()["p0"]
+    exact = next(passage for passage in listed if passage.other == "Jupiter")
     assert {passage.body for passage in run.unresolved()} == {"p0"}
     assert abs(closest.time - exact.time) < 0.1 * u.day
     assert abs(closest.distance - exact.distance) < 1e-3 * u.au
