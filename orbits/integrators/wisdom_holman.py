@@ -26,7 +26,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.errors import InputError, shown
-from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
+from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.jacobi import (
@@ -73,6 +73,8 @@ HALF, WHOLE, SHIFT, LAZY = 0, 1, 2, 3
 kick, and 1 for the latter. The other rows are the corrector: a Kepler motion and a kick each."""
 
 KERNELS = "modified-kick", "lazy", "standard"
+
+ENCOUNTERS = "warn", "retire"
 
 DOMINANT = 0.9
 """Fraction of the total mass that the dominant body must have."""
@@ -352,6 +354,8 @@ class WisdomHolman(Integrator):
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
         the same approximately, by the interaction at displaced positions; or "standard", by the interaction
     corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
+    encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
+        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
     For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
     planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
@@ -373,6 +377,7 @@ class WisdomHolman(Integrator):
     coordinates: str = "jacobi"
     kernel: str = "modified-kick"
     corrector: int = 17
+    encounters: str = option("warn")
 
     name: ClassVar[str] = "wisdom-holman"
     summary: ClassVar[str] = "Wisdom–Holman: bodies about a dominant one, corrected Kepler orbits and kicks"
@@ -390,12 +395,20 @@ class WisdomHolman(Integrator):
         if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
+        if self.encounters not in ENCOUNTERS:
+            known = " or ".join(map(repr, ENCOUNTERS))
+            raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
             raise InputError(
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "
                 "without one; use corrector=17, or kernel='standard'"
             )
+
+    @property
+    def retires_in_encounters(self) -> bool:
+        """Whether massless particles are retired before encounters that the method cannot follow."""
+        return self.encounters == "retire"
 
     @property
     def order(self) -> int:

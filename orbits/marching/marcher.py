@@ -24,7 +24,7 @@ from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching import changing
+from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
 from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.changing import ChangingSteps
@@ -149,8 +149,9 @@ class Marcher:
         self._stops, self._energy_bound = stops, energy_bound
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
-        resolved = self.clock.changes or integrator.follows_kepler
-        limits = (math.inf, 1.0, math.inf) if resolved else thresholds(integrator.order)
+        limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
+        if integrator.follows_kepler:
+            limits = kepler_passages.LISTED
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -164,8 +165,9 @@ class Marcher:
             len(self._loops.tasks),
             radii,
         )
-        masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
-        self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
+        self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
+        self._encountered: Lost | None = None
+        self._passages = PassageList(self._gm, self._watcher.dominant, limits[0], self.clock)
         self._overflowed = False
 
     def advance(self, steps: int) -> None:
@@ -208,7 +210,7 @@ class Marcher:
             known = isinstance(failure, ConvergenceError)
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
-        lost, reached, begun = self._retired.lost(), {}, self.step
+        lost, reached, begun = self._retired.lost_or(self._encountered), {}, self.step
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
             within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
             count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
@@ -679,6 +681,10 @@ class Marcher:
             watcher = None if record is None else self._watcher
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None and count:
+            self._encountered = None
+            if self._retire and self.integrator.retires_in_encounters:
+                where = (self._bodies, self._watcher.dominant, h, self.step)
+                self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
             self._overflowed = self._passages.overflows(self._watcher.lists)
             self._passages.add(self._watcher.lists)
         return count

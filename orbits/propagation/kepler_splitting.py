@@ -19,6 +19,7 @@ import numpy as np
 
 from orbits.errors import StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
+from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS, is_unresolved, reach
 from orbits.propagation.approach import Approach
 
 if TYPE_CHECKING:
@@ -26,12 +27,6 @@ if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Seen
     from orbits.system import System
     from orbits.trajectory import Trajectory
-
-LEAST_STEPS = 16
-"""Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there."""
-
-HILL_RADII = 3.0
-"""Mutual Hill radii within which two planets disturb each other as much as a few steps can follow."""
 
 POINTS = 180
 """Points on each orbit at which the distance of two orbits is looked for."""
@@ -134,41 +129,80 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
 
 
 def encounters(run: Trajectory, seen: Seen) -> list[int]:
-    """Return the numbers of the passages of planets, or of massless particles, within `HILL_RADII` of a planet, closest
-    first.
+    """Return the numbers of the passages that the method could not follow, the worst first: within `HILL_RADII` of a
+    planet, and at a pericentre that the step did not resolve.
     """
-    gm, found = run.system.values.gm, []
+    gm, massive, found = run.system.values.gm, run.system.massive, []
+    perturbed = massive.sum() > 2  # the motion of a single planet is exact
     for k, passage in enumerate(seen.passages):
-        if seen.dominant in (passage.body, passage.other) or passage.about is None:
+        if passage.about is None:
             continue
-        share = (gm[passage.body] + gm[passage.other]) / (3.0 * gm[seen.dominant])
-        reach = HILL_RADII * float(np.linalg.norm(passage.about[:3])) * float(np.cbrt(share))
-        if passage.distance < reach:
-            found.append((passage.distance / reach, k))
+        if seen.dominant in (passage.body, passage.other):
+            lighter = passage.other if passage.body == seen.dominant else passage.body
+            if (perturbed or not massive[lighter]) and is_unresolved(run.step, passage.distance, passage.speed):
+                found.append((passage.distance / abs(run.step * passage.speed), k))
+            continue
+        near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
+        if passage.distance < near:
+            found.append((passage.distance / near, k))
     return [k for _, k in sorted(found)]
 
 
 def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
-    """Warn, with `StepWarning`, about close encounters with planets in a run that its method did not follow."""
+    """Warn, with `StepWarning`, about the passages in a run that its method did not follow."""
     found = encounters(run, seen)
-    if not found:
-        return
+    central = [k for k in found if seen.dominant in (seen.passages[k].body, seen.passages[k].other)]
+    flybys = [k for k in found if k not in set(central)]
+    some = "at least " * (seen.left_out > 0)
+    if flybys:
+        passages = [Approach.of(run.system, run.clock, seen.passages[k], None) for k in flybys[:SHOWN]]
+        _warn(
+            run,
+            seen,
+            flybys,
+            f"cannot follow close encounters, within {HILL_RADII:.0f} Hill radii, and had {some}{len(flybys):,},",
+            [f"{passage}" for passage in passages],
+        )
+    if central:
+        units, sun = run.system.units, run.system.names[seen.dominant]
+        lines = []
+        for k in central[:SHOWN]:
+            passage = seen.passages[k]
+            body = run.system.names[passage.other if passage.body == seen.dominant else passage.body]
+            when = _said(float(run.clock.time(passage.steps)), units.time, 10)
+            steps = 2.0 * math.pi * passage.distance / abs(run.step * passage.speed)
+            lines.append(
+                f"{body} passes {sun} at {_said(passage.distance, units.length)} about t = {when}, where a full turn would take "
+                f"{steps:.2g} steps"
+            )
+        _warn(
+            run,
+            seen,
+            central,
+            f"needs {LEAST_STEPS} steps in a full turn at the speed of a pericentre, or they are in resonance with it, "
+            f"and had fewer at {some}{len(central):,},",
+            lines,
+        )
+
+
+def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[str]) -> None:
+    """Warn of passages, and of the bodies concerned."""
     massive = run.system.massive
-    passages = [Approach.of(run.system, run.clock, seen.passages[k], None) for k in found[:SHOWN]]
-    hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
-    with_planets = {k for k in found if massive[seen.passages[k].body] and massive[seen.passages[k].other]}
     pairs = [(seen.passages[k].body, seen.passages[k].other) for k in found]
     who = len({body for pair in pairs for body in pair if not massive[body]})
-    whose = f" of {who:,} massless particle{'s' * (who > 1)}" * (who > 0) + " and" * (who > 0 and bool(with_planets))
-    whose += " of massive bodies" * bool(with_planets)
+    of_planets = any(massive[one] and massive[other] for one, other in pairs)
+    whose = f" of {who:,} massless particle{'s' * (who > 1)}" * (who > 0) + " and" * (who > 0 and of_planets)
+    whose += " of massive bodies" * of_planets
     remedy = "Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
-    if not with_planets:
-        remedy = "All others are right. Run these without dt and method: each then takes steps of its own."
-    some = "at least " * (seen.left_out > 0)
+    if not of_planets:
+        remedy = (
+            "All others are right. Run these without dt and method, by steps of their own; or retire them there, with "
+            'encounters="retire".'
+        )
+    hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
     warnings.warn(
-        f"{run.integrator.label} cannot follow close encounters, within {HILL_RADII:.0f} Hill radii, and had {some}"
-        f"{len(found):,},{whose}; the rest of the run is not to be trusted for these bodies:\n"
-        + "\n".join(f"  {passage}." for passage in passages)
+        f"{run.integrator.label} {what}{whose}; the rest of the run is not to be trusted for these bodies:\n"
+        + "\n".join(f"  {line}." for line in lines)
         + f"{hidden}\n{remedy}",
         StepWarning,
         stacklevel=level_of_caller(),

@@ -8,7 +8,7 @@ import pytest
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.errors import StepWarning
+from orbits.errors import InputError, StepWarning
 from orbits.kernels.jacobi_particles import NUMBER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
@@ -200,3 +200,49 @@ def test_encounters_of_particles_with_planets_are_named_with_time_and_place():
         warnings.simplefilter("error")
         orbits.propagate(giants.remove("p0"), DEFAULT, dt="60 d", **options)
 
+
+
+def excited():
+    """Jupiter on an eccentric orbit and particles, of which one comes close to it and another one to the Sun."""
+    solar = orbits.System.solar_system(bodies=["Sun", "Jupiter", "Saturn"])
+    a, e, M = [2.5, 4.7, 2.9, 1.6] * u.au, [0.1, 0.15, 0.1, 0.93], [1.0, 0.5, 4.0, 3.2] * u.rad
+    return solar.add(["quiet", "crosser", "other", "plunger"], primary="Sun", a=a, e=e, M=M)
+
+
+@pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+def test_particles_are_retired_before_what_the_map_cannot_follow_if_asked(tmp_path):
+    start, options = excited(), {"dt": 40 * u.day, "duration": 80 * u.yr, "progress": False}
+    plain = orbits.propagate(start, DEFAULT, samples=9, **options)
+    retiring = orbits.WisdomHolman(encounters="retire")
+    run = orbits.propagate(start, retiring, samples=9, **options)
+    assert set(run.retired.names) == {"crosser", "plunger"}
+    reasons = {one.name: one.reason for one in run.retired}
+    assert reasons["crosser"] == "it came within three Hill radii of a planet"
+    assert reasons["plunger"] == "the step did not resolve its pericentre"
+    first = {}
+    for passage in plain.unresolved():
+        first[passage.body] = min(first.get(passage.body, passage.time), passage.time)
+    for one in run.retired:  # before the step of the passage
+        assert 0 * u.day <= first[one.name] - one.time < 40 * u.day
+        exact = orbits.propagate(start, GAUSS, dt=2 * u.day, duration=one.time, samples=2, progress=False)
+        assert np.linalg.norm(one.q - exact.q[-1, start.index(one.name)]) < 1e-5 * u.au
+    gone = np.array([name in run.retired.names for name in start.names])
+    assert np.array_equal(run.q[:, ~gone], plain.q[:, ~gone])
+    assert np.isnan(run.q[-1, gone]).all()
+    assert run.unresolved() == []
+    part = orbits.propagate(
+        start, retiring, samples=3, archive=tmp_path / "run.h5", threads=1, **{**options, "duration": 20 * u.yr}
+    )
+    whole = orbits.resume(part.path, until=80 * u.yr, progress=False)
+    assert np.array_equal(whole.q[-1], run.q[-1], equal_nan=True)
+    assert [one.step for one in whole.retired] == [one.step for one in run.retired]
+
+
+def test_a_pericentre_that_is_not_resolved_is_warned_of_after_the_run_too():
+    with pytest.warns(StepWarning) as seen:
+        run = orbits.propagate(excited(), DEFAULT, dt=40 * u.day, duration=10 * u.yr, samples=2, progress=False)
+    assert "plunger passes Sun at 0.11" in str(seen[-1].message)
+    assert "of 1 massless particle; the rest of the run" in str(seen[-1].message)
+    assert {passage.body for passage in run.unresolved()} == {"plunger"}
+    with pytest.raises(InputError, match="expected 'warn' or 'retire'"):
+        orbits.WisdomHolman(encounters="ignore")
