@@ -197,7 +197,9 @@ def begin_particles(method, model, particles, storage):
 
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of eight particles: half a kick, Kepler motions, half a kick. Returns them as observers see them."""
+    """Take one step of eight particles: half a kick, Kepler motions, half a kick. They are returned as observers see
+    them.
+    """
     coefficients, rows, count = method.coefficients, storage.scratch, model.parameters.shape[0] - 2
     half, first = coefficients[0, HALF], table_rows(count)
     marched, ax, ay, az = drifted_particles(carry, coefficients[0, WHOLE], half)
@@ -360,8 +362,9 @@ class WisdomHolman(Integrator):
     For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
     planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
     particle moves about the centre of mass of the dominant body and the planets whose semi-major axes are below its
-    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in
-    the planets' masses; it is symmetric without a corrector, and up to that order with one.
+    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and
+    conserves the momenta, but for the lazy kick, which does so up to the third order in the planets' masses; it is
+    symmetric without a corrector, and up to that order with one.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
     are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.

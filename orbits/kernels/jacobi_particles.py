@@ -1,4 +1,4 @@
-"""Massless particles among planets in Jacobi coordinates: eight in lanes, each with a place in the order of the planets.
+"""Massless particles among planets in Jacobi coordinates: eight in lanes, each with a place in the planets' order.
 
 A massless particle changes no coordinates but its own. One that has i planets inside it moves relative to their centre
 of mass R_i, about M_i, as a planet of no mass in their order would (see `orbits.kernels.jacobi`):
@@ -15,10 +15,10 @@ fastest, and the steps are longest for it, g is small.
 `memory` is (particles, 2, 8), what is marched: r' and its velocity, i + 1 (0 for a particle that has no place yet) and
 M_i; then the low parts of the first six numbers.
 
-A table is what particles need of the planets at one time, and `before`, `after` are the first rows of the two tables in
-the stages of a step. It has three rows for each place i = 0 ... n - 1: C_i and B_i; the same for the second evaluation of
-a modified or a lazy kick; R_i and its velocity. Then a row for each planet: u, the same for the second evaluation, and m.
-The last rows of the stages are workspace, three for each register of planets.
+A table is what particles need of the planets at one time; the stages of a step have two, before and after it. It has
+three rows for each place i = 0 ... n - 1: C_i and B_i; the same for the second evaluation of a modified or a lazy kick;
+R_i and its velocity. Then a row for each planet: u, the same for the second evaluation, and m. The last rows of the
+stages are workspace, three for each register of planets.
 
 Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 376.
 """
@@ -231,7 +231,7 @@ def _modified(table, first, count, shift, marched, plain, second):
     gx, gy, gz, ux, uy, uz = plain
     ex, ey, ez, bx, by, bz = second
     sx, sy, sz = shift * gx, shift * gy, shift * gz
-    ex, ey, ez = sx + ex, sy + ey, sz + ez
+    ex, ey, ez = fma(full(shift), gx, ex), fma(full(shift), gy, ey), fma(full(shift), gz, ez)
     planets = first + 3 * (count + 1)
     for j in range(count):
         row = planets + j
@@ -270,9 +270,11 @@ def interaction(table, first, count, shift, lazy, marched, rows):
     return gx, gy, gz
 
 
-@kernel(inline=True)
+@kernel
 def with_interaction(table, first, count, shift, lazy, marched, rows):
-    """Return particles with their g, that for the kick of a step."""
+    """Return particles with their g, that for the kick of a step, to the bits that `interaction` gives elsewhere: there
+    is no product in it whose sum could be rounded in two ways.
+    """
     gx, gy, gz = interaction(table, first, count, shift, lazy, marched, rows)
     return Marched(
         marched.x, marched.y, marched.z, marched.x_lo, marched.y_lo, marched.z_lo,

@@ -51,7 +51,8 @@ IMPACT = 6
 """The status of a massless particle that has hit a body."""
 
 NEAR_A_PLANET, NOT_RESOLVED = 7, 8
-"""The status of a massless particle that came closer to a planet, or to the dominant body, than its method can follow."""
+"""The status of a massless particle that came closer to a planet, or to the dominant body, than its method can
+follow."""
 
 BEYOND, TOO_SHORT = 4, 5
 """Why a clock took no step: it would pass the goal, or it is too short to change the time."""

@@ -112,7 +112,7 @@ def enter_march_of_particles(
     form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, scratch, stages,
     columns, columns_lo, speeds, speeds_lo, memory, retired, rows, start, stop
 ):  # fmt: skip
-    """Compute what is marched of particles start ... stop - 1, in `memory`, from what is seen of them and of the bodies.
+    """Compute what is marched of particles start ... stop - 1, in `memory`, from what is seen of them and of bodies.
 
     carry : that of the bodies, a copy, which is lost; scratch : of the bodies; stages : (rows, columns), of a step
     columns, columns_lo, speeds, speeds_lo : (3, padded), positions and velocities of the particles

@@ -110,8 +110,8 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     if not worst:
         return
     lines = [
-        f"  {system.names[rows[k]]} passes {system.names[sun]} at {_said(pericentre[k], units.length)}, where a full turn "
-        f"would take {steps[k]:.2g} steps."
+        f"  {system.names[rows[k]]} passes {system.names[sun]} at {_said(pericentre[k], units.length)}, where a full "
+        f"turn would take {steps[k]:.2g} steps."
         for k in worst[:SHOWN]
     ]
     hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
@@ -172,8 +172,8 @@ def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
             when = _said(float(run.clock.time(passage.steps)), units.time, 10)
             steps = 2.0 * math.pi * passage.distance / abs(run.step * passage.speed)
             lines.append(
-                f"{body} passes {sun} at {_said(passage.distance, units.length)} about t = {when}, where a full turn would take "
-                f"{steps:.2g} steps"
+                f"{body} passes {sun} at {_said(passage.distance, units.length)} about t = {when}, where a full turn "
+                f"would take {steps:.2g} steps"
             )
         _warn(
             run,

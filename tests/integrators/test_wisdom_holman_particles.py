@@ -1,4 +1,4 @@
-"""Massless particles in Wisdom–Holman maps: as accurate as the planets wherever they are, to the same bits in any run."""
+"""Massless particles in Wisdom–Holman maps: as accurate as planets wherever they are, to the same bits in any run."""
 
 import warnings
 
@@ -179,7 +179,8 @@ def test_a_particle_that_cannot_be_stepped_is_retired_alone_where_it_is_seen():
 
 def test_pericentres_that_steps_do_not_resolve_are_warned_of_with_steps_that_do():
     plunging = {(2.2, 0.97): 0, (2.5, 0.1): 0}
-    with pytest.warns(StepWarning, match=r"too long for 1 massless particle [^§]*p0 passes Sun at 0\.066 [^§]*dt <= 0\.28 d"):
+    expected = r"too long for 1 massless particle [^§]*p0 passes Sun at 0\.066 [^§]*dt <= 0\.28 d"
+    with pytest.warns(StepWarning, match=expected):
         orbits.propagate(system(plunging), DEFAULT, dt="3 d", duration="4 yr", samples=2, progress=False)
 
 
