@@ -325,7 +325,7 @@ class Marcher:
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
-        self._arrived, self._block = False, (0, self.time)
+        self._arrived, self._block, self._encountered = False, (0, self.time), None
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -681,11 +681,12 @@ class Marcher:
             watcher = None if record is None else self._watcher
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None and count:
+            self._overflowed = self._passages.overflows(self._watcher.lists)
             self._encountered = None
-            if self._retire and self.integrator.retires_in_encounters:
+            # Not from a list that is not complete: shorter blocks follow.
+            if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
                 where = (self._bodies, self._watcher.dominant, h, self.step)
                 self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
-            self._overflowed = self._passages.overflows(self._watcher.lists)
             self._passages.add(self._watcher.lists)
         return count
 
