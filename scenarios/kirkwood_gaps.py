@@ -2,8 +2,8 @@
 
 Sun and giants from DE440, and particles spread evenly from 2.0 to 3.5 au with eccentricities and inclinations drawn
 from the real belt, by a Wisdom–Holman map. Eccentricities grow at the 3:1 and 5:2 resonances, where the belt has its
-gaps; particles that come within three Hill radii of a planet, or on orbits so eccentric that the step no longer resolves
-their pericentres, are retired. The gaps at 7:3 and 2:1 take longer to open: a million years, with YEARS = 1e6.
+gaps; particles that come within three Hill radii of a planet, or on orbits so eccentric that the step no longer
+resolves their pericentres, are retired. The gaps at 7:3 and 2:1 take longer to open: a million years, with YEARS = 1e6.
 
 Source: Wisdom (1982), AJ 87, 577; Kirkwood (1867), Meteoric Astronomy.
 """
@@ -23,7 +23,8 @@ COUNT, INNER, OUTER, SEED = 2000, 2.0, 3.5, 1867
 RESONANCES = ((4, 1), (3, 1), (5, 2), (7, 3), (2, 1))
 WIDTH = 0.03
 """Half the width of the strip about a resonance [au] in which eccentricities are compared with those elsewhere."""
-EXCITED = 0.4
+CALM, EXCITED = 0.25, 0.4
+"""Eccentricities at the start below which particles are compared, and which those at resonances reach."""
 YEARS, DT, SAMPLES = 1e5, 20 * u.day, 201
 LONG_ENOUGH = 5e4
 """Years from which on the resonances are demanded to show."""
@@ -42,11 +43,11 @@ def system():
 
 
 def fates(run):
-    """Return a [au] at the start, the largest e of all samples, and which particles were retired."""
+    """Return a [au] and e at the start, the largest e of all samples, and which particles were retired."""
     elements = run.elements(primary="Sun")
     columns = np.flatnonzero(~run.system.massive) - 1  # the Sun, first, has no elements about itself
     a, e = elements.a.to_value(u.au)[:, columns], elements.e.value[:, columns]
-    return a[0], np.nanmax(e, axis=0), ~np.isfinite(a[-1])
+    return a[0], e[0], np.nanmax(e, axis=0), ~np.isfinite(a[-1])
 
 
 def resonance(run, p, q):
@@ -56,15 +57,15 @@ def resonance(run, p, q):
 
 
 def excited(run):
-    """Return the fraction of particles with e above 0.4 or retired at 3:1, at 5:2, and between them, where all is
-    quiet.
+    """Return the fraction of particles on calm orbits that reach e = 0.4 or are retired: at 3:1, at 5:2, and between
+    them, where all is quiet.
     """
-    a, e, gone = fates(run)
-    wild = gone | (e > EXCITED)
+    a, start, e, gone = fates(run)
+    a, wild = a[start < CALM], (gone | (e > EXCITED))[start < CALM]
     places = [resonance(run, 3, 1), resonance(run, 5, 2)]
-    at = [wild[np.abs(a - place) < WIDTH].mean() for place in places]
+    at = [float(wild[np.abs(a - place) < WIDTH].mean()) for place in places]
     quiet = (a > places[0] + 2 * WIDTH) & (a < places[1] - 2 * WIDTH)
-    return *at, wild[quiet].mean()
+    return *at, float(wild[quiet].mean())
 
 
 def experiment(say):
@@ -74,7 +75,7 @@ def experiment(say):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", orbits.RetiredWarning)
         run = orbits.propagate(start, method, dt=DT, duration=YEARS * u.yr, samples=SAMPLES, check_step=False)
-    a, e, gone = fates(run)
+    a, _, e, gone = fates(run)
     reasons = Counter(one.reason for one in run.retired)
     rows = [["still there", int((~gone).sum())], *([reason, count] for reason, count in reasons.most_common())]
     return StudyResult(
@@ -104,7 +105,7 @@ def draw(run):
     """Eccentricities against a, survivors, and the real belt."""
     from orbits import plotting
 
-    a, e, gone = fates(run)
+    a, _, e, gone = fates(run)
     real = orbits.asteroids(1100, classes="belt").a
     figure = plotting.figure(14, 12)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.6, 1, 1])
