@@ -49,6 +49,7 @@ from orbits.kernels.lanes import (
     WIDTH,
     fma,
     full,
+    get,
     lane,
     load,
     rsqrt_cubed,
@@ -59,6 +60,7 @@ from orbits.kernels.lanes import (
 )
 from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
+from orbits.kernels.watch import flat
 
 MEMORY_ROWS = 2
 """Rows of a particle in `memory`."""
@@ -177,41 +179,41 @@ def tabulate_centres(strength, planets, room, table, first):
 
 
 @kernel(inline=True)
-def _of_places(table, first, kind, marched, rows):
+def _of_places(line, first, kind, marched, rows):
     """Return the numbers of a row of the table, each for the places of eight particles; rows : (8, 8), workspace."""
     number, common = marched.number, marched.common
     if common >= 0:
-        row = first + 3 * common + kind
-        a, b, c = full(table[row, 0]), full(table[row, 1]), full(table[row, 2])
-        d, e, f = full(table[row, 3]), full(table[row, 4]), full(table[row, 5])
+        at = WIDTH * (first + 3 * common + kind)
+        a, b, c = full(get(line, at)), full(get(line, at + 1)), full(get(line, at + 2))
+        d, e, f = full(get(line, at + 3)), full(get(line, at + 4)), full(get(line, at + 5))
     else:
         for k in range(WIDTH):
-            store(rows, k, load(table, first + 3 * int(lane(number, k)) + kind))
+            store(rows, k, load(line, WIDTH * (first + 3 * int(lane(number, k)) + kind)))
         a, b, c, d, e, f, _, _ = transposed(rows, 0)
     return a, b, c, d, e, f
 
 
 @kernel(inline=True)
-def _plain(table, first, count, second, place, moved, marched):
+def _plain(line, first, count, second, place, moved, marched):
     """Return (g, u) at a place relative to R_i.
 
-    second : whether of the planets at displaced positions; place : (x, y, z); moved : C_i and B_i
+    line : the table, row after row; second : whether of the planets at displaced positions
+    place : (x, y, z); moved : C_i and B_i
     """
     (x, y, z), (cx, cy, cz, bx, by, bz) = place, moved
     ux, uy, uz = x + cx, y + cy, z + cz
     fx, fy, fz = bx, by, bz
-    planets, column = first + 3 * (count + 1), 3 * second
+    planets = WIDTH * (first + 3 * (count + 1))
     for j in range(count):
-        dx, dy, dz = (
-            table[planets + j, column] - ux,
-            table[planets + j, column + 1] - uy,
-            table[planets + j, column + 2] - uz,
-        )
-        w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, dx * dx))) * table[planets + j, 6]
+        row = planets + WIDTH * j
+        at = row + 3 * second
+        dx, dy, dz = get(line, at) - ux, get(line, at + 1) - uy, get(line, at + 2) - uz
+        w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, dx * dx))) * get(line, row + 6)
         fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
     kepler = marched.gm * rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
     # In lanes without a particle nothing attracts.
-    pull = select(marched.gm > 0.0, table[first, 7], 0.0) * rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
+    central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
+    pull = central * rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
     return (
         fx + difference(kepler, x, pull, ux),
         fy + difference(kepler, y, pull, uy),
@@ -223,7 +225,7 @@ def _plain(table, first, count, second, place, moved, marched):
 
 
 @kernel(inline=True)
-def _modified(table, first, count, shift, marched, plain, second):
+def _modified(line, first, count, shift, marched, plain, second):
     """Return g of the modified kick, from that of the plain one, with the change of g along itself.
 
     plain : (gx ... uz), from `_plain`; second : the displacement of R_i - R_0, and B_i of the modified kick
@@ -232,19 +234,20 @@ def _modified(table, first, count, shift, marched, plain, second):
     ex, ey, ez, bx, by, bz = second
     sx, sy, sz = shift * gx, shift * gy, shift * gz
     ex, ey, ez = fma(full(shift), gx, ex), fma(full(shift), gy, ey), fma(full(shift), gz, ez)
-    planets = first + 3 * (count + 1)
+    planets = WIDTH * (first + 3 * (count + 1))
     for j in range(count):
-        row = planets + j
-        dx, dy, dz = table[row, 0] - ux, table[row, 1] - uy, table[row, 2] - uz
+        row = planets + WIDTH * j
+        dx, dy, dz = get(line, row) - ux, get(line, row + 1) - uy, get(line, row + 2) - uz
         tx, ty, tz = tide(
-            dx, dy, dz, fma(dz, dz, fma(dy, dy, dx * dx)), table[row, 3] - ex, table[row, 4] - ey, table[row, 5] - ez
-        )
-        mass = table[row, 6]
+            dx, dy, dz, fma(dz, dz, fma(dy, dy, dx * dx)),
+            get(line, row + 3) - ex, get(line, row + 4) - ey, get(line, row + 5) - ez,
+        )  # fmt: skip
+        mass = full(get(line, row + 6))
         bx, by, bz = fma(mass, tx, bx), fma(mass, ty, by), fma(mass, tz, bz)
     x, y, z, gm = marched.x, marched.y, marched.z, marched.gm
     kx, ky, kz = tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
     cx, cy, cz = tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
-    central = select(gm > 0.0, table[first, 7], 0.0)
+    central = select(gm > 0.0, get(line, WIDTH * first + 7), 0.0)
     return (
         gx + (bx + difference(gm, kx, central, cx)),
         gy + (by + difference(gm, ky, central, cy)),
@@ -255,18 +258,19 @@ def _modified(table, first, count, shift, marched, plain, second):
 @kernel(inline=True)
 def interaction(table, first, count, shift, lazy, marched, rows):
     """Return g for the kick of a step: plain, modified, or at displaced positions."""
-    moved = _of_places(table, first, 0, marched, rows)
-    plain = _plain(table, first, count, 0, (marched.x, marched.y, marched.z), moved, marched)
+    line = flat(table)
+    moved = _of_places(line, first, 0, marched, rows)
+    plain = _plain(line, first, count, 0, (marched.x, marched.y, marched.z), moved, marched)
     gx, gy, gz = plain[0], plain[1], plain[2]
     if lazy != 0.0:
         place = fma(full(shift), gx, marched.x), fma(full(shift), gy, marched.y), fma(full(shift), gz, marched.z)
-        moved = _of_places(table, first, 1, marched, rows)
-        gx, gy, gz, _, _, _ = _plain(table, first, count, 1, place, moved, marched)
+        moved = _of_places(line, first, 1, marched, rows)
+        gx, gy, gz, _, _, _ = _plain(line, first, count, 1, place, moved, marched)
     elif shift != 0.0:
-        ex, ey, ez, bx, by, bz = _of_places(table, first, 1, marched, rows)
+        ex, ey, ez, bx, by, bz = _of_places(line, first, 1, marched, rows)
         # The plain B_i is in g already.
         second = ex, ey, ez, bx - moved[3], by - moved[4], bz - moved[5]
-        gx, gy, gz = _modified(table, first, count, shift, marched, plain, second)
+        gx, gy, gz = _modified(line, first, count, shift, marched, plain, second)
     return gx, gy, gz
 
 
@@ -320,7 +324,7 @@ def seen_particles(table, first, marched, rows):
     """Return position and velocity, (x, y, z, vx, vy, vz), of particles as observers see them: uncorrected; lanes
     without one stay where they are.
     """
-    x, y, z, vx, vy, vz = _of_places(table, first, 2, marched, rows)
+    x, y, z, vx, vy, vz = _of_places(flat(table), first, 2, marched, rows)
     there = marched.gm > 0.0
     return (
         select(there, x + marched.x, AWAY),
