@@ -373,8 +373,10 @@ class WisdomHolman(Integrator):
     the time of a run without events. Collisions are refused.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
-    pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed. Raises
-    InputError for other coordinates, kernels and correctors, and for a modified or lazy kick without a corrector.
+    pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
+
+    Raises InputError for other coordinates, kernels, correctors and answers to encounters, and for a modified or lazy
+    kick without a corrector.
     """
 
     coordinates: str = "jacobi"
