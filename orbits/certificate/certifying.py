@@ -14,6 +14,7 @@ from orbits.certificate.certificate import Certificate, Finding
 from orbits.certificate.measuring import EPS, Measured, Problem
 from orbits.checks import has_unit, nonzero_number, single_number
 from orbits.diagnostics.convergence import Slope
+from orbits.diagnostics.symplecticity import symplecticity
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
@@ -223,6 +224,12 @@ def _fibres(problem: Problem, particles: list[Any]) -> Measured:
     terms = getattr(problem.lagrangian, "summands", ())
     lagrangian = n_body([*gm, tiny], math.sqrt(problem.lagrangian.parameters["eps2"]), terms)
     speeds = problem.lagrangian.velocity(problem.q, problem.p, problem.t)
+    if problem.integrator.follows_kepler:  # it has no tableau: by differences of its own steps
+        masses, (places, moving) = np.append(gm, np.zeros(len(particles))), zip(*particles, strict=True)
+        all_q, all_v = np.vstack([problem.q.reshape(-1, 3), *places]), np.vstack([speeds.reshape(-1, 3), *moving])
+        found = symplecticity(masses, all_q, all_v, problem.integrator, problem.dt)
+        bound, note = 32.0 * EPS * 6.0**0.5 + 4.0 * found.noise, f"{len(particles)} of the particles, by differences"
+        return Measured(float(found.particles.max()), bound, "", note)
     for x, w in particles:
         q, v = np.append(problem.q, x), np.append(speeds, w)
         p = lagrangian.momentum(q, v, problem.t)

@@ -74,6 +74,11 @@ class Integrator:
         raise NotImplementedError
 
     @property
+    def retires_in_encounters(self) -> bool:
+        """Whether massless particles are retired before encounters that the method cannot follow."""
+        return False
+
+    @property
     def second_order(self) -> Form | None:
         """The form for separable Lagrangians, q'' = g(q), or None."""
         return None

@@ -60,7 +60,16 @@ class Form:
     @property
     def serves_particles(self) -> bool:
         """Whether massless particles can be stepped through the stages of the massive bodies."""
-        return "step_particles" in self.own_kernels()
+        return "step_particles" in self.for_particles().own_kernels()
+
+    def for_particles(self) -> Form:
+        """Return the form that marches massless particles too: by default this one."""
+        return self
+
+    @property
+    def keeps_particles(self) -> bool:
+        """Whether the carry of particles in lanes is kept in their rows of the archived carry."""
+        return "keep_particles" in self.own_kernels()
 
     @property
     def transforms(self) -> bool:

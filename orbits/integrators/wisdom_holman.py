@@ -20,13 +20,13 @@ Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fie
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from orbits.errors import InputError, shown
-from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
+from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.jacobi import (
@@ -44,8 +44,27 @@ from orbits.kernels.jacobi import (
     prepare_room,
     show_planets,
 )
-from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import OK
+from orbits.kernels.jacobi_particles import (
+    AWAY,
+    DISPLACED,
+    MEMORY_ROWS,
+    MODIFIED,
+    PLAIN,
+    drifted_particles,
+    enter_among,
+    interaction,
+    kicked_particles,
+    leave_among,
+    seen_particles,
+    store_marched,
+    table_rows,
+    tabulate,
+    tabulate_centres,
+    take_particles,
+    with_interaction,
+)
+from orbits.kernels.lanes import WIDTH, full
+from orbits.kernels.steps import OK, Particles
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
 
@@ -54,6 +73,8 @@ HALF, WHOLE, SHIFT, LAZY = 0, 1, 2, 3
 kick, and 1 for the latter. The other rows are the corrector: a Kepler motion and a kick each."""
 
 KERNELS = "modified-kick", "lazy", "standard"
+
+ENCOUNTERS = "warn", "retire"
 
 DOMINANT = 0.9
 """Fraction of the total mass that the dominant body must have."""
@@ -128,6 +149,90 @@ def step(method, model, t, h, state, storage):
 
 
 @kernel
+def _kick_among_particles(coefficients, strength, planets, room, stages, first):
+    """As `_kick_of_a_step`, with a table for particles, from row `first` of the stages on."""
+    count = strength.shape[0] - 2
+    interact(planets, room, count, False)
+    tabulate(strength, planets, room, stages, first, PLAIN)
+    if coefficients[0, LAZY] != 0.0:
+        displace(planets, room, coefficients[0, SHIFT])
+        interact(planets, room, count, True)
+        tabulate(strength, planets, room, stages, first, DISPLACED)
+    elif coefficients[0, SHIFT] != 0.0:
+        modify(planets, room, count, coefficients[0, SHIFT])
+        tabulate(strength, planets, room, stages, first, MODIFIED)
+
+
+@kernel
+def begin_among_particles(method, model, t, h, state, storage):
+    """As `begin`, with the table before the first step of a block."""
+    strength, planets, room = model.parameters, storage.carry, storage.scratch
+    prepare_room(strength, planets, room)
+    _kick_among_particles(method.coefficients, strength, planets, room, storage.stages, 0)
+
+
+@kernel
+def step_among_particles(method, model, t, h, state, storage):
+    """As `step`, with the table after it: of the planets to the same bits."""
+    coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
+    strength, half, after = model.parameters, coefficients[0, HALF], table_rows(model.parameters.shape[0] - 2)
+    move_planets(planets, room, coefficients[0, WHOLE], half)
+    _kick_among_particles(coefficients, strength, planets, room, storage.stages, after)
+    finish_velocities(planets, room, half)
+    tabulate_centres(strength, planets, room, storage.stages, after)
+    return OK, 0, 1
+
+
+@kernel(inline=True)
+def begin_particles(method, model, particles, storage):
+    """Return eight particles as they are marched, from their rows of the carry, with g."""
+    coefficients, rows = method.coefficients, storage.scratch
+    # Those that are retired are at one place, as the padding is.
+    there = 1.0 - (particles.x == AWAY) * (particles.y == AWAY) * (particles.z == AWAY)
+    marched = take_particles(storage.carry, storage.share.start, there, rows)
+    return with_interaction(
+        storage.stages, 0, model.parameters.shape[0] - 2, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows
+    )
+
+
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of eight particles: half a kick, Kepler motions, half a kick. They are returned as observers see
+    them.
+    """
+    coefficients, rows, count = method.coefficients, storage.scratch, model.parameters.shape[0] - 2
+    half, first = coefficients[0, HALF], table_rows(count)
+    marched, ax, ay, az = drifted_particles(carry, coefficients[0, WHOLE], half)
+    g = interaction(storage.stages, first, count, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
+    marched = kicked_particles(marched, (ax, ay, az), half, g)
+    x, y, z, vx, vy, vz = seen_particles(storage.stages, first, marched, rows)
+    zero = full(0.0)
+    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
+
+
+@kernel(inline=True)
+def keep_particles(method, carry, storage):
+    """Write eight particles as they are marched into their rows of the carry."""
+    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
+
+
+@kernel
+def enter_particles(method, model, state, particles, rows, storage):
+    """Change to corrected Jacobi coordinates."""
+    strength, planets, room = model.parameters, storage.carry, storage.scratch
+    enter_planets(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
+    enter_among(method.coefficients, strength, planets, room, storage.stages, particles, rows, storage.share)
+
+
+@kernel
+def leave_particles(method, model, state, particles, rows, storage):
+    """Change back; what is marched is lost."""
+    strength, planets, room = model.parameters, storage.carry, storage.scratch
+    prepare_room(strength, planets, room)
+    leave_among(method.coefficients, strength, planets, room, storage.stages, particles, rows, storage.share)
+
+
+@kernel
 def stretch(method, unit, factor):
     """Write the coefficients of a step `factor` times as long."""
     own, one = method.coefficients, unit.coefficients
@@ -142,10 +247,12 @@ class KeplerSplitting(Form):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
 
     kernel : the kick, and corrector : its order; see `WisdomHolman`
+    among_particles : whether the planets leave tables for massless particles
     """
 
     kernel: str
     corrector: int
+    among_particles: bool = False
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "enter": enter,
@@ -155,6 +262,23 @@ class KeplerSplitting(Form):
         "step": step,
         "stretch": stretch,
     }
+    more_kernels: ClassVar[Mapping[str, Any]] = {
+        "begin": begin_among_particles,
+        "step": step_among_particles,
+        "begin_particles": begin_particles,
+        "step_particles": step_particles,
+        "keep_particles": keep_particles,
+        "enter_particles": enter_particles,
+        "leave_particles": leave_particles,
+    }
+
+    def own_kernels(self) -> Mapping[str, Any]:
+        """Return the kernels of this instance."""
+        return {**self.kernels, **self.more_kernels} if self.among_particles else self.kernels
+
+    def for_particles(self) -> KeplerSplitting:
+        """Return the form whose planets leave tables for massless particles."""
+        return replace(self, among_particles=True)
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
@@ -170,8 +294,18 @@ class KeplerSplitting(Form):
         return (STATE_ROWS + 1) * _registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
-        """No stages are kept."""
-        return 1, padded(size)
+        """The tables before and after a step, and workspace; see `orbits.kernels.jacobi_particles`. None are kept
+        without particles.
+        """
+        if not self.among_particles:
+            return 1, padded(size)
+        planets = size // 3 - 1
+        return 2 * (3 * (planets + 1) + planets) + 3 * _registers(size), WIDTH
+
+    @property
+    def particle_carry_rows(self) -> int:
+        """Massless particles as they are marched."""
+        return MEMORY_ROWS if self.among_particles else 0
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
@@ -222,11 +356,15 @@ class WisdomHolman(Integrator):
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
         the same approximately, by the interaction at displaced positions; or "standard", by the interaction
     corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
+    encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
+        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
-    For massive bodies by Newton's gravity alone, on orbits that do not come close to each other, elliptic or
-    hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
-    bodies. It is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in
-    the planets' masses; it is symmetric without a corrector, and up to that order with one.
+    For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
+    planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
+    particle moves about the centre of mass of the dominant body and the planets whose semi-major axes are below its
+    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and
+    conserves the momenta, but for the lazy kick, which does so up to the third order in the planets' masses; it is
+    symmetric without a corrector, and up to that order with one.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
     are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
@@ -234,16 +372,20 @@ class WisdomHolman(Integrator):
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 15 times
     the time of a run without events. Collisions are refused.
 
-    Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Raises InputError
-    for other coordinates, kernels and correctors, and for a modified or lazy kick without a corrector.
+    Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
+    pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
+
+    Raises InputError for other coordinates, kernels, correctors and answers to encounters, and for a modified or lazy
+    kick without a corrector.
     """
 
     coordinates: str = "jacobi"
     kernel: str = "modified-kick"
     corrector: int = 17
+    encounters: str = option("warn")
 
     name: ClassVar[str] = "wisdom-holman"
-    summary: ClassVar[str] = "Wisdom–Holman: planets about a dominant body, corrected Kepler orbits and kicks"
+    summary: ClassVar[str] = "Wisdom–Holman: bodies about a dominant one, corrected Kepler orbits and kicks"
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE, NEWTONIAN})
     follows_kepler: ClassVar[bool] = True
     source: ClassVar[str] = (
@@ -258,12 +400,20 @@ class WisdomHolman(Integrator):
         if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
+        if self.encounters not in ENCOUNTERS:
+            known = " or ".join(map(repr, ENCOUNTERS))
+            raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
             raise InputError(
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "
                 "without one; use corrector=17, or kernel='standard'"
             )
+
+    @property
+    def retires_in_encounters(self) -> bool:
+        """Whether massless particles are retired before encounters that the method cannot follow."""
+        return self.encounters == "retire"
 
     @property
     def order(self) -> int:

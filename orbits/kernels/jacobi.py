@@ -95,7 +95,7 @@ def _rest(central, gm, all_in, share):
 
 
 @kernel(inline=True, exact=True)
-def _difference(a, b, c, d):
+def difference(a, b, c, d):
     """Return a b - c d, which is exactly 0 for equal products."""
     return exact_sub(exact_mul(a, b), exact_mul(c, d))
 
@@ -161,7 +161,7 @@ def interact(planets, room, count, shifted):
 @kernel(inline=True)
 def _whole(outer, own, further, attracting, x, kepler, u, pull):
     """Return a component of the interaction from its three parts."""
-    return fma(attracting, _difference(x, kepler, u, pull), fma(outer, own, further))
+    return fma(attracting, difference(x, kepler, u, pull), fma(outer, own, further))
 
 
 @kernel(inline=True)
@@ -234,7 +234,7 @@ def modify(planets, room, count, shift):
                 dy = room[other + PLACE + 1, slot] - uy
                 dz = room[other + PLACE + 2, slot] - uz
                 r2 = fma(dz, dz, fma(dy, dy, fma(full(own), load(room, ROWS * registers + slot), dx * dx)))
-                tx, ty, tz = _tide(
+                tx, ty, tz = tide(
                     dx, dy, dz, r2, room[other + MOVED, slot] - ex,
                     room[other + MOVED + 1, slot] - ey, room[other + MOVED + 2, slot] - ez,
                 )  # fmt: skip
@@ -242,8 +242,8 @@ def modify(planets, room, count, shift):
                 fx, fy, fz = fma(mass, tx, fx), fma(mass, ty, fy), fma(mass, tz, fz)
         x, y, z = _coordinates(planets, room, register, False)
         sx, sy, sz = load(room, first + SHIFTED), load(room, first + SHIFTED + 1), load(room, first + SHIFTED + 2)
-        kx, ky, kz = _tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
-        cx, cy, cz = _tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
+        kx, ky, kz = tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
+        cx, cy, cz = tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
         outer, inner, mass = load(room, first + OUTER), load(room, first + INNER), load(room, first + MASS)
         attracting, pull = load(room, first + ATTRACTING), load(room, first + CENTRAL)
         central = room[CENTRAL, 0] / room[INNER, 0]
@@ -260,7 +260,7 @@ def modify(planets, room, count, shift):
 
 
 @kernel(inline=True)
-def _tide(x, y, z, r2, ex, ey, ez):
+def tide(x, y, z, r2, ex, ey, ez):
     """Return the change of (x, y, z) / r^3 with (x, y, z) along (ex, ey, ez); r2 : r^2."""
     w = rsqrt_cubed(r2)
     near = w * r2  # 1/r

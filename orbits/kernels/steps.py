@@ -50,6 +50,10 @@ OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 IMPACT = 6
 """The status of a massless particle that has hit a body."""
 
+NEAR_A_PLANET, NOT_RESOLVED = 7, 8
+"""The status of a massless particle that came closer to a planet, or to the dominant body, than its method can
+follow."""
+
 BEYOND, TOO_SHORT = 4, 5
 """Why a clock took no step: it would pass the goal, or it is too short to change the time."""
 
@@ -254,6 +258,45 @@ def _step_particles(method, model, t, h, particles, carry, storage):
     compiled = _kernel(method, "step_particles")
     return compiled and (
         lambda method, model, t, h, particles, carry, storage: compiled(method, model, t, h, particles, carry, storage)
+    )
+
+
+def keep_particles(method, carry, storage):
+    """Keep the carry of eight particles at the end of a block; by default it is lost."""
+    raise NotImplementedError("keep_particles() is for compiled code only")
+
+
+@overload(keep_particles, jit_options=OPTIONS)
+def _keep_particles(method, carry, storage):
+    compiled = _kernel(method, "keep_particles")
+    if compiled is None:
+        return lambda method, carry, storage: None
+    return lambda method, carry, storage: compiled(method, carry, storage)
+
+
+def enter_particles(method, model, state, particles, rows, storage):
+    """Compute what is marched of particles from what is seen."""
+    raise NotImplementedError("enter_particles() is for compiled code only")
+
+
+@overload(enter_particles, jit_options=OPTIONS)
+def _enter_particles(method, model, state, particles, rows, storage):
+    compiled = _kernel(method, "enter_particles")
+    return compiled and (
+        lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)
+    )
+
+
+def leave_particles(method, model, state, particles, rows, storage):
+    """Compute what is seen of particles from what is marched."""
+    raise NotImplementedError("leave_particles() is for compiled code only")
+
+
+@overload(leave_particles, jit_options=OPTIONS)
+def _leave_particles(method, model, state, particles, rows, storage):
+    compiled = _kernel(method, "leave_particles")
+    return compiled and (
+        lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)
     )
 
 

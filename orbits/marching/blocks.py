@@ -18,7 +18,7 @@ from orbits.integrators.forms import Array, Form
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching import changing
+from orbits.marching import changing, kepler_passages
 from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.clocks import Clock
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
@@ -59,7 +59,9 @@ class Blocks:
         _bodies: int
         _counts: tuple[int, int]
         _dense: bool
+        _encountered: Lost | None
         _form: Form
+        _gm: Array
         _keep: Callable[[Array, Array, Array], None] | None
         _lengths: Array
         _listed: tuple[Array, int]
@@ -79,6 +81,7 @@ class Blocks:
         @property
         def time(self) -> float: ...
         def state(self) -> tuple[Array, Array]: ...
+        def _as_seen(self) -> dict[str, Array]: ...
         def _time_of(self, step: int) -> float: ...
 
     def advance(self, steps: int) -> None:
@@ -121,7 +124,7 @@ class Blocks:
             known = isinstance(failure, ConvergenceError)
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
-        lost, reached, begun = self._retired.lost(), {}, self.step
+        lost, reached, begun = self._retired.lost_or(self._encountered), {}, self.step
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
             within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
             count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
@@ -186,6 +189,10 @@ class Blocks:
         """
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
+        if self._form.transforms:  # what is left of them is what is seen
+            seen = self._as_seen()
+            reached = {f"particle_{name}": seen[f"particle_{name}"][:, lost.particles] for name in ("q", "v")}
+            self._state["particle_memory"][lost.particles] = 0.0
         self._retired.add(lost, step)
         for name, values in reached.items():
             if name == "particle_clock":
@@ -232,7 +239,7 @@ class Blocks:
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
-        self._arrived, self._block = False, (0, self.time)
+        self._arrived, self._block, self._encountered = False, (0, self.time), None
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -277,6 +284,11 @@ class Blocks:
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None and count:
             self._overflowed = self._passages.overflows(self._watcher.lists)
+            self._encountered = None
+            # Not from a list that is not complete: shorter blocks follow.
+            if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
+                where = (self._bodies, self._watcher.dominant, h, self.step)
+                self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
             self._passages.add(self._watcher.lists)
         return count
 

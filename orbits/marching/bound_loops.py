@@ -148,13 +148,35 @@ class BoundLoops:
         status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
 
-    def enter(self, state: dict[str, Array], clock: Clock) -> None:
-        """Compute what is marched with this clock from what is seen, for a form that `transforms`."""
-        driver.enter_march(*self._transformation(state, clock))
+    def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
+        """Compute what is marched with this clock from what is seen, for a form that `transforms`.
 
-    def leave(self, state: dict[str, Array], clock: Clock) -> None:
+        retired : see `Retired.block`; these particles are left alone
+        """
+        driver.enter_march(*self._transformation(state, clock))
+        self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
+
+    def leave(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
         """Compute what is seen from what is marched with this clock, in a copy of a state that is not marched on."""
+        self._transform_particles(driver.leave_march_of_particles, state, clock, retired)
         driver.leave_march(*self._transformation(state, clock))
+
+    def _transform_particles(
+        self, kernel: Any, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None
+    ) -> None:
+        """Call `enter_march_of_particles` or `leave_march_of_particles` for all particles, in threads."""
+        bound = self.bound(clock, self.times)[:4]
+        bodies = [state[name] for name in ("q", "q_lo", "v", "v_lo")]
+        particles = [state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory")]
+        gone = np.zeros((particles[0].shape[1], 2), dtype=np.int64) if retired is None else retired
+
+        def share(task: int) -> int:
+            room = aligned(state["memory"].shape, self._scratch.shape, self._stages.shape[1:], (2 * WIDTH, WIDTH))
+            room[0][...] = state["memory"]
+            kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], *self.tasks[task])
+            return 0
+
+        self._in_tasks(share)
 
     def seen(self, begun: Array, count: int) -> Array:
         """Return q and v as they are seen before the first of the `count` steps of the last block and after each, for a
@@ -255,7 +277,7 @@ class BoundLoops:
         return sum(future.result() for future in running)
 
     def close(self) -> None:
-        """Release the threads; particles that are marched after that take one."""
+        """Release the threads; what is still asked for is computed by the caller's."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None

@@ -55,15 +55,18 @@ def form_of_bodies(
         form = _form_with(integrator, lagrangian, forces)
     if with_particles and MASSLESS_PARTICLES not in lagrangian.traits:
         raise InputError(f"'{lagrangian.name}' does not define how massless particles move; give them a small mass.")
+    form = form.for_particles() if with_particles else form
     if with_particles and not form.serves_particles:
         raise InputError(
             f"{integrator.label} steps '{lagrangian.name}' for massive bodies only; give the massless ones a small "
             "mass, or use a method that takes particles, such as Gauss(stages=8)"
         )
-    if with_particles and form.particle_carry_rows and form.own_kernels().get("width", WIDTH) == WIDTH:
+    in_lanes = form.own_kernels().get("width", WIDTH) == WIDTH
+    if with_particles and form.particle_carry_rows and in_lanes and not form.keeps_particles:
         raise InputError(
             f"{integrator.label} has a carry of massless particles in lanes, which is not kept from block to block; "
-            "expected particle_carry_rows = 0, or the constant width = 1: one particle at a time"
+            "expected particle_carry_rows = 0, a kernel keep_particles, or the constant width = 1: one particle at a "
+            "time"
         )
     return form
 

@@ -38,8 +38,11 @@ from orbits.kernels.steps import (
     begin,
     begin_particles,
     enter,
+    enter_particles,
+    keep_particles,
     lanes_of,
     leave,
+    leave_particles,
     show,
     step_particles,
 )
@@ -102,6 +105,33 @@ def leave_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry,
     """Compute what is seen from what is marched, which is changed: `carry` must be a copy."""
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
     leave(method, model, h, state, Storage(carry, scratch, stages[0], Share(0, dimension(tag, parameters), None)))
+
+
+@kernel
+def enter_march_of_particles(
+    form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, scratch, stages,
+    columns, columns_lo, speeds, speeds_lo, memory, retired, rows, start, stop
+):  # fmt: skip
+    """Compute what is marched of particles start ... stop - 1, in `memory`, from what is seen of them and of bodies.
+
+    carry : that of the bodies, a copy, which is lost; scratch : of the bodies; stages : (rows, columns), of a step
+    columns, columns_lo, speeds, speeds_lo : (3, padded), positions and velocities of the particles
+    memory, retired, rows : see `orbits.kernels.steps.enter_particles`
+    """
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    particles = Columns(columns, columns_lo, speeds, speeds_lo), memory, retired
+    enter_particles(method, model, state, particles, rows, Storage(carry, scratch, stages, Share(start, stop, None)))
+
+
+@kernel
+def leave_march_of_particles(
+    form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, scratch, stages,
+    columns, columns_lo, speeds, speeds_lo, memory, retired, rows, start, stop
+):  # fmt: skip
+    """Compute what is seen of particles from what is marched, which is changed: `memory` must be a copy as well."""
+    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    particles = Columns(columns, columns_lo, speeds, speeds_lo), memory, retired
+    leave_particles(method, model, state, particles, rows, Storage(carry, scratch, stages, Share(start, stop, None)))
 
 
 @kernel
@@ -232,10 +262,10 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
     evaluations = 0
     for p in range(start, stop, 2 * WIDTH):
         P = p + WIDTH if p + WIDTH < stop else p
-        before = _at(storage, 0, p, P + WIDTH)
+        before, beside = _at(storage, 0, p, p + WIDTH), _at(storage, 0, P, P + WIDTH)
         one, two = _present(columns, retired, p), _present(columns, retired, P)
         one_carry = begin_particles(method, model, one, before)
-        two_carry = begin_particles(method, model, two, before)
+        two_carry = begin_particles(method, model, two, beside)
         for k in range(steps):
             (t, h), now, then = step_of(clock, k), _at(storage, k, p, p + WIDTH), _at(storage, k, P, P + WIDTH)
             record_particles(track, k, one.x, one.y, one.z, one.vx, one.vy, one.vz)
@@ -243,6 +273,8 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
             one, one_carry, _, count = step_particles(method, model, t, h, one, one_carry, now)
             two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, then)
             evaluations += count * min(2 * WIDTH, stop - p)
+        keep_particles(method, one_carry, before)
+        keep_particles(method, two_carry, beside)
         _finish(columns, retired, track, steps, p, one, stop)
         call_observer(observer, context, track, h, steps, p, stop)
         if p < P:

@@ -23,7 +23,7 @@ from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching import changing
+from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
 from orbits.marching.blocks import APART, Blocks, steps_apart
 from orbits.marching.bound_loops import BoundLoops
@@ -139,8 +139,9 @@ class Marcher(Blocks):
         self._stops, self._energy_bound = stops, energy_bound
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
-        resolved = self.clock.changes or integrator.follows_kepler
-        limits = (math.inf, 1.0, math.inf) if resolved else thresholds(integrator.order)
+        limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
+        if integrator.follows_kepler:
+            limits = kepler_passages.LISTED
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -154,8 +155,9 @@ class Marcher(Blocks):
             len(self._loops.tasks),
             radii,
         )
-        masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
-        self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
+        self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
+        self._encountered: Lost | None = None
+        self._passages = PassageList(self._gm, self._watcher.dominant, limits[0], self.clock)
         self._overflowed = False
 
     @property
@@ -292,7 +294,7 @@ class Marcher(Blocks):
         if not (self._form.transforms and self.step):
             return self._state
         copy = self._copied()
-        self._loops.leave(copy, self.clock)
+        self._loops.leave(copy, self.clock, self._retired.block)
         return copy
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -305,9 +307,10 @@ class Marcher(Blocks):
         copy.pop("approaches", None)
         # The carry belongs to steps of h; a partial step has a cold start.
         self._form.forget(copy["memory"])
-        copy["particle_memory"][:] = 0.0
         if self._form.transforms:
-            self._loops.enter(copy, part)
+            self._loops.enter(copy, part, self._retired.block)
+        else:
+            copy["particle_memory"][:] = 0.0
         self._seen = copy["memory"]
         before = self.evaluations, self.particle_evaluations
         try:
@@ -316,7 +319,7 @@ class Marcher(Blocks):
         finally:
             self.evaluations, self.particle_evaluations = before
         if self._form.transforms:
-            self._loops.leave(copy, part)
+            self._loops.leave(copy, part, self._retired.block)
         return self._gather(copy)
 
     def part_of_a_step(self, offset: float) -> Marcher:
@@ -367,7 +370,7 @@ class Marcher(Blocks):
         self._passages.restore(checkpoint)
         self._retired.restore(checkpoint.get("retired"), self.step)
         if seen and self._form.transforms:
-            self._loops.enter(self._state, self.clock)
+            self._loops.enter(self._state, self.clock, self._retired.block)
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.integrators.forms import Array, padded
-from orbits.kernels.steps import IMPACT, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK, TOO_SHORT
+from orbits.kernels.steps import (
+    IMPACT,
+    NEAR_A_PLANET,
+    NOT_CONVERGED,
+    NOT_FINITE,
+    NOT_REGULAR,
+    NOT_RESOLVED,
+    OK,
+    TOO_SHORT,
+)
 from orbits.marching.own_clocks import REACHED
 
 REASONS = {
@@ -18,6 +27,8 @@ REASONS = {
     NOT_REGULAR: "its equations have no solution there",
     IMPACT: "it merged with a body that it hit",
     TOO_SHORT: "no step is short enough to go on",
+    NEAR_A_PLANET: "it came within three Hill radii of a planet",
+    NOT_RESOLVED: "the step did not resolve its pericentre",
 }
 
 
@@ -96,6 +107,19 @@ class Retired:
         first = int(self.block[new, 1].min())
         particles = new[self.block[new, 1] == first]
         return Lost(first, particles, self.block[particles, 0])
+
+    def lost_or(self, others: Lost | None) -> Lost | None:
+        """Return the particles that were lost first, in the block just marched or among `others`."""
+        lost = self.lost()
+        if others is None or (lost is not None and lost.steps < others.steps):
+            return lost
+        if lost is None or others.steps < lost.steps:
+            return others
+        more = ~np.isin(others.particles, lost.particles)
+        particles = np.concatenate([lost.particles, others.particles[more]])
+        order = np.argsort(particles)
+        status = np.concatenate([lost.status, others.status[more]])
+        return Lost(lost.steps, particles[order], status[order])
 
     def add(self, lost: Lost, step: int) -> None:
         """Retire particles after `step` steps of the march."""

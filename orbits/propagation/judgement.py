@@ -155,6 +155,8 @@ def warn_of_retired(run: Trajectory) -> None:
     else:
         how = f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)}"
         remedy = "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening."
+    if run.integrator.retires_in_encounters:
+        remedy = "They can be run by themselves among the massive bodies without dt and method, by steps of their own."
     warnings.warn(
         f"{how} could not step {who} any further, and the run went on without: their q and v are NaN from then on, and "
         "run[k] leaves them out. All others are the same as without them.\n"

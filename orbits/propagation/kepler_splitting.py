@@ -2,7 +2,8 @@
 
 Such a method follows the two-body motion about the dominant body exactly, so that its error on a single passage (see
 `step_check`) says nothing. Steps must resolve the fastest pericentre, or they are in resonance with it; and the planets
-must stay away from each other, because a close pair is not near a Kepler orbit about the dominant body.
+and the massless particles must stay away from planets, because a close pair is not near a Kepler orbit about the
+dominant body.
 
 Source: Rauch & Holman (1999), AJ 117, 1087; Wisdom (2015), AJ 150, 127.
 """
@@ -18,6 +19,7 @@ import numpy as np
 
 from orbits.errors import StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
+from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS, is_unresolved, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
 
@@ -26,12 +28,6 @@ if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Seen
     from orbits.system import System
     from orbits.trajectory import Trajectory
-
-LEAST_STEPS = 16
-"""Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there."""
-
-HILL_RADII = 3.0
-"""Mutual Hill radii within which two planets disturb each other as much as a few steps can follow."""
 
 POINTS = 180
 """Points on each orbit at which the distance of two orbits is looked for."""
@@ -64,8 +60,9 @@ class _Orbit(NamedTuple):
 
 
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
-    """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, or if planets come so close to
-    each other, now or at a crossing of their orbits, that the method cannot follow them.
+    """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, of planets or of massless
+    particles, or if planets come so close to each other, now or at a crossing of their orbits, that the method cannot
+    follow them.
     """
     orbits = [_orbit(system, int(row)) for row in np.flatnonzero(system.massive) if row != _dominant(system)]
     units, centre = system.units, system.names[_dominant(system)]
@@ -83,6 +80,8 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
             StepWarning,
             stacklevel=level_of_caller(),
         )
+    if orbits and not system.massive.all():
+        _warn_of_particles(system, integrator, h, span)
     close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
     if close:
         hidden = f"\n  And {len(close) - SHOWN:,} more pairs." if len(close) > SHOWN else ""
@@ -95,31 +94,117 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         )
 
 
+def _warn_of_particles(system: System, integrator: Integrator, h: float, span: float) -> None:
+    """Warn of massless particles whose pericentres steps of h do not resolve."""
+    values, units, sun = system.values, system.units, _dominant(system)
+    rows = np.flatnonzero(~system.massive)
+    q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], float(values.gm[sun])
+    r, h2 = np.linalg.norm(q, axis=1), (np.cross(q, v) ** 2).sum(axis=1)
+    beta = 2.0 * mu / r - (v * v).sum(axis=1)
+    e = np.sqrt(np.maximum(1.0 - h2 * beta / mu**2, 0.0))
+    pericentre = h2 / mu / (1.0 + e)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = 2.0 * math.pi / abs(h) * np.sqrt(pericentre**3 / (mu * (1.0 + e)))
+        period = np.where(beta > 0.0, 2.0 * math.pi * mu / np.maximum(beta, 0.0) ** 1.5, np.inf)
+    ahead = (abs(span) >= period) | ((q * v).sum(axis=1) * span < 0.0) | (e < 0.1)
+    worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < LEAST_STEPS]
+    if not worst:
+        return
+    lines = [
+        f"  {system.names[rows[k]]} passes {system.names[sun]} at {in_digits(pericentre[k], units.length)}, where a full "
+        f"turn would take {steps[k]:.2g} steps."
+        for k in worst[:SHOWN]
+    ]
+    hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
+    count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
+    enough = abs(h) * float(steps[worst[0]]) / LEAST_STEPS
+    remedy = f"dt <= {in_digits(enough, units.time, 2)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    warnings.warn(
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {LEAST_STEPS} steps "
+        "in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
+        + "\n".join(lines)
+        + f"{hidden}\n{remedy} run them without dt and method: each then takes steps of its own.",
+        StepWarning,
+        stacklevel=level_of_caller(),
+    )
+
+
 def encounters(run: Trajectory, seen: Seen) -> list[int]:
-    """Return the numbers of the passages of two planets within `HILL_RADII` of each other, closest first."""
-    gm, found = run.system.values.gm, []
+    """Return the numbers of the passages that the method could not follow, the worst first: within `HILL_RADII` of a
+    planet, and at a pericentre that the step did not resolve.
+    """
+    gm, massive, found = run.system.values.gm, run.system.massive, []
+    perturbed = massive.sum() > 2  # the motion of a single planet is exact
     for k, passage in enumerate(seen.passages):
-        if seen.dominant in (passage.body, passage.other) or passage.about is None:
+        if passage.about is None:
             continue
-        share = (gm[passage.body] + gm[passage.other]) / (3.0 * gm[seen.dominant])
-        reach = HILL_RADII * float(np.linalg.norm(passage.about[:3])) * float(np.cbrt(share))
-        if passage.distance < reach:
-            found.append((passage.distance / reach, k))
+        if seen.dominant in (passage.body, passage.other):
+            lighter = passage.other if passage.body == seen.dominant else passage.body
+            if (perturbed or not massive[lighter]) and is_unresolved(run.step, passage.distance, passage.speed):
+                found.append((passage.distance / abs(run.step * passage.speed), k))
+            continue
+        near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
+        if passage.distance < near:
+            found.append((passage.distance / near, k))
     return [k for _, k in sorted(found)]
 
 
 def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
-    """Warn, with `StepWarning`, about close encounters of planets in a run that its method did not follow."""
+    """Warn, with `StepWarning`, about the passages in a run that its method did not follow."""
     found = encounters(run, seen)
-    if not found:
-        return
-    passages = [Approach.of(run.system, run.clock, seen.passages[k], None) for k in found[:SHOWN]]
+    central = [k for k in found if seen.dominant in (seen.passages[k].body, seen.passages[k].other)]
+    flybys = [k for k in found if k not in set(central)]
+    some = "at least " * (seen.left_out > 0)
+    if flybys:
+        passages = [Approach.of(run.system, run.clock, seen.passages[k], None) for k in flybys[:SHOWN]]
+        _warn(
+            run,
+            seen,
+            flybys,
+            f"cannot follow close encounters, within {HILL_RADII:.0f} Hill radii, and had {some}{len(flybys):,},",
+            [f"{passage}" for passage in passages],
+        )
+    if central:
+        units, sun = run.system.units, run.system.names[seen.dominant]
+        lines = []
+        for k in central[:SHOWN]:
+            passage = seen.passages[k]
+            body = run.system.names[passage.other if passage.body == seen.dominant else passage.body]
+            when = in_digits(float(run.clock.time(passage.steps)), units.time, 10)
+            steps = 2.0 * math.pi * passage.distance / abs(run.step * passage.speed)
+            lines.append(
+                f"{body} passes {sun} at {in_digits(passage.distance, units.length)} about t = {when}, where a full turn "
+                f"would take {steps:.2g} steps"
+            )
+        _warn(
+            run,
+            seen,
+            central,
+            f"needs {LEAST_STEPS} steps in a full turn at the speed of a pericentre, or they are in resonance with it, "
+            f"and had fewer at {some}{len(central):,},",
+            lines,
+        )
+
+
+def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[str]) -> None:
+    """Warn of passages, and of the bodies concerned."""
+    massive = run.system.massive
+    pairs = [(seen.passages[k].body, seen.passages[k].other) for k in found]
+    who = len({body for pair in pairs for body in pair if not massive[body]})
+    of_planets = any(massive[one] and massive[other] for one, other in pairs)
+    whose = f" of {who:,} massless particle{'s' * (who > 1)}" * (who > 0) + " and" * (who > 0 and of_planets)
+    whose += " of massive bodies" * of_planets
+    remedy = "Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
+    if not of_planets:
+        remedy = (
+            "All others are right. Run these without dt and method, by steps of their own; or retire them there, with "
+            'encounters="retire".'
+        )
     hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
     warnings.warn(
-        f"{run.integrator.label} cannot follow close encounters of massive bodies, within {HILL_RADII:.0f} Hill radii, "
-        f"and had {len(found):,}; the rest of the run is not to be trusted for these bodies:\n"
-        + "\n".join(f"  {passage}." for passage in passages)
-        + f"{hidden}\nUse Gauss(stages=8), the default, without dt: steps are then chosen one by one.",
+        f"{run.integrator.label} {what}{whose}; the rest of the run is not to be trusted for these bodies:\n"
+        + "\n".join(f"  {line}." for line in lines)
+        + f"{hidden}\n{remedy}",
         StepWarning,
         stacklevel=level_of_caller(),
     )

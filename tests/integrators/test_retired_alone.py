@@ -73,5 +73,5 @@ def test_a_part_of_a_step_goes_on_without_a_retired_particle():
 
 def test_a_reason_that_there_is_not_is_refused():
     one = np.zeros((3, 1))
-    with pytest.raises(InputError, match=r"reasons \[7\]"):
-        retirements(np.array([[7, 3]]), one, one, np.array([0]))
+    with pytest.raises(InputError, match=r"reasons \[97\]"):
+        retirements(np.array([[97, 3]]), one, one, np.array([0]))

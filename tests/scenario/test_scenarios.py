@@ -25,8 +25,9 @@ from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock
 
 STUDIES = [
-    *("arenstorf", "brouwer", "discrete_kepler", "eccentric", "figure_eight", "liouville", "outer_solar_system"),
-    *("pendulum", "planetesimals", "pleiades", "resonance_map", "three_body_zoo", "work_precision"),
+    *("arenstorf", "brouwer", "discrete_kepler", "eccentric", "figure_eight", "kirkwood_gaps", "liouville"),
+    *("outer_solar_system", "pendulum", "planetesimals", "pleiades", "resonance_map", "three_body_zoo"),
+    "work_precision",
 ]
 SHORT = {
     "kepler": {"duration": 3.0, "samples": 21},

@@ -1,0 +1,545 @@
+"""Massless particles among planets in Jacobi coordinates: eight in lanes, each with a place in the planets' order.
+
+A massless particle changes no coordinates but its own. One that has i planets inside it moves relative to their centre
+of mass R_i, about M_i, as a planet of no mass in their order would (see `orbits.kernels.jacobi`):
+
+    r' = r - R_i,   r'' = -M_i r'/r'^3 + g,   g = f + B_i + M_i r'/r'^3 - m_0 u/u^3,   u = r' + C_i
+
+with f the attraction by the planets, C_i = R_i - R_0 and B_i = -R_i''. Whatever its place, this is its motion to the
+last bit; the place decides how small g is. About the dominant body alone, i = 0, the acceleration of that body is a
+part of g, which far outside a planet is (r/a)^2 times as large as the attraction by the planet. About the centre of
+mass of all, g has the displacement of the dominant body from it, which far inside is (a/r)^4 times as large. So a
+particle has those planets inside it whose semi-major axes are below its pericentre distance at the start: where it is
+fastest, and the steps are longest for it, g is small.
+
+`memory` is (particles, 2, 8), what is marched: r' and its velocity, i + 1 (0 for a particle that has no place yet) and
+M_i; then the low parts of the first six numbers.
+
+A table is what particles need of the planets at one time; the stages of a step have two, before and after it. It has
+three rows for each place i = 0 ... n - 1: C_i and B_i; the same for the second evaluation of a modified or a lazy kick;
+R_i and its velocity. Then a row for each planet: u, the same for the second evaluation, and m. The last rows of the
+stages are workspace, three for each register of planets.
+
+Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 376.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.jacobi import (
+    ATTRACTING,
+    FORCE,
+    MASS,
+    MOVED,
+    PLACE,
+    ROWS,
+    SHARE,
+    SHIFTED,
+    STATE_ROWS,
+    difference,
+    finish_velocities,
+    interact,
+    kick_planets,
+    move_planets,
+    tide,
+)
+from orbits.kernels.lanes import (
+    WIDTH,
+    fma,
+    full,
+    get,
+    lane,
+    load,
+    rsqrt_cubed,
+    select,
+    store,
+    transposed,
+    unit,
+)
+from orbits.kernels.short_kepler import short_increments
+from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
+from orbits.kernels.watch import flat
+
+MEMORY_ROWS = 2
+"""Rows of a particle in `memory`."""
+
+NUMBER, ATTRACTED = 6, 7
+"""Columns of the first row of a particle: i + 1, and M_i."""
+
+PLAIN, DISPLACED, MODIFIED = 0, 1, 2
+"""The evaluations of the interaction: the first; that at displaced positions; and its change along itself."""
+
+AWAY = 1e6
+"""Where lanes without a particle rest, attracted by nothing."""
+
+
+class Marched(NamedTuple):
+    """Eight particles as they are marched.
+
+    x ... vz_lo : r' and its velocity with their low parts; gx, gy, gz : g; gm : M_i, 0 in lanes without a particle
+    number : i; common : i as an integer if it is that of all lanes, else -1
+    """
+
+    x: Any
+    y: Any
+    z: Any
+    x_lo: Any
+    y_lo: Any
+    z_lo: Any
+    vx: Any
+    vy: Any
+    vz: Any
+    vx_lo: Any
+    vy_lo: Any
+    vz_lo: Any
+    gx: Any
+    gy: Any
+    gz: Any
+    gm: Any
+    number: Any
+    common: Any
+
+
+@kernel(inline=True)
+def table_rows(planets):
+    """Return the number of rows of a table for so many planets."""
+    return 3 * (planets + 1) + planets
+
+
+@kernel
+def tabulate(strength, planets, room, table, first, evaluation):
+    """Write C_i, B_i and the places of the planets after an evaluation of the interaction into a table.
+
+    planets, room : see `orbits.kernels.jacobi`, with the interaction in the rows FORCE
+    table, first : the stages of a step, and the first row of the table in them
+    """
+    count, registers = strength.shape[0] - 2, room.shape[0] // ROWS
+    work, second = table.shape[0] - 3 * registers, 0 if evaluation == PLAIN else 1
+    for register in range(registers):
+        state, own = STATE_ROWS * register, ROWS * register
+        x, y, z = load(planets, state), load(planets, state + 1), load(planets, state + 2)
+        sx, sy, sz = load(room, own + SHIFTED), load(room, own + SHIFTED + 1), load(room, own + SHIFTED + 2)
+        if evaluation == DISPLACED:
+            x, y, z = sx, sy, sz
+        r2 = fma(x, x, fma(y, y, z * z))
+        kepler = rsqrt_cubed(r2)
+        ax, ay, az = kepler * x, kepler * y, kepler * z
+        if evaluation == MODIFIED:
+            tx, ty, tz = tide(x, y, z, r2, sx, sy, sz)
+            ax, ay, az = ax + tx, ay + ty, az + tz
+        share, gm, force = load(room, own + SHARE), load(room, own + ATTRACTING), own + FORCE
+        store(table, work + 3 * register, share * fma(-gm, ax, load(room, force)))
+        store(table, work + 3 * register + 1, share * fma(-gm, ay, load(room, force + 1)))
+        store(table, work + 3 * register + 2, share * fma(-gm, az, load(room, force + 2)))
+    central = strength[1 + int(planets[STATE_ROWS * registers, 6])]
+    # From outside inwards, B_(i-1) = B_i + w_i r'_i''.
+    bx, by, bz = 0.0, 0.0, 0.0
+    for k in range(count + 1):
+        i = count - k
+        row = first + 3 * i + second
+        table[row, 3], table[row, 4], table[row, 5] = bx, by, bz
+        table[row, 6], table[row, 7] = central, central
+        if i > 0:
+            at, slot = work + 3 * ((i - 1) // WIDTH), (i - 1) % WIDTH
+            table[row, 6] = room[ROWS * ((i - 1) // WIDTH) + ATTRACTING, slot]
+            bx, by, bz = bx + table[at, slot], by + table[at + 1, slot], bz + table[at + 2, slot]
+    cx, cy, cz = 0.0, 0.0, 0.0
+    for i in range(count + 1):
+        if i > 0:
+            register, slot = (i - 1) // WIDTH, (i - 1) % WIDTH
+            own, at = ROWS * register, STATE_ROWS * register
+            share = room[own + SHARE, slot]
+            if evaluation == PLAIN:
+                dx, dy, dz = planets[at, slot], planets[at + 1, slot], planets[at + 2, slot]
+            else:
+                dx, dy, dz = room[own + SHIFTED, slot], room[own + SHIFTED + 1, slot], room[own + SHIFTED + 2, slot]
+            cx, cy, cz = cx + share * dx, cy + share * dy, cz + share * dz
+            row, place = first + 3 * (count + 1) + i - 1, own + (MOVED if evaluation == MODIFIED else PLACE)
+            for k in range(3):
+                table[row, 3 * second + k] = room[place + k, slot]
+            table[row, 6] = room[own + MASS, slot]
+        row = first + 3 * i + second
+        table[row, 0], table[row, 1], table[row, 2] = cx, cy, cz
+
+
+@kernel
+def tabulate_centres(strength, planets, room, table, first):
+    """Write R_i and its velocity into a table."""
+    count, registers = strength.shape[0] - 2, room.shape[0] // ROWS
+    for component in range(6):
+        centre = planets[STATE_ROWS * registers, component]
+        for k in range(count + 1):
+            i = count - k
+            table[first + 3 * i + 2, component] = centre
+            if i > 0:
+                register, slot = (i - 1) // WIDTH, (i - 1) % WIDTH
+                centre -= room[ROWS * register + SHARE, slot] * planets[STATE_ROWS * register + component, slot]
+
+
+@kernel(inline=True)
+def _of_places(line, first, kind, marched, rows):
+    """Return the numbers of a row of the table, each for the places of eight particles; rows : (8, 8), workspace."""
+    number, common = marched.number, marched.common
+    if common >= 0:
+        at = WIDTH * (first + 3 * common + kind)
+        a, b, c = full(get(line, at)), full(get(line, at + 1)), full(get(line, at + 2))
+        d, e, f = full(get(line, at + 3)), full(get(line, at + 4)), full(get(line, at + 5))
+    else:
+        for k in range(WIDTH):
+            store(rows, k, load(line, WIDTH * (first + 3 * int(lane(number, k)) + kind)))
+        a, b, c, d, e, f, _, _ = transposed(rows, 0)
+    return a, b, c, d, e, f
+
+
+@kernel(inline=True)
+def _plain(line, first, count, second, place, moved, marched):
+    """Return (g, u) at a place relative to R_i.
+
+    line : the table, row after row; second : whether of the planets at displaced positions
+    place : (x, y, z); moved : C_i and B_i
+    """
+    (x, y, z), (cx, cy, cz, bx, by, bz) = place, moved
+    ux, uy, uz = x + cx, y + cy, z + cz
+    fx, fy, fz = bx, by, bz
+    planets = WIDTH * (first + 3 * (count + 1))
+    for j in range(count):
+        row = planets + WIDTH * j
+        at = row + 3 * second
+        dx, dy, dz = get(line, at) - ux, get(line, at + 1) - uy, get(line, at + 2) - uz
+        w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, dx * dx))) * get(line, row + 6)
+        fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
+    kepler = marched.gm * rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
+    # In lanes without a particle nothing attracts.
+    central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
+    pull = central * rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
+    return (
+        fx + difference(kepler, x, pull, ux),
+        fy + difference(kepler, y, pull, uy),
+        fz + difference(kepler, z, pull, uz),
+        ux,
+        uy,
+        uz,
+    )
+
+
+@kernel(inline=True)
+def _modified(line, first, count, shift, marched, plain, second):
+    """Return g of the modified kick, from that of the plain one, with the change of g along itself.
+
+    plain : (gx ... uz), from `_plain`; second : the displacement of R_i - R_0, and B_i of the modified kick
+    """
+    gx, gy, gz, ux, uy, uz = plain
+    ex, ey, ez, bx, by, bz = second
+    sx, sy, sz = shift * gx, shift * gy, shift * gz
+    ex, ey, ez = fma(full(shift), gx, ex), fma(full(shift), gy, ey), fma(full(shift), gz, ez)
+    planets = WIDTH * (first + 3 * (count + 1))
+    for j in range(count):
+        row = planets + WIDTH * j
+        dx, dy, dz = get(line, row) - ux, get(line, row + 1) - uy, get(line, row + 2) - uz
+        tx, ty, tz = tide(
+            dx, dy, dz, fma(dz, dz, fma(dy, dy, dx * dx)),
+            get(line, row + 3) - ex, get(line, row + 4) - ey, get(line, row + 5) - ez,
+        )  # fmt: skip
+        mass = full(get(line, row + 6))
+        bx, by, bz = fma(mass, tx, bx), fma(mass, ty, by), fma(mass, tz, bz)
+    x, y, z, gm = marched.x, marched.y, marched.z, marched.gm
+    kx, ky, kz = tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
+    cx, cy, cz = tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
+    central = select(gm > 0.0, get(line, WIDTH * first + 7), 0.0)
+    return (
+        gx + (bx + difference(gm, kx, central, cx)),
+        gy + (by + difference(gm, ky, central, cy)),
+        gz + (bz + difference(gm, kz, central, cz)),
+    )
+
+
+@kernel(inline=True)
+def interaction(table, first, count, shift, lazy, marched, rows):
+    """Return g for the kick of a step: plain, modified, or at displaced positions."""
+    line = flat(table)
+    moved = _of_places(line, first, 0, marched, rows)
+    plain = _plain(line, first, count, 0, (marched.x, marched.y, marched.z), moved, marched)
+    gx, gy, gz = plain[0], plain[1], plain[2]
+    if lazy != 0.0:
+        place = fma(full(shift), gx, marched.x), fma(full(shift), gy, marched.y), fma(full(shift), gz, marched.z)
+        moved = _of_places(line, first, 1, marched, rows)
+        gx, gy, gz, _, _, _ = _plain(line, first, count, 1, place, moved, marched)
+    elif shift != 0.0:
+        ex, ey, ez, bx, by, bz = _of_places(line, first, 1, marched, rows)
+        # The plain B_i is in g already.
+        second = ex, ey, ez, bx - moved[3], by - moved[4], bz - moved[5]
+        gx, gy, gz = _modified(line, first, count, shift, marched, plain, second)
+    return gx, gy, gz
+
+
+@kernel
+def with_interaction(table, first, count, shift, lazy, marched, rows):
+    """Return particles with their g, that for the kick of a step, to the bits that `interaction` gives elsewhere: there
+    is no product in it whose sum could be rounded in two ways.
+    """
+    gx, gy, gz = interaction(table, first, count, shift, lazy, marched, rows)
+    return Marched(
+        marched.x, marched.y, marched.z, marched.x_lo, marched.y_lo, marched.z_lo,
+        marched.vx, marched.vy, marched.vz, marched.vx_lo, marched.vy_lo, marched.vz_lo,
+        gx, gy, gz, marched.gm, marched.number, marched.common,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def drifted_particles(marched, h, kick):
+    """Return particles moved on their Kepler orbits by h, from velocities changed by `kick` times g, and the change of
+    their velocities, which they do not have yet, that by the kick included.
+    """
+    kx, ky, kz = kick * marched.gx, kick * marched.gy, kick * marched.gz
+    vx, vy, vz = marched.vx + kx, marched.vy + ky, marched.vz + kz
+    dx, dy, dz, dvx, dvy, dvz = short_increments(marched.x, marched.y, marched.z, vx, vy, vz, marched.gm, full(h))
+    x, x_lo = accumulate(marched.x, marched.x_lo, dx)
+    y, y_lo = accumulate(marched.y, marched.y_lo, dy)
+    z, z_lo = accumulate(marched.z, marched.z_lo, dz)
+    moved = Marched(
+        x, y, z, x_lo, y_lo, z_lo,
+        marched.vx, marched.vy, marched.vz, marched.vx_lo, marched.vy_lo, marched.vz_lo,
+        marched.gx, marched.gy, marched.gz, marched.gm, marched.number, marched.common,
+    )  # fmt: skip
+    return moved, dvx + kx, dvy + ky, dvz + kz
+
+
+@kernel(inline=True)
+def kicked_particles(marched, change, kick, g):
+    """Return particles with velocities changed by `change` and by `kick` times g, rounded once, and this g."""
+    (ax, ay, az), (gx, gy, gz) = change, g
+    vx, vx_lo = accumulate(marched.vx, marched.vx_lo, fma(full(kick), gx, ax))
+    vy, vy_lo = accumulate(marched.vy, marched.vy_lo, fma(full(kick), gy, ay))
+    vz, vz_lo = accumulate(marched.vz, marched.vz_lo, fma(full(kick), gz, az))
+    return Marched(
+        marched.x, marched.y, marched.z, marched.x_lo, marched.y_lo, marched.z_lo,
+        vx, vy, vz, vx_lo, vy_lo, vz_lo, gx, gy, gz, marched.gm, marched.number, marched.common,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def seen_particles(table, first, marched, rows):
+    """Return position and velocity, (x, y, z, vx, vy, vz), of particles as observers see them: uncorrected; lanes
+    without one stay where they are.
+    """
+    x, y, z, vx, vy, vz = _of_places(flat(table), first, 2, marched, rows)
+    there = marched.gm > 0.0
+    return (
+        select(there, x + marched.x, AWAY),
+        select(there, y + marched.y, AWAY),
+        select(there, z + marched.z, AWAY),
+        select(there, vx + marched.vx, 0.0),
+        select(there, vy + marched.vy, 0.0),
+        select(there, vz + marched.vz, 0.0),
+    )
+
+
+@kernel(inline=True)
+def take_particles(memory, p, there, rows):
+    """Return particles p ... p + 7, with g = 0; lanes in which `there` is 0 rest far away. rows : (16, 8), workspace"""
+    common, held = -2, full(0.0)
+    for k in range(WIDTH):
+        store(rows, k, full(0.0))
+        store(rows, WIDTH + k, full(0.0))
+        if p + k < memory.shape[0] and lane(there, k) != 0.0:
+            store(rows, k, load(memory[p + k], 0))
+            store(rows, WIDTH + k, load(memory[p + k], 1))
+            i = int(memory[p + k, 0, NUMBER]) - 1
+            common = i if common == -2 or common == i else -1
+            held = held + unit(k)
+    x, y, z, vx, vy, vz, number, gm = transposed(rows, 0)
+    x_lo, y_lo, z_lo, vx_lo, vy_lo, vz_lo, _, _ = transposed(rows, WIDTH)
+    # All lanes without a particle are at one place, and take any number.
+    number = select(held > 0.0, number - 1.0, full(max(common, 0) * 1.0))
+    x = select(held > 0.0, x, AWAY)
+    zero = full(0.0)
+    return Marched(
+        x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo, zero, zero, zero, gm, number,
+        0 if common == -2 else common,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def store_marched(memory, p, marched, rows):
+    """Write eight particles to where `take_particles` reads them, but for lanes without one."""
+    gm = marched.gm
+    store(rows, 0, marched.x)
+    store(rows, 1, marched.y)
+    store(rows, 2, marched.z)
+    store(rows, 3, marched.vx)
+    store(rows, 4, marched.vy)
+    store(rows, 5, marched.vz)
+    store(rows, 6, marched.number + 1.0)
+    store(rows, 7, gm)
+    store(rows, 8, marched.x_lo)
+    store(rows, 9, marched.y_lo)
+    store(rows, 10, marched.z_lo)
+    store(rows, 11, marched.vx_lo)
+    store(rows, 12, marched.vy_lo)
+    store(rows, 13, marched.vz_lo)
+    store(rows, 14, full(0.0))
+    store(rows, 15, full(0.0))
+    a0, a1, a2, a3, a4, a5, a6, a7 = transposed(rows, 0)
+    b0, b1, b2, b3, b4, b5, b6, b7 = transposed(rows, WIDTH)
+    _keep(memory, p, gm, 0, a0, b0)
+    _keep(memory, p + 1, gm, 1, a1, b1)
+    _keep(memory, p + 2, gm, 2, a2, b2)
+    _keep(memory, p + 3, gm, 3, a3, b3)
+    _keep(memory, p + 4, gm, 4, a4, b4)
+    _keep(memory, p + 5, gm, 5, a5, b5)
+    _keep(memory, p + 6, gm, 6, a6, b6)
+    _keep(memory, p + 7, gm, 7, a7, b7)
+
+
+@kernel(inline=True)
+def _keep(memory, p, gm, slot, first, second):
+    if p < memory.shape[0] and lane(gm, slot) != 0.0:
+        store(memory[p], 0, first)
+        store(memory[p], 1, second)
+
+
+@kernel
+def _correct(coefficients, strength, planets, room, table, particles, sign):
+    """Apply the corrector, or its inverse for sign = -1, to planets and particles; the first table is overwritten.
+
+    particles : their memory, the status of each, workspace, and the share of them
+    """
+    memory, retired, rows, share = particles
+    stages, count = coefficients.shape[0] - 1, strength.shape[0] - 2
+    for i in range(stages):
+        row = 1 + i if sign > 0.0 else stages - i
+        drift = sign * coefficients[row, 0]
+        move_planets(planets, room, drift, 0.0)
+        finish_velocities(planets, room, 0.0)
+        # Backwards, the kick before a Kepler motion follows it.
+        other = row if sign > 0.0 else row - 1
+        length = sign * coefficients[other, 1] if other > 0 else 0.0
+        if length != 0.0:
+            interact(planets, room, count, False)
+            tabulate(strength, planets, room, table, 0, PLAIN)
+            kick_planets(planets, room, length)
+        for p in range(share.start, share.stop, WIDTH):
+            _correct_eight(memory, retired, table, count, rows, p, drift, length)
+
+
+@kernel
+def _correct_eight(memory, retired, table, count, rows, p, drift, kick):
+    """Apply a stage of the corrector to eight particles: a Kepler motion, then a kick."""
+    marched = take_particles(memory, p, _there(retired, p), rows)
+    marched, ax, ay, az = drifted_particles(marched, drift, 0.0)
+    g = full(0.0), full(0.0), full(0.0)
+    if kick != 0.0:
+        g = interaction(table, 0, count, 0.0, 0.0, marched, rows)
+    marched = kicked_particles(marched, (ax, ay, az), kick, g)
+    store_marched(memory, p, marched, rows)
+
+
+@kernel(inline=True)
+def _there(retired, p):
+    """Return 1 in the lanes of particles that are not retired."""
+    there = full(1.0)
+    for k in range(WIDTH):
+        if retired[p + k, 0] != 0:
+            there = there - unit(k)
+    return there
+
+
+@kernel
+def enter_among(coefficients, strength, planets, room, table, particles, rows, share):
+    """Write what is marched of particles share.start ... share.stop - 1 from the states that are seen.
+
+    planets : the planets of the state that is seen, uncorrected; they become what is marched
+    particles : their `Columns`, their memory, and their rows of a status, (padded, 2) int64: those with another one
+        than 0 are left alone
+    """
+    (q, q_lo, v, v_lo), memory, retired = particles
+    count = strength.shape[0] - 2
+    for p in range(share.start, share.stop):
+        if retired[p, 0] != 0:
+            continue
+        own = memory[p]
+        if own[0, NUMBER] == 0.0:
+            own[0, NUMBER] = 1.0 + _planets_inside(strength, planets, room, q, v, p)
+        i = int(own[0, NUMBER]) - 1
+        for component in range(6):
+            x, x_lo = (q, q_lo) if component < 3 else (v, v_lo)
+            hi, lo = _centre(strength, planets, room, i, component)
+            d, e = two_sum(x[component % 3, p], -hi)
+            own[0, component], own[1, component] = quick_two_sum(d, e + (x_lo[component % 3, p] - lo))
+        sun = int(planets[STATE_ROWS * (room.shape[0] // ROWS), 6])
+        gm = strength[1 + sun]
+        if i > 0:
+            gm = room[ROWS * ((i - 1) // WIDTH) + ATTRACTING, (i - 1) % WIDTH]
+        own[0, ATTRACTED] = gm
+    if coefficients.shape[0] > 1 and count > 0:
+        _correct(coefficients, strength, planets, room, table, (memory, retired, rows, share), 1.0)
+
+
+@kernel
+def leave_among(coefficients, strength, planets, room, table, particles, rows, share):
+    """Write the states that are seen of particles share.start ... share.stop - 1, in doubled precision.
+
+    planets : as they are marched; they and the memory are lost. The rest is as for `enter_among`
+    """
+    (q, q_lo, v, v_lo), memory, retired = particles
+    count = strength.shape[0] - 2
+    if coefficients.shape[0] > 1 and count > 0:
+        _correct(coefficients, strength, planets, room, table, (memory, retired, rows, share), -1.0)
+    for p in range(share.start, share.stop):
+        if retired[p, 0] != 0:
+            continue
+        i = int(memory[p, 0, NUMBER]) - 1
+        for component in range(6):
+            x, x_lo = (q, q_lo) if component < 3 else (v, v_lo)
+            hi, lo = _centre(strength, planets, room, i, component)
+            s, e = two_sum(hi, memory[p, 0, component])
+            hi, lo = quick_two_sum(s, e + (memory[p, 1, component] + lo))
+            x[component % 3, p], x_lo[component % 3, p] = hi, lo
+
+
+@kernel
+def _centre(strength, planets, room, i, component):
+    """Return a component of R_i or of its velocity as a pair (hi, lo)."""
+    count, centre = strength.shape[0] - 2, STATE_ROWS * (room.shape[0] // ROWS)
+    hi, lo = planets[centre, component], planets[centre + 1, component]
+    for k in range(count - i):
+        register, slot = (count - 1 - k) // WIDTH, (count - 1 - k) % WIDTH
+        row = STATE_ROWS * register + component
+        hi, lo = add_product(hi, lo, -room[ROWS * register + SHARE, slot], planets[row, slot], planets[row + 6, slot])
+    return hi, lo
+
+
+@kernel
+def _planets_inside(strength, planets, room, q, v, p):
+    """Return the number of planets, from the innermost outwards, whose semi-major axes are below the pericentre
+    distance of a particle about the dominant body.
+    """
+    count, centre = strength.shape[0] - 2, STATE_ROWS * (room.shape[0] // ROWS)
+    gm = strength[1 + int(planets[centre, 6])]
+    hi = _centre(strength, planets, room, 0, 0)[0]
+    x, y, z = (
+        q[0, p] - hi,
+        q[1, p] - _centre(strength, planets, room, 0, 1)[0],
+        q[2, p] - _centre(strength, planets, room, 0, 2)[0],
+    )
+    vx, vy, vz = (
+        v[0, p] - _centre(strength, planets, room, 0, 3)[0],
+        v[1, p] - _centre(strength, planets, room, 0, 4)[0],
+        v[2, p] - _centre(strength, planets, room, 0, 5)[0],
+    )
+    hx, hy, hz = y * vz - z * vy, z * vx - x * vz, x * vy - y * vx
+    h2, beta = hx * hx + hy * hy + hz * hz, 2.0 * gm / (x * x + y * y + z * z) ** 0.5 - (vx * vx + vy * vy + vz * vz)
+    pericentre = h2 / (gm + max(gm * gm - h2 * beta, 0.0) ** 0.5)
+    for i in range(count):
+        register, slot = i // WIDTH, i % WIDTH
+        row = STATE_ROWS * register
+        r2, v2 = 0.0, 0.0
+        for k in range(3):
+            r2 += planets[row + k, slot] ** 2
+            v2 += planets[row + 3 + k, slot] ** 2
+        # 1/a of a planet
+        if not (2.0 / r2**0.5 - v2 / room[ROWS * register + ATTRACTING, slot]) * pericentre > 1.0:
+            return i
+    return count

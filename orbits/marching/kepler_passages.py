@@ -1,0 +1,67 @@
+"""The passages that a method cannot follow which moves bodies on Kepler orbits about a dominant one.
+
+Within three Hill radii of a planet, a body is not near a Kepler orbit about the dominant one; and steps that do not
+resolve a pericentre are in resonance with it.
+
+Source: Rauch & Holman (1999), AJ 117, 1087; Wisdom (2015), AJ 150, 127.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from orbits.integrators.forms import Array
+from orbits.kernels.encounters import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
+from orbits.kernels.steps import NEAR_A_PLANET, NOT_RESOLVED
+from orbits.marching.passage_list import BlockList
+from orbits.marching.retirement import Lost
+
+LEAST_STEPS = 16
+"""Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there."""
+
+HILL_RADII = 3.0
+"""Mutual Hill radii within which two planets disturb each other as much as a few steps can follow."""
+
+LISTED = math.inf, 0.0, 2.0 * math.pi / LEAST_STEPS
+"""The limits for the list of passages, see `orbits.marching.watcher.thresholds`: all flybys within the reach of a
+planet, and all pericentres that a step does not resolve."""
+
+
+def reach(about: Array, gm: Array, dominant: float) -> Array:
+    """Return the distances within which bodies that are at `about`, (..., 3), from the dominant one come too close.
+
+    gm : (...,), of both bodies; dominant : GM of the dominant one
+    """
+    near: Array = HILL_RADII * np.linalg.norm(about, axis=-1) * np.cbrt(gm / (3.0 * dominant))
+    return near
+
+
+def is_unresolved(h: float, distance: Any, speed: Any) -> Any:
+    """Return whether steps of h do not resolve passages of the dominant body, numbers or arrays."""
+    return abs(h) * speed > 2.0 * math.pi / LEAST_STEPS * distance
+
+
+def lost_in(lists: list[BlockList], gm: Array, massive: int, dominant: int, h: float, begun: int) -> Lost | None:
+    """Return the massless particles that come first, of those in the lists of a block, to a passage that the method
+    cannot follow, and before which step of the block; None if none does.
+
+    gm : (rows,), of the massive bodies, then of the particles; begun : the number of steps before the block
+    """
+    rows = np.concatenate([passages[: listed[0]] for passages, listed in lists])
+    rows = rows[rows[:, ROW] >= massive]  # the row of a particle is the first one of the two
+    if not len(rows):
+        return None
+    mate, least = rows[:, MATE].astype(int), np.sqrt(rows[:, LEAST2])
+    central = mate == dominant
+    close = ~central & (least < reach(rows[:, ABOUT : ABOUT + 3], gm[mate], gm[dominant]))
+    sharp = central & is_unresolved(h, least, np.sqrt(rows[:, FASTEST2]))
+    rows, close = rows[close | sharp], close[close | sharp]
+    if not len(rows):
+        return None
+    steps = rows[:, STEP].astype(int) - begun
+    now = steps == steps.min()
+    particles, first = np.unique(rows[now, ROW].astype(int) - massive, return_index=True)
+    return Lost(int(steps.min()), particles, np.where(close[now][first], NEAR_A_PLANET, NOT_RESOLVED))
