@@ -111,8 +111,8 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     if not worst:
         return
     lines = [
-        f"  {system.names[rows[k]]} passes {system.names[sun]} at {in_digits(pericentre[k], units.length)}, where a full "
-        f"turn would take {steps[k]:.2g} steps."
+        f"  {system.names[rows[k]]} passes {system.names[sun]} at {in_digits(pericentre[k], units.length)}, where a "
+        f"full turn would take {steps[k]:.2g} steps."
         for k in worst[:SHOWN]
     ]
     hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
@@ -120,8 +120,8 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     enough = abs(h) * float(steps[worst[0]]) / LEAST_STEPS
     remedy = f"dt <= {in_digits(enough, units.time, 2)} resolves all, or" if enough > 0.0 else "No step does for all:"
     warnings.warn(
-        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {LEAST_STEPS} steps "
-        "in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {LEAST_STEPS} "
+        "steps in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
         + "\n".join(lines)
         + f"{hidden}\n{remedy} run them without dt and method: each then takes steps of its own.",
         StepWarning,
@@ -173,8 +173,8 @@ def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
             when = in_digits(float(run.clock.time(passage.steps)), units.time, 10)
             steps = 2.0 * math.pi * passage.distance / abs(run.step * passage.speed)
             lines.append(
-                f"{body} passes {sun} at {in_digits(passage.distance, units.length)} about t = {when}, where a full turn "
-                f"would take {steps:.2g} steps"
+                f"{body} passes {sun} at {in_digits(passage.distance, units.length)} about t = {when}, where a full "
+                f"turn would take {steps:.2g} steps"
             )
         _warn(
             run,
