@@ -29,20 +29,20 @@ from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
+from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
 from orbits.kernels.jacobi import (
-    ROWS,
-    STATE_ROWS,
-    displace,
+    advance_planets,
     enter_planets,
     finish_velocities,
-    interact,
     kick_planets,
     leave_planets,
-    modify,
     move_planets,
     number_planets,
     prepare_room,
     show_planets,
+    step_lazy,
+    step_modified,
+    step_plain,
 )
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import OK
@@ -116,14 +116,22 @@ def begin(method, model, t, h, state, storage):
     _kick_of_a_step(method.coefficients, storage.carry, storage.scratch, model.parameters.shape[0] - 2)
 
 
-@kernel
+@kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step: half a kick, Kepler motions, half a kick."""
     coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
-    half = coefficients[0, HALF]
-    move_planets(planets, room, coefficients[0, WHOLE], half)
-    _kick_of_a_step(coefficients, planets, room, model.parameters.shape[0] - 2)
-    finish_velocities(planets, room, half)
+    if room.shape[0] < 2 * ROWS:
+        if coefficients[0, LAZY] != 0.0:
+            step_lazy(planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
+        elif coefficients[0, SHIFT] != 0.0:
+            step_modified(planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
+        else:
+            step_plain(planets, room, coefficients[0, WHOLE])
+    else:
+        half = coefficients[0, HALF]
+        advance_planets(planets, room, coefficients[0, WHOLE], half)
+        _kick_of_a_step(coefficients, planets, room, model.parameters.shape[0] - 2)
+        finish_velocities(planets, room, half)
     return OK, 0, 1
 
 
