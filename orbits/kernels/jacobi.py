@@ -58,7 +58,6 @@ from orbits.kernels.lanes import (
     store,
     store_some,
     sums_after,
-    total,
     turned,
     unit,
 )
@@ -359,8 +358,9 @@ def show_planets(strength, planets, room, q, p):
             register = registers - 1 - j
             own = load(planets, STATE_ROWS * register + component)
             weighted = load(room, ROWS * register + SHARE) * own
-            place = own + (inside - (weighted + sums_after(weighted)))
-            inside = inside - total(weighted)
+            outwards = weighted + sums_after(weighted)
+            place = own + (inside - outwards)
+            inside = inside - lane(outwards, 0)
             count = n - 1 - WIDTH * register
             if planets[centre, 7] == IN_ORDER:
                 store_some(x, axis + 1 + WIDTH * register, place, count)

@@ -163,6 +163,7 @@ class Marcher:
             self._loops.times,
             len(self._loops.tasks),
             radii,
+            integrator.follows_kepler,
         )
         masses = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._passages = PassageList(masses, self._watcher.dominant, limits[0], self.clock)
