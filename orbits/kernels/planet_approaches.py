@@ -20,8 +20,8 @@ MOST_APART = 8
 
 @kernel
 def follow_planets(context, h, steps):
-    """Search for closest approaches in a block of `steps` steps of h, among 2 to 9 massive bodies without particles, the
-    first of which dominates; all steps have the same length.
+    """Search for closest approaches in a block of `steps` steps of h, all of that length, among 2 to 9 massive bodies
+    without particles, the first of which dominates.
     """
     watch = watch_at(context)
     if watch.first == 0:

@@ -43,6 +43,7 @@ from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, kernel_of
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import record_strip
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """The status of a step."""
@@ -185,6 +186,29 @@ def _show(method, model, state, storage):
     if compiled is None:
         return lambda method, model, state, storage: None
     return lambda method, model, state, storage: compiled(method, model, state, storage)
+
+
+def record(method, model, state, storage, path, row):
+    """Write what observers see into a row of `path`, (rows * 2 * padded,); see `orbits.kernels.paths`."""
+    raise NotImplementedError("record() is for compiled code only")
+
+
+@overload(record, jit_options=OPTIONS)
+def _record(method, model, state, storage, path, row):
+    compiled = _kernel(method, "show")
+    if compiled is None:
+        return lambda method, model, state, storage, path, row: record_strip(
+            path, row, state.q, state.p, storage.share.start, storage.share.stop
+        )
+
+    def show_in_path(method, model, state, storage, path, row):
+        if path.shape[0] > 0:
+            width = state.q.shape[0]
+            first = 2 * row * width
+            q, p = path[first : first + width], path[first + width : first + 2 * width]
+            compiled(method, model, State(q, state.q_lo, p, state.p_lo), storage)
+
+    return show_in_path
 
 
 def prepare(method, h, before, storage):

@@ -108,7 +108,7 @@ class Watcher:
         on_kepler_orbits: bool = False,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
-        self._path = np.empty(2 * self._stride)
+        self._path = np.zeros(2 * self._stride)
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
@@ -189,7 +189,7 @@ class Watcher:
         """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
         size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
-            self._path = np.empty(size)
+            self._path = np.zeros(size)
             self.contexts.enter(path=self._path)
         return self._path
 
