@@ -71,15 +71,16 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
 
 
 @pytest.mark.parametrize("kick", ["standard", "modified-kick", "lazy"])
-def test_a_ninth_planet_without_mass_to_speak_of_changes_nothing_but_roundings(kick):
+def test_planets_move_alike_in_one_register_and_in_two(kick):
     gm, q, v = solar_system(9)
-    gm[9] = 1e-40
-    both = [marcher(gm[:n], q[:n], v[:n], 3.0, kernel=kick) for n in (9, 10)]
-    for march in both:
+    gm[1] = 1e-40  # Mercury moves nothing, but moves the others by a place, Pluto into a second register
+    others = [0, *range(2, 10)]
+    one, two = marcher(gm[others], q[others], v[others], 3.0, kernel=kick), marcher(gm, q, v, 3.0, kernel=kick)
+    for march in (one, two):
         march.advance(2000)
-    for a, b in zip(both[0].state(), both[1].state(), strict=True):
-        # 3e-14 was reached, in Mercury's position.
-        assert np.max(np.abs(a - b[:9])) < 2e-13
+    for a, b in zip(one.state(), two.state(), strict=True):
+        # The sums are rounded differently, but in what is 1e-3 of the motion, with low parts: no bit differed.
+        assert np.max(np.abs(a - b[others])) < 1e-14
 
 
 @pytest.mark.parametrize("seed", range(4))
