@@ -349,22 +349,30 @@ def show_planets(strength, planets, room, q, p):
     n = strength.shape[0] - 1
     registers = room.shape[0] // ROWS
     centre = STATE_ROWS * registers
-    sun = int(planets[centre, 6])
-    for component in range(6):
-        x = q if component < 3 else p
-        axis = component % 3 * n
-        inside = planets[centre, component]
-        for j in range(registers):
-            register = registers - 1 - j
-            own = load(planets, STATE_ROWS * register + component)
-            weighted = load(room, ROWS * register + SHARE) * own
-            outwards = weighted + sums_after(weighted)
-            place = own + (inside - outwards)
-            inside = inside - lane(outwards, 0)
-            count = n - 1 - WIDTH * register
-            if planets[centre, 7] == IN_ORDER:
-                store_some(x, axis + 1 + WIDTH * register, place, count)
-            else:
-                for k in range(min(WIDTH, count)):
-                    x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
-        x[axis + sun] = inside
+    in_order = planets[centre, 7] == IN_ORDER
+    for k in range(3):
+        _show_component(planets, room, registers, n, in_order, k, q, k * n)
+        _show_component(planets, room, registers, n, in_order, 3 + k, p, k * n)
+
+
+@kernel(inline=True)
+def _show_component(planets, room, registers, n, in_order, component, x, axis):
+    """Write a component of positions or velocities, n elements of x from `axis` on."""
+    centre = STATE_ROWS * registers
+    inside = planets[centre, component]
+    for j in range(registers):
+        register = registers - 1 - j
+        own = load(planets, STATE_ROWS * register + component)
+        weighted = load(room, ROWS * register + SHARE) * own
+        outwards = weighted + sums_after(weighted)
+        place = own + (inside - outwards)
+        inside = inside - lane(outwards, 0)
+        count = n - 1 - WIDTH * register
+        if not in_order:
+            for k in range(min(WIDTH, count)):
+                x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
+        elif count >= WIDTH:
+            store(x, axis + 1 + WIDTH * register, place)
+        else:
+            store_some(x, axis + 1 + WIDTH * register, place, count)
+    x[axis + int(planets[centre, 6])] = inside
