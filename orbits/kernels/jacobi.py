@@ -16,8 +16,8 @@ pull of the dominant body, 1e-16 of it, is part of the interaction too.
 Arrays are (rows, 8). `planets`, the state, has for each register of eight planets 12 rows: r' and its velocity, then
 their low parts; then two rows of the centre of mass, its position and velocity and their low parts, with the number of
 the dominant body in lane 6, and in lane 7 whether the planets have been numbered, 1 or `IN_ORDER`; then a row of the
-body in each lane, -1 for none, for each register. `room` has for each register the rows named below, and then eight of
-the unit matrix.
+body in each lane, -1 for none, for each register. `room` has for each register the rows named in
+`orbits.kernels.interaction`, and then eight of the unit matrix.
 
 Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 376.
 """

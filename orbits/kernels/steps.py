@@ -17,7 +17,7 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         copies: outputs do not change the run
     show(method, model, state, storage)
         the same as `leave` to the accuracy that observers of each step need, and fast: called before each step that is
-        recorded, and at the end of a block
+        recorded, with rows of the record instead of the state, and at the end of a block
     prepare(method, h, before, storage)
         for clocks that change h: writes the coefficients of a step of h that follows one of `before`
     signal(method, model, h, state, storage) -> float
