@@ -7,7 +7,6 @@ SIGTERM.
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -88,12 +87,13 @@ def resume(
     Example: orbits resume results/solar_system/run.h5 --until '2000 yr'
     """
     with guarded():
+        from orbits.errors import with_unit
         from orbits.propagation import resume as go_on
         from orbits.scenario.typed import number_or_text
 
         done = go_on(file, until=None if until is None else number_or_text(until), same_bits=not any_bits)
         if until is None and done.statistics is None:
-            further = f"{2 * done.times[-1]:g} {done.system.units.time}".rstrip()
+            further = with_unit(f"{2 * done.times[-1]:g}", done.system.units.time)
             text = f"complete already, nothing was done; extend it with  orbits resume {file} --until '{further}'"
             command.stderr().print(text, markup=False, soft_wrap=True)
         _show(file, done, as_json)
@@ -278,45 +278,7 @@ def _compare(
     return 0 if ok else 1
 
 
-def _known(figure: float) -> float | None:
-    """Return a figure, None for what is not conserved: JSON has no NaN."""
-    return None if math.isnan(figure) else figure
-
-
 def _show(file: Path, run: Any, as_json: bool) -> None:
-    drift = run.drift() if len(run) else None
-    names = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
-    record = {
-        "file": str(file),
-        "bodies": len(run.names),
-        "massive": int(run.system.massive.sum()),
-        "names": list(run.names),
-        "epoch": None if run.system.epoch is None else run.system.epoch.isot,
-        "time_unit": str(run.system.units.time),
-        "integrator": run.integrator.label,
-        "dt": None if run.clock.changes else abs(run.step),
-        "samples": len(run),
-        "complete": run.complete,
-        "from": float(run.times[0]) if len(run) else None,
-        "to": float(run.times[-1]) if len(run) else None,
-        "largest_relative_change": {n: _known(getattr(drift, n).max_fraction) for n in names} if drift else None,
-        "retired": run.retired.to_records(),
-    }
-    if run.system.forces:
-        record["work"] = [
-            {"force": effect.force.kind, "work": float(effect.work[-1].value), "energy_unit": str(effect.work.unit)}
-            for effect in (run.work() if len(run) else ())
-        ]
-    if as_json:
-        print(json.dumps(record, indent=1))
-        return
-    print(run)
-    print(run.system)
-    if len(run.retired):
-        print(run.retired)
-    if drift is not None:
-        print(drift)
-        for effect in run.work():
-            print(effect)
-    if not run.complete:
-        print(f"not complete: go on with  orbits resume {file}")
+    from orbits.scenario.information import record, text
+
+    print(json.dumps(record(file, run), indent=1) if as_json else text(file, run))

@@ -76,6 +76,15 @@ class RetiredWarning(OrbitsWarning):
     trajectory: Any = None
 
 
+class EventWarning(OrbitsWarning):
+    """Events of a run mean nothing, or may be incomplete: their function is round-off, or they happen in every step.
+
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None
+    """
+
+    trajectory: Any = None
+
+
 class IntegrationError(OrbitsError):
     """A step could not be taken. Everything computed before it remains valid.
 
@@ -131,6 +140,11 @@ def shown(value: object) -> str:
         text = f"an object of type {type(value).__name__}"
     text = "".join(c if c.isprintable() else "?" for c in text)
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def with_unit(figure: object, unit: object) -> str:
+    """Return a figure with its unit as it is shown in messages: "2 AU", and "2" in a system without units."""
+    return f"{figure} {unit}".rstrip()
 
 
 def level_of_caller() -> int:

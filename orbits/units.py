@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -97,37 +98,37 @@ class UnitSystem:
             )
         return G
 
-    @property
+    @cached_property
     def is_physical(self) -> bool:
         """Whether the units are physical; False if they are dimensionless."""
         return bool(self.length != u.dimensionless_unscaled)
 
-    @property
+    @cached_property
     def speed(self) -> u.UnitBase:
         """The unit of velocity, length/time."""
         return self.length / self.time
 
-    @property
+    @cached_property
     def gm(self) -> u.UnitBase:
         """The unit of GM, length^3/time^2."""
         return self.length**3 / self.time**2
 
-    @property
+    @cached_property
     def momentum(self) -> u.UnitBase:
         """The unit of linear momentum, mass length/time."""
         return self.mass * self.speed
 
-    @property
+    @cached_property
     def angular_momentum(self) -> u.UnitBase:
         """The unit of angular momentum, mass length^2/time."""
         return self.mass * self.length * self.speed
 
-    @property
+    @cached_property
     def energy(self) -> u.UnitBase:
         """The unit of energy, mass length^2/time^2."""
         return self.mass * self.speed**2
 
-    @property
+    @cached_property
     def speed_of_light(self) -> float:
         """The speed of light in the unit of velocity. Raises InputError if the units are dimensionless."""
         if not self.is_physical:
@@ -314,7 +315,8 @@ def as_epochs(epochs: Any, what: str = "epoch") -> Time:
             raise TypeError(f"a {type(epochs).__name__}")
         if time.masked:
             raise ValueError("masked times are undefined")
-        if not np.all((time.jd >= JULIAN_DATES[0]) & (time.jd <= JULIAN_DATES[1])):
+        date = time.jd
+        if not np.all((date >= JULIAN_DATES[0]) & (date <= JULIAN_DATES[1])):
             raise ValueError("before 4713 BC or after AD 9999, or not a number")
         # As a year, any time within nine hours would be printed as "J2000.000".
         return time.copy(format="isot") if time.format in YEARS_AS_TEXT else time

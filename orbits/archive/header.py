@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -109,6 +110,8 @@ def to_items(header: Header) -> dict[str, Item]:
     for kind, (clock, _) in _CLOCKS.items():
         if isinstance(header.grid.clock, clock):
             items["@clock"] = json.dumps({"kind": kind, **asdict(header.grid.clock)}, sort_keys=True)
+    if header.grid.goes_on:
+        items["@end"] = header.grid.end
     if system.radii is not None:
         items["system/radii"] = np.asarray(units.length_value(system.radii, "radii"))
         items["system/radii@unit"] = _unit_text(units.length)
@@ -163,7 +166,8 @@ def from_items(items: Mapping[str, Any]) -> Header:
         raise error if isinstance(error, ArchiveError) else ArchiveError(f"its system cannot be: {error}") from error
     try:
         clock = ConstantSteps(_item(items, "@dt", float)) if "@clock" not in items else _clock(items)
-        grid = TimeGrid(clock, _item(items, "times", np.ndarray))
+        end = _item(items, "@end", float) if "@end" in items else math.nan
+        grid = TimeGrid(clock, _item(items, "times", np.ndarray), end)
     except InputError as error:
         raise error if isinstance(error, ArchiveError) else ArchiveError(str(error)) from error
     return Header(

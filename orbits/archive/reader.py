@@ -17,12 +17,14 @@ from orbits.archive import schema
 from orbits.archive.chunks import Chunks, samples_crc, whole_chunks
 from orbits.archive.commits import CHUNK, ROW, ROW_BYTES, SLOTS, Commit, decoded
 from orbits.archive.creation import busy
+from orbits.archive.ended import Ended, ended_in
 from orbits.archive.header import Header
 from orbits.archive.samples import Samples
 from orbits.archive.schema import Layout
 from orbits.archive.steps import KEPT, ArchivedSteps
 from orbits.archive.storage import Storage, raw_bytes
 from orbits.errors import ArchiveError
+from orbits.marching import changing
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -188,8 +190,24 @@ class Archive:
 
     @property
     def complete(self) -> bool:
-        """Whether all samples of the run are stored."""
-        return self.committed == len(self.times)
+        """Whether all samples of the run are stored, and the run came to its end."""
+        return self.committed == len(self.times) and (self.ended.finished or not self.grid.goes_on)
+
+    @property
+    def ended(self) -> Ended:
+        """How the run ended, if it did."""
+        return ended_in(self._checkpoint)
+
+    @property
+    def reached(self) -> float:
+        """The time that the run has reached, since the epoch; in a salvaged file that of the last sample."""
+        last = float(self.times[self.committed - 1]) if self.committed else 0.0
+        known = [last, *_reading(self._checkpoint, self.grid)]
+        if self.ended.time is not None:
+            known.append(self.ended.time)
+        furthest = max(known, key=lambda time: time * self.grid.direction)
+        following = float(self.grid.goals[min(self.committed, len(self.grid.goals) - 1)])
+        return min(furthest, following, key=lambda time: time * self.grid.direction)
 
     def checkpoint(self) -> Checkpoint:
         """Return the state from which to resume, committed with the last sample. Raises ArchiveError if salvaged."""
@@ -236,6 +254,15 @@ class Archive:
     def __repr__(self) -> str:
         state = "complete" if self.complete else "not complete"
         return f"<Archive {self.path}: {self.committed} of {len(self.times)} samples, {state}>"
+
+
+def _reading(checkpoint: Checkpoint | None, grid: TimeGrid) -> list[float]:
+    """Return the time of a march at its checkpoint, if that is one of a run."""
+    name, place = ("clock", changing.TIME) if grid.clock.changes else ("counts", 0)
+    array = None if checkpoint is None else checkpoint.get(name)
+    if array is None or array.ndim != 1 or len(array) <= place or not np.isfinite(array[place]):
+        return []
+    return [float(array[place]) if grid.clock.changes else float(grid.clock.time(float(array[place])))]
 
 
 def opened(path: Path, flags: int) -> Storage:

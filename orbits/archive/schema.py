@@ -198,6 +198,9 @@ def _preallocate(group: Any, name: str, shape: tuple[int, ...], dtype: np.dtype[
 
 def _layout(file: Any, shape: tuple[int, int, int], steps: int, path: Path) -> Layout:
     def place(name: str, shape: tuple[int, ...] | None, dtype: np.dtype[Any] | None) -> Place:
+        """Return where an array is in the file. Raises ValueError for another shape or type than expected (None: any),
+        and ArchiveError for an array that is not contiguous.
+        """
         dataset = _own(file, name)
         if shape is not None and dataset.shape != shape:
             raise ValueError(f"{name} has shape {dataset.shape}, expected {shape}")

@@ -46,6 +46,7 @@ class SparseFile(_Positioned):
         return True
 
     def readinto(self, buffer: Any) -> int:
+        """Read from the position on into a buffer, up to the end of the file; return the number of bytes."""
         view = memoryview(buffer).cast("B")
         count = max(0, min(len(view), self.size - self._at))
         for done, page, within, length in _pieces(self._at, count):
@@ -54,6 +55,7 @@ class SparseFile(_Positioned):
         return count
 
     def write(self, data: Any) -> int:
+        """Write bytes at the position, beyond the end too; return their number."""
         view = memoryview(data).cast("B")
         for done, page, within, length in _pieces(self._at, len(view)):
             self._pages.setdefault(page, bytearray(PAGE))[within : within + length] = view[done : done + length]
@@ -80,6 +82,10 @@ class StoredFile(_Positioned):
         self.size = storage.size
 
     def readinto(self, buffer: Any) -> int:
+        """Read from the position on into a buffer, up to the end of the file; return the number of bytes.
+
+        Raises StorageError if the device cannot be read.
+        """
         view = memoryview(buffer).cast("B")
         count = max(0, min(len(view), self.size - self._at))
         self._storage.read_into(view[:count], self._at)

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.export import html_table
 
 FORMAT = "orbits-certificate"
@@ -109,7 +109,7 @@ class Certificate:
         return html_table(f"{self._head()}: {self._verdict()}", head, rows)
 
     def _head(self) -> str:
-        return f"{self.method} on {self.problem}, dt = {self.dt:.6g} {self.time_unit}".rstrip()
+        return f"{self.method} on {self.problem}, dt = {with_unit(f'{self.dt:.6g}', self.time_unit)}"
 
     def _verdict(self) -> str:
         return "a variational integrator, as declared" if self.ok else "NOT CERTIFIED"
@@ -164,7 +164,7 @@ def _failure(f: Finding) -> str:
         return f"{f.name}: {f.note}{declared}"
     if f.name.startswith("order"):
         return f"{f.name}: {f.measured:.2f}, declared {f.bound:g}"
-    return f"{f.name}: {_number(f.measured)} {f.unit}".rstrip() + f", at most {_number(f.bound)} allowed{declared}"
+    return f"{f.name}: {with_unit(_number(f.measured), f.unit)}, at most {_number(f.bound)} allowed{declared}"
 
 
 def _finding(record: Mapping[str, Any]) -> Finding:

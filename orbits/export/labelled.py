@@ -146,6 +146,7 @@ class Labelled:
 
 
 def imported(name: str, caller: str) -> ModuleType:
+    """Return an optional package, for the method `caller`. Raises MissingPackageError if it cannot be imported."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

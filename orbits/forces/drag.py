@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, with_unit
 from orbits.forces.base import BoundForce, Force, coefficient
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
@@ -64,10 +64,12 @@ class Drag(Force):
             raise InputError("Drag: rate is missing; expected a number per time, such as rate=1e-6 / u.yr.")
         rate = np.asarray(units.frequency_value(self.rate, "the rate of Drag"))
         if rate.shape != () or not np.isfinite(rate) or rate < 0.0:
-            raise InputError(f"Drag: rate is {rate.tolist()} per {units.time}; expected one finite number >= 0.")
+            shown = with_unit(rate.tolist(), f"per {units.time}" if str(units.time) else "")
+            raise InputError(f"Drag: rate is {shown}; expected one finite number >= 0.")
         velocity = np.asarray(units.speed_value(self.velocity, "the velocity of Drag"))
         if velocity.shape != (3,) or not np.all(np.isfinite(velocity)):
-            raise InputError(f"Drag: velocity is {velocity.tolist()} {units.speed}; expected three finite numbers.")
+            shown = with_unit(velocity.tolist(), units.speed)
+            raise InputError(f"Drag: velocity is {shown}; expected three finite numbers.")
         return replace(self, rate=float(rate) / units.time, velocity=tuple(float(x) * units.speed for x in velocity))
 
     def seen_from(self, place: Any, velocity: Any) -> Self:

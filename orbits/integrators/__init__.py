@@ -48,6 +48,7 @@ def build(description: Mapping[str, Any]) -> Integrator:
         raise InputError(f"{cls.name} got the parameters ({given}); it knows: {known}") from None
 
 
+@lru_cache(maxsize=64)
 def parse(text: str) -> Integrator:
     """Return the integrator of a text: "gauss", "gauss(stages=4)", "Composition(StormerVerlet(), order=6)".
 

@@ -43,7 +43,6 @@ from orbits.integrators.canonical_room import (
     stages_in,
     work_in,
 )
-from orbits.integrators.collocation import moved
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.acting import FIGURES, account, add_acting, add_terms
 from orbits.kernels.binding import accelerate, dimension, first_term
@@ -53,14 +52,13 @@ from orbits.kernels.iteration import (
     LIMIT,
     NEAR_FLOOR,
     PATIENCE,
-    begin,
-    falling,
+    judged,
     settled,
     unsettled_body,
 )
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, load, row_sums, store
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
-from orbits.kernels.summation import add_compensated, compensated_row_sums, two_sum
+from orbits.kernels.summation import add_compensated, compensated_row_sums, moved, two_sum
 from orbits.tableaux import SymplecticTableau
 
 
@@ -140,11 +138,7 @@ def step(method, model, t, h, state, storage):
         evaluations += 1
         if last:
             break
-        if evaluations == 1:
-            begin(work.change, work.history, blocks)
-        elif not falling(work.change, work.history, blocks):
-            patience -= 1
-            last = patience == 0 or settled(work.history, blocks, NEAR_FLOOR)
+        patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
     if not settled(work.history, blocks, CONVERGED):

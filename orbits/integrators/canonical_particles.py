@@ -20,14 +20,13 @@ from orbits.integrators.canonical_room import (
     padded_length,
     stages_in,
 )
-from orbits.integrators.collocation import moved
 from orbits.kernels.acting import particle_acting, particle_terms
 from orbits.kernels.binding import dimension, field, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE
 from orbits.kernels.lanes import fma, full, largest, load, store, total
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
-from orbits.kernels.summation import add_compensated, two_sum
+from orbits.kernels.summation import add_compensated, moved, two_sum
 
 
 @kernel(inline=True)

@@ -6,8 +6,9 @@ With L_i = h b_i g(Q_i), and the velocities of the stages eliminated:
     v+  = v + sum_i L_i,     q+ = q + h v + h sum_i (1 - c_i) L_i
 
 The stages of a coordinate are in the lanes of R registers: an array of stages has R blocks of rows, one for each
-register. Each component is iterated until its largest change stops falling: to the round-off floor, without a
-tolerance. The iteration starts from the polynomial through the stages of the previous step.
+register. The stages of each body, or of each coordinate of other systems, are iterated until their largest change stops
+falling: to the round-off floor, without a tolerance. The iteration starts from the polynomial through the stages of the
+previous step.
 
 Source: Hairer, Lubich & Wanner (2006), sec. II.1.3, VI.6.3, VIII.6; Marsden & West (2001), sec. 2.6.
 """
@@ -23,7 +24,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numba.extending import overload
 
+from orbits.integrators.collocation_dense import dense, resolves, stretch
 from orbits.integrators.collocation_end import finish
+from orbits.integrators.collocation_lengths import prepare, signal
+from orbits.integrators.collocation_particles import step_particles
 from orbits.integrators.collocation_rows import (
     BARYCENTRIC,
     ETA,
@@ -34,9 +38,11 @@ from orbits.integrators.collocation_rows import (
     NODES,
     REST,
     WEIGHTS,
+    columns,
     combine,
     is_close,
     layers,
+    place,
     registers,
 )
 from orbits.integrators.forms import Array, Form, padded
@@ -46,75 +52,35 @@ from orbits.kernels.binding import (
     accelerate_close,
     bodies,
     dimension,
-    field,
-    field_close,
-    gross_attraction,
-    gross_field,
     kernel_of,
 )
 from orbits.kernels.compile import kernel
-from orbits.kernels.dense import weights as dense_weights
 from orbits.kernels.iteration import (
     CONVERGED,
     FLOOR,
     LIMIT,
-    LOST,
     NEAR_FLOOR,
     PATIENCE,
     TIGHT,
     begin,
     falling,
     settled,
-    unsettled_body,
     unsettled_coordinate,
+    unsettled_part,
 )
 from orbits.kernels.lanes import (
     WIDTH,
     fma,
     full,
-    largest,
     load,
     maximum,
-    row_maxima,
-    row_sums,
-    select,
     store,
-    total,
-    unit,
 )
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
-from orbits.kernels.summation import add_compensated, two_product, two_sum
+from orbits.kernels.steps import NOT_CONVERGED
 from orbits.tableaux import SymplecticTableau
-from orbits.tableaux.symplectic import FAR
-
-RESOLVED = 3e-10
-"""The last Legendre coefficient of the forces, times h, as a fraction of the position of a body, up to which their
-polynomial serves for dense output; it leaves errors of 2e-14 of the position."""
 
 ROUNDED = 1e-12
 """The rounding errors of integrals of up to 32 Lagrange polynomials, which are below 1."""
-
-CANCELLED = 1e-6
-"""The share of the attractions on a body below which their sum does not count as its force."""
-
-
-def place(method, Q, at, lows, x, increment):
-    """Write the position x + increment of eight stages into row `at`, and its low part, if any, `lows` rows later."""
-    raise NotImplementedError("place() is for compiled code only")
-
-
-@overload(place, jit_options=OPTIONS)
-def _place(method, Q, at, lows, x, increment):
-    if not is_close(method):
-        return lambda method, Q, at, lows, x, increment: store(Q, at, x + increment)
-
-    def with_low_part(method, Q, at, lows, x, increment):
-        position, low = two_sum(full(x), increment)
-        store(Q, at, position)
-        store(Q, at + lows, low)
-
-    return with_low_part
-
 
 def attract(method, model, Q, r, block, lows, out):
     """Write the accelerations at the stages of register r."""
@@ -138,105 +104,42 @@ def _attract(method, model, Q, r, block, lows, out):
     )
 
 
-def pull(method, model, stages, r, block, lows, Q):
-    """Return the acceleration of a particle at its stages of register r; with low parts, also write their rates into
-    row 6 R + r of Q.
-
-    Q : 3 R rows of positions, and their low parts, if any
-    """
-    raise NotImplementedError("pull() is for compiled code only")
-
-
-@overload(pull, jit_options=OPTIONS)
-def _pull(method, model, stages, r, block, lows, Q):
-    if not is_close(method):
-
-        def plain(method, model, stages, r, block, lows, Q):
-            sources = stages if registers(method) == 1 else stages[r * block : (r + 1) * block]
-            return field(
-                model.tag, model.parameters, sources, load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)
-            )
-
-        return plain
-
-    def with_low_parts(method, model, stages, r, block, lows, Q):
-        sources, rest = stages[r * block : (r + 1) * block], stages[lows + r * block : lows + (r + 1) * block]
-        low = 3 * registers(method) + 3 * r
-        x, y, z, rate = field_close(
-            model.tag,
-            model.parameters,
-            sources,
-            rest,
-            (load(Q, 3 * r), load(Q, 3 * r + 1), load(Q, 3 * r + 2)),
-            (load(Q, low), load(Q, low + 1), load(Q, low + 2)),
-        )
-        store(Q, 6 * registers(method) + r, rate)
-        return x, y, z
-
-    return with_low_parts
-
-
-def is_round_off(method, model, h, stages, lows, Q, change):
-    """Return whether a change of L is round-off of attractions on a particle that cancel; with low parts only, and for
-    one register.
-    """
-    raise NotImplementedError("is_round_off() is for compiled code only")
-
-
-@overload(is_round_off, jit_options=OPTIONS)
-def _is_round_off(method, model, h, stages, lows, Q, change):
-    if not is_close(method):
-        return lambda method, model, h, stages, lows, Q, change: False
-
-    def with_low_parts(method, model, h, stages, lows, Q, change):
-        pulls = gross_field(model.tag, model.parameters, stages[:lows], load(Q, 0), load(Q, 1), load(Q, 2))
-        return change <= TIGHT * abs(h) * largest(pulls)
-
-    return with_low_parts
-
-
-@kernel(inline=True)
-def moved(h, q, q_lo, v, v_lo, drift):
-    """Return (q, q_lo) + h (v, v_lo) + drift, where drift has the size of h v."""
-    p, e = two_product(v, h)
-    s, f = two_sum(p, fma(v_lo, h, e + drift))
-    return add_compensated(q, q_lo + f, s)
-
-
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step; `storage.carry` holds L of the previous step, or zeros for a cold start."""
     R, coefficients = registers(method), method.coefficients
     q, q_lo, v, v_lo = state
     size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
-    blocks = (size + WIDTH - 1) // WIDTH
-    rows = WIDTH * blocks
+    parts = count if count > 0 else size  # what is to converge: each body, or each coordinate
+    blocks, rows = (parts + WIDTH - 1) // WIDTH, WIDTH * ((size + WIDTH - 1) // WIDTH)
     L, Q, scratch = storage.carry, storage.stages, storage.scratch
     block = Q.shape[0] // (R * layers(method))
     lows, start = R * block, ETA + WIDTH * R
-    change, history = scratch[:rows], scratch[rows : rows + 3 * blocks]
-    base = scratch[rows + 3 * blocks : rows + 3 * blocks + R * block]
-    # With one register, the changes of the stages overwrite the accelerations.
-    g = change if R == 1 else scratch[rows + 3 * blocks + R * block :]
+    g, change, history = scratch[:rows], scratch[rows : 2 * rows], scratch[2 * rows : 2 * rows + 3 * blocks]
+    base = scratch[2 * rows + 3 * blocks :]
+    for i in range(parts, WIDTH * blocks):
+        store(change, i, full(0.0))
     evaluations = 0
     for r in range(R):
         table = coefficients[r]
-        hc, hc_lo = load(table, HC), load(table, HC_LO)
+        hc, hc_lo, continued = load(table, HC), load(table, HC_LO), columns(method, table, start)
         for k in range(size):
             # Sum the increments first: q is O(30 au), dq is O(1e-3 au).
             increment = fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k])
             store(base, r * block + k, increment)
-            place(method, Q, r * block + k, lows, q[k], increment + h * combine(R, table, start, L, block, k))
+            place(method, Q, r * block + k, lows, q[k], increment + h * combine(continued, R, table, L, block, k))
     iteration, patience, last = 0, PATIENCE, False
     while True:
         for r in range(R):
             attract(method, model, Q, r, block, lows, g)
             hb = load(coefficients[r], HB)
-            for k in range(size):
-                new = hb * load(g, k)
-                moved_by = abs(new) if iteration == 0 else abs(new - load(L, r * block + k))
-                store(change, k, moved_by if r == 0 else maximum(load(change, k), moved_by))
-                store(L, r * block + k, new)
+            for i in range(parts):
+                most = full(0.0) if r == 0 else load(change, i)
+                for k in range(i, size, parts):
+                    new = hb * load(g, k)
+                    most = maximum(most, abs(new) if iteration == 0 else abs(new - load(L, r * block + k)))
+                    store(L, r * block + k, new)
+                store(change, i, most)
         evaluations += 1
         if iteration == 0:
             begin(change, history, blocks)
@@ -248,227 +151,17 @@ def step(method, model, t, h, state, storage):
             break
         for r in range(R):
             table = coefficients[r]
+            eta = columns(method, table, ETA)
             for k in range(size):
-                moved_by = load(base, r * block + k) + h * combine(R, table, ETA, L, block, k)
+                moved_by = load(base, r * block + k) + h * combine(eta, R, table, L, block, k)
                 place(method, Q, r * block + k, lows, q[k], moved_by)
-    if not settled(history, blocks, CONVERGED):
-        body = unsettled_body(history, blocks, count, CONVERGED)
-        if count > 0 and body >= 0:
-            return NOT_CONVERGED, body, evaluations
+    if count > 0 and not settled(history, blocks, CONVERGED):
+        return NOT_CONVERGED, unsettled_part(history, blocks, count, CONVERGED), evaluations
     if count == 0:
         where = unsettled_coordinate(history, blocks, size, TIGHT, FLOOR)
         if where >= 0:
             return NOT_CONVERGED, where, evaluations
     return finish(method, model, h, state, storage), 0, evaluations + 1
-
-
-@kernel(inline=True)
-def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of one particle through the stages of the massive bodies.
-
-    carry : (3 R, 8), L of the previous step. A step that fails returns the particle unchanged.
-    """
-    R, coefficients = registers(method), method.coefficients
-    x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
-    L, scratch, stages = carry, storage.scratch, storage.stages
-    block = stages.shape[0] // (R * layers(method))
-    lows, start = R * block, ETA + WIDTH * R
-    base, Q = scratch, scratch[3 * R :]
-    for r in range(R):
-        table = coefficients[r]
-        hc, hc_lo = load(table, HC), load(table, HC_LO)
-        x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
-        y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
-        z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
-        store(base, 3 * r, x_base)
-        store(base, 3 * r + 1, y_base)
-        store(base, 3 * r + 2, z_base)
-        place(method, Q, 3 * r, 3 * R, x, x_base + h * combine(R, table, start, L, 3, 0))
-        place(method, Q, 3 * r + 1, 3 * R, y, y_base + h * combine(R, table, start, L, 3, 1))
-        place(method, Q, 3 * r + 2, 3 * R, z, z_base + h * combine(R, table, start, L, 3, 2))
-    least = last_change = scale = 0.0
-    iteration, patience, last, evaluations = 0, PATIENCE, False, 0
-    while True:
-        now = size = 0.0
-        for r in range(R):
-            ax, ay, az = pull(method, model, stages, r, block, lows, Q)
-            hb = load(coefficients[r], HB)
-            lx, ly, lz = hb * ax, hb * ay, hb * az
-            off = abs(lx - load(L, 3 * r)) + abs(ly - load(L, 3 * r + 1)) + abs(lz - load(L, 3 * r + 2))
-            now = max(now, largest(off))
-            if iteration == 0:
-                size = max(size, largest(abs(lx) + abs(ly) + abs(lz)))
-            store(L, 3 * r, lx)
-            store(L, 3 * r + 1, ly)
-            store(L, 3 * r + 2, lz)
-        evaluations += 1
-        if iteration == 0:
-            now = scale = least = size
-        if last:
-            break
-        if iteration > 0:
-            if not (now < least and now * now > LOST * scale * last_change):
-                patience -= 1
-                last = patience == 0 or least <= NEAR_FLOOR * scale or now <= NEAR_FLOOR * scale
-            least = min(least, now)
-        last_change = now
-        iteration += 1
-        if iteration == LIMIT:
-            break
-        for r in range(R):
-            table = coefficients[r]
-            moved_by = load(base, 3 * r) + h * combine(R, table, ETA, L, 3, 0)
-            place(method, Q, 3 * r, 3 * R, x, moved_by)
-            moved_by = load(base, 3 * r + 1) + h * combine(R, table, ETA, L, 3, 1)
-            place(method, Q, 3 * r + 1, 3 * R, y, moved_by)
-            moved_by = load(base, 3 * r + 2) + h * combine(R, table, ETA, L, 3, 2)
-            place(method, Q, 3 * r + 2, 3 * R, z, moved_by)
-    if not (least <= CONVERGED * scale or is_round_off(method, model, h, stages, lows, Q, least)):
-        return particles, carry, NOT_CONVERGED, evaluations
-    x_kick, x_kick_lo, x_drift = _sums(coefficients, R, L, 0)
-    y_kick, y_kick_lo, y_drift = _sums(coefficients, R, L, 1)
-    z_kick, z_kick_lo, z_drift = _sums(coefficients, R, L, 2)
-    if (x_kick + y_kick + z_kick + x_drift + y_drift + z_drift) * 0.0 != 0.0:
-        return particles, carry, NOT_FINITE, evaluations
-    x, x_lo = moved(h, x, x_lo, vx, vx_lo, h * x_drift)
-    y, y_lo = moved(h, y, y_lo, vy, vy_lo, h * y_drift)
-    z, z_lo = moved(h, z, z_lo, vz, vz_lo, h * z_drift)
-    vx, vx_lo = add_compensated(vx, vx_lo + x_kick_lo, x_kick)
-    vy, vy_lo = add_compensated(vy, vy_lo + y_kick_lo, y_kick)
-    vz, vz_lo = add_compensated(vz, vz_lo + z_kick_lo, z_kick)
-    return Particles(x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo), carry, OK, evaluations
-
-
-@kernel(inline=True)
-def _sums(coefficients, R, L, k):
-    """Return sum_i L_i as a pair, and sum_i (1 - c_i) L_i, of component k of a particle."""
-    own = load(L, k)
-    kick, kick_lo, drift = total(own), 0.0, total(load(coefficients[0], REST) * own)
-    for r in range(1, R):
-        own = load(L, 3 * r + k)
-        kick, lost = two_sum(kick, total(own))
-        kick_lo += lost
-        drift += total(load(coefficients[r], REST) * own)
-    return kick, kick_lo, drift
-
-
-@kernel
-def prepare(method, h, before, storage):
-    """Write `Collocation.coefficients` for a step of h that follows one of `before`; for one register."""
-    table = method.coefficients[0]
-    ells = storage.scratch[storage.scratch.shape[0] - WIDTH :]  # after the increments of the last coordinate
-    nodes, weights = load(table, NODES), load(table, WEIGHTS)
-    ratio = h / before
-    hc = h * nodes
-    store(table, HC, hc)
-    store(table, HC_LO, fma(nodes, full(h), -hc))
-    store(table, HB, h * weights)
-    stages = 0
-    while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
-        stages += 1
-    ahead = 1.0 + ratio * nodes
-    product = full(1.0)
-    for j in range(stages):
-        store(ells, j, product)
-        product = product * (ahead - table[NODES, j])
-    product = full(1.0)
-    for back in range(stages):
-        j = stages - 1 - back
-        ell = load(ells, j) * product * table[BARYCENTRIC, j]
-        product = product * (ahead - table[NODES, j])
-        if abs(ratio) > FAR:  # a polynomial is useless far from its nodes
-            ell = unit(j)
-        store(ells, j, (ratio / table[WEIGHTS, j]) * (weights * ell))
-    for j in range(stages):
-        column = load(table, ETA) * ells[j, 0]
-        for i in range(1, stages):
-            column = column + load(table, ETA + i) * ells[j, i]
-        store(table, ETA + WIDTH + j, column)
-
-
-@kernel
-def signal(method, model, h, state, storage):
-    """Return the last Legendre coefficient of the forces on a body in the step of h just taken, as a fraction of the
-    largest force on it; the maximum over all bodies. For one register.
-
-    Where attractions cancel, the force that remains is round-off: no force counts as less than `CANCELLED` of the sum
-    of their magnitudes.
-    """
-    table, L, scratch = method.coefficients[0], storage.carry, storage.scratch
-    size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
-    blocks = (size + WIDTH - 1) // WIDTH
-    rows = WIDTH * blocks
-    last, weights = load(table, LAST), load(table, WEIGHTS)
-    inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
-    # The memory of changes, history and increments of a step; the changes of padding coordinates stay zero.
-    products, history, sizes = scratch[:rows], scratch[rows : rows + 3 * blocks], scratch[rows + 3 * blocks :]
-    for k in range(size):
-        store(products, k, last * load(L, k))
-        store(sizes, k, abs(inverse * load(L, k)))
-    for b in range(blocks):
-        store(history, b, abs(row_sums(products, WIDTH * b)))
-        store(history, blocks + b, row_maxima(sizes, WIDTH * b))
-    worst = 0.0
-    for i in range(count):
-        rest = most = 0.0
-        for k in range(i, size, count):
-            rest = max(rest, history[k // WIDTH, k % WIDTH])
-            most = max(most, history[blocks + k // WIDTH, k % WIDTH])
-        if rest > worst * most:
-            most = max(most, CANCELLED * abs(h) * gross_attraction(model.tag, model.parameters, state.q, i))
-            worst = max(worst, rest / most)
-    return worst
-
-
-@kernel(inline=True)
-def dense(method, h, q, v, kicks, theta, out_q, out_v):
-    """Write q and v at a fraction of a step, from the polynomial through the forces at its stages.
-
-    q, v : at the beginning of the step; kicks : its L. See `orbits.kernels.dense`.
-    """
-    R, coefficients, size = registers(method), method.coefficients, out_q.shape[0]
-    block, first, part = kicks.shape[0] // R, ETA + 2 * WIDTH * R, theta * h
-    for r in range(R):
-        once, twice = dense_weights(coefficients[r], first, WIDTH * R, theta)
-        for k in range(size):
-            L = load(kicks, r * block + k)
-            if r == 0:
-                out_v[k], out_q[k] = 0.0, 0.0
-            out_v[k] += total(once * L)
-            out_q[k] += total(twice * L)
-    for k in range(size):
-        out_q[k] = q[k] + fma(part, v[k], h * out_q[k])
-        out_v[k] += v[k]
-
-
-@kernel(inline=True)
-def resolves(method, h, q, kicks, bodies):
-    """Return whether the polynomial through the forces leaves hardly more than round-off in the position of each body:
-    about 1e-4 of h times their last Legendre coefficient.
-    """
-    R, coefficients = registers(method), method.coefficients
-    block = kicks.shape[0] // R
-    for i in range(bodies):
-        off = size = 0.0
-        for k in range(i, 3 * bodies, bodies):
-            last = 0.0
-            for r in range(R):
-                last += total(load(coefficients[r], LAST) * load(kicks, r * block + k))
-            off, size = max(off, abs(last)), max(size, abs(q[k]))
-        if not abs(h) * off <= RESOLVED * size:
-            return False
-    return True
-
-
-@kernel(inline=True)
-def stretch(method, unit, factor):
-    """Write the coefficients of steps `factor` times as long, for a cold start."""
-    for r in range(registers(method)):
-        table, base = method.coefficients[r], unit.coefficients[r]
-        c, hc = load(base, HC), factor * load(base, HC)
-        store(table, HC, hc)
-        store(table, HC_LO, fma(c, full(factor), -hc) + factor * load(base, HC_LO))
-        store(table, HB, factor * load(base, HB))
 
 
 @dataclass(frozen=True)
@@ -533,9 +226,9 @@ class Collocation(Form):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """Increments and changes of each coordinate, its history of three numbers, and low parts for the last sweep."""
-        rows, many = padded(size), self.registers > 1
+        rows = padded(size)
         own = (10 if self.close else 6) * self.registers  # of a particle: increments, stages, low parts and rates
-        return max((2 * self.registers + 2 + many) * rows + 3 * rows // WIDTH, own), WIDTH
+        return max((self.registers + 6) * rows + 3 * rows // WIDTH, own), WIDTH
 
 
 SPLITTER = 2.0**27 + 1.0
@@ -576,7 +269,7 @@ def _table(tableau: SymplecticTableau, count: int, ratio: float) -> Array:
         own = slice(WIDTH * r, WIDTH * (r + 1))
         out[r, REST] = tableau.one_minus_nodes[lane[own]]
         out[r, NODES], out[r, WEIGHTS] = tableau.nodes[lane[own]], weights[own]
-        out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own]
+        out[r, BARYCENTRIC, : len(barycentric[own])] = barycentric[own] / tableau.b[own]
         out[r, LAST, : len(last[own])] = last[own]
         out[r, ETA : ETA + s] = tableau.eta[lane[own]].T
         out[r, ETA + WIDTH * count : ETA + WIDTH * count + s] = start[lane[own]].T

@@ -10,79 +10,99 @@ the kicks L, and the sums
 
 from __future__ import annotations
 
-from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST, combine, layers, registers
-from orbits.kernels.binding import accelerate_finely, dimension
+from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST, columns, combine, layers, registers
+from orbits.kernels.binding import accelerate_finely, bodies, dimension
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, any_lane, exact_add, fma, full, load, store
+from orbits.kernels.lanes import WIDTH, any_lane, exact_add, exact_sub, fma, full, load, row_sums, store
 from orbits.kernels.steps import NOT_FINITE, OK
-from orbits.kernels.summation import add_compensated, two_product, two_row_sums, two_sum
+from orbits.kernels.summation import add_compensated, quick_two_sum, two_product, two_sum
+
+COARSE = 2.0**10
+"""Kicks are split at the last bit of this many times the largest: their first parts, of some forty bits, add up without
+rounding errors, and the rounding errors of their rests do not matter.
+"""
 
 
 @kernel(inline=True)
 def finish(method, model, h, state, storage):
     """Take the last sweep from the kicks L in `storage.carry`, and the step; return its status.
 
-    The scratch is that of `step`: the changes, the history and the increments are not needed any more.
+    The scratch is that of `step`, of which the largest kicks in the history are needed.
     """
     R, coefficients = registers(method), method.coefficients
     q, q_lo, v, v_lo = state
-    size = dimension(model.tag, model.parameters)
-    blocks = (size + WIDTH - 1) // WIDTH
-    rows = WIDTH * blocks
+    size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
+    blocks, parts = (size + WIDTH - 1) // WIDTH, count if count > 0 else size
+    rows, groups = WIDTH * blocks, (parts + WIDTH - 1) // WIDTH
     L, Q, scratch = storage.carry, storage.stages, storage.scratch
     block = Q.shape[0] // (R * layers(method))
-    g, sums = scratch[:rows], scratch[rows : rows + 3 * blocks]
-    L_lo = scratch[rows + 3 * blocks : rows + 3 * blocks + R * block]
-    free = scratch[rows + 3 * blocks + R * block :]
-    Q_lo, g_lo, close = free[: R * block], free[R * block :], layers(method) > 1
+    g, largest = scratch[:rows], scratch[2 * rows + 2 * groups : 2 * rows + 3 * groups]
+    free = scratch[2 * rows + 3 * groups :]
+    g_lo, kicks, drifts, drifts_lo = free[:rows], free[rows : 2 * rows], free[2 * rows : 3 * rows], free[3 * rows :]
+    kicks_lo, Q_lo, close = scratch[rows : 2 * rows], free[4 * rows :], layers(method) > 1
     for r in range(R):
         table = coefficients[r]
-        hc, hc_lo = load(table, HC), load(table, HC_LO)
+        hc, hc_lo, eta = load(table, HC), load(table, HC_LO), columns(method, table, ETA)
         for k in range(size):
             along, lost = two_product(hc, full(v[k]))
             lost = fma(hc_lo, full(v[k]), lost) + fma(hc, full(v_lo[k]), full(q_lo[k]))
-            increment, rest = two_sum(along, h * combine(R, table, ETA, L, block, k))
+            increment, rest = two_sum(along, h * combine(eta, R, table, L, block, k))
             position, low = two_sum(full(q[k]), increment)
             store(Q, r * block + k, position)
             store(Q_lo, r * block + k, low + (rest + lost))
     for r in range(R):
-        hb = load(coefficients[r], HB)
+        hb, remaining = load(coefficients[r], HB), load(coefficients[r], REST)
         places, lows = Q[r * block : (r + 1) * block], Q_lo[r * block : (r + 1) * block]
         accelerate_finely(model.tag, model.parameters, places, lows, close, g, g_lo)
-        for k in range(size):
-            own, lost = two_product(hb, load(g, k))
-            store(L, r * block + k, own)
-            store(L_lo, r * block + k, fma(hb, load(g_lo, k), lost))
-        for k in range(size, rows):
-            store(L_lo, r * block + k, full(0.0))
+        for i in range(parts):
+            splitter = full(COARSE * largest[i >> 3, i & 7])
+            for k in range(i, size, parts):
+                own, lost = two_product(hb, load(g, k))
+                lost = fma(hb, load(g_lo, k), lost)
+                store(L, r * block + k, own)
+                _add_split(r, own, lost, splitter, kicks, kicks_lo, k)
+                moved, rest = two_product(remaining, own)
+                _add_split(r, moved, fma(remaining, lost, rest), splitter, drifts, drifts_lo, k)
+    for k in range(size, rows):
+        store(kicks, k, full(0.0))
+        store(kicks_lo, k, full(0.0))
+        store(drifts, k, full(0.0))
+        store(drifts_lo, k, full(0.0))
     finite = True
     for b in range(blocks):
-        kick, kick_lo, drift, drift_lo = full(0.0), full(0.0), full(0.0), full(0.0)
-        for r in range(R):
-            own, own_lo, moved, moved_lo = two_row_sums(L, L_lo, r * block + WIDTH * b, coefficients[r, REST])
-            kick, lost = two_sum(kick, own)
-            kick_lo = kick_lo + (lost + own_lo)
-            drift, lost = two_sum(drift, moved)
-            drift_lo = drift_lo + (lost + moved_lo)
-        store(sums, b, kick)
-        store(sums, blocks + b, kick_lo)
-        store(sums, 2 * blocks + b, drift)
-        store(Q_lo, b, drift_lo)
+        k = WIDTH * b
+        kick, kick_lo = quick_two_sum(row_sums(kicks, k), row_sums(kicks_lo, k))
+        drift, drift_lo = quick_two_sum(row_sums(drifts, k), row_sums(drifts_lo, k))
+        store(g, b, kick)
+        store(g, blocks + b, kick_lo)
+        store(g, 2 * blocks + b, drift)
+        store(g, 3 * blocks + b, drift_lo)
         finite &= not any_lane(1.0 - (kick * 0.0 == 0.0) * (drift * 0.0 == 0.0))
     if not finite:
         return NOT_FINITE
     for b in range(blocks):
         k = WIDTH * b
-        v_now, v_rest, kick_lo = load(v, k), load(v_lo, k), load(sums, blocks + b)
+        v_now, v_rest, kick_lo = load(v, k), load(v_lo, k), load(g, blocks + b)
         x, x_rest = _moved(
-            h, load(q, k), load(q_lo, k), v_now, v_rest, load(sums, 2 * blocks + b), load(Q_lo, b)
+            h, load(q, k), load(q_lo, k), v_now, v_rest, load(g, 2 * blocks + b), load(g, 3 * blocks + b)
         )
         store(q, k, x)
         store(q_lo, k, x_rest)
-        v_now, v_rest = add_compensated(v_now, v_rest + kick_lo, load(sums, b))
+        v_now, v_rest = add_compensated(v_now, v_rest + kick_lo, load(g, b))
         store(v, k, v_now)
         store(v_lo, k, v_rest)
     return OK
+
+
+@kernel(inline=True, exact=True)
+def _add_split(r, x, x_lo, splitter, rows, lows, k):
+    """Add the part of (x, x_lo) down to the last bit of `splitter` to row k of `rows`, the rest to that of `lows`; with
+    the first register, r = 0, write them.
+    """
+    coarse = exact_sub(exact_add(x, splitter), splitter)
+    rest = exact_add(exact_sub(x, coarse), x_lo)
+    store(rows, k, coarse if r == 0 else exact_add(load(rows, k), coarse))
+    store(lows, k, rest if r == 0 else exact_add(load(lows, k), rest))
 
 
 @kernel(inline=True, exact=True)

@@ -48,7 +48,7 @@ class Form:
     def tag(self) -> Tag:
         """The tag for compiled code; its name identifies the kernels."""
         kernels = self.own_kernels()
-        known = tuple((name, id(kernel) if hasattr(kernel, "py_func") else kernel) for name, kernel in kernels.items())
+        known = tuple(kernels.items())
         if known not in _TAGS:
             _TAGS[known] = _tag_of(kernels)
         return _TAGS[known]

@@ -28,6 +28,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from orbits.integrators.canonical import combine
+from orbits.integrators.canonical_bodies import finite
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.binding import dimension, dynamical_rate
 from orbits.kernels.compile import kernel
@@ -36,11 +37,10 @@ from orbits.kernels.iteration import (
     LIMIT,
     NEAR_FLOOR,
     PATIENCE,
-    begin,
-    falling,
+    judged,
     settled,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, full, load, maximum, store
+from orbits.kernels.lanes import WIDTH, full, load, maximum, store
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import add_compensated, compensated_row_sums, two_sum
 from orbits.kernels.transformed import energy_of_bodies, transformed_field
@@ -178,11 +178,7 @@ def step(method, model, t, h, state, storage):
         if last:
             store(work.hours, 0, hb * g)
             break
-        if evaluations == 1:
-            begin(work.change, work.history, blocks)
-        elif not falling(work.change, work.history, blocks):
-            patience -= 1
-            last = patience == 0 or settled(work.history, blocks, NEAR_FLOOR)
+        patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
     if not settled(work.history, blocks, CONVERGED):
@@ -195,10 +191,7 @@ def step(method, model, t, h, state, storage):
     carry[2 * rows, ELAPSED], carry[2 * rows, ELAPSED_LO] = work.hours[1, 0], work.hours[2, 0]
     store(work.hours, 1, full(0.0))
     store(work.hours, 2, full(0.0))
-    finite = carry[2 * rows, ELAPSED] * 0.0 == 0.0
-    for k in range(d):
-        finite &= not any_lane(1.0 - (load(work.moves, k) * 0.0 == 0.0) * (load(work.moves, rows + k) * 0.0 == 0.0))
-    if not finite:
+    if carry[2 * rows, ELAPSED] * 0.0 != 0.0 or not finite(work.moves, work.moves[rows:], d):
         return NOT_FINITE, 0, evaluations
     for k in range(0, d, WIDTH):
         moved, moved_lo = compensated_row_sums(work.moves, k)

@@ -16,7 +16,7 @@ from typing import Any
 
 from numba import types
 from numba.core.datamodel.models import OpaqueModel
-from numba.extending import NativeValue, intrinsic, overload, register_model, typeof_impl, unbox
+from numba.extending import NativeValue, intrinsic, overload, register_model, unbox
 
 from orbits.kernels.lanes import full, store
 
@@ -38,6 +38,7 @@ class Tag:
     def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
         self.name = name
         self.type: Any = TagType(name)
+        self._numba_type_ = self.type
         _KERNELS[name] = dict(kernels)
 
     def provides(self, name: str) -> bool:
@@ -60,6 +61,7 @@ class SumTag(Tag):
         if self.forces:
             self.name += f", with {' and '.join(force.name for force in self.forces)}"
         self.type = SumType(tuple(term.type for term in self.terms), tuple(force.type for force in self.forces))
+        self._numba_type_ = self.type
 
     def provides(self, name: str) -> bool:
         """Whether all terms have the kernel of that name."""
@@ -81,11 +83,6 @@ class SumType(types.Type):
         acting = f"; {', '.join(force.name for force in forces)}" if forces else ""
         super().__init__(name=f"Sum({', '.join(term.name for term in terms)}{acting})")
         self.terms, self.forces = terms, forces
-
-
-@typeof_impl.register(Tag)
-def _typeof_tag(value, context):
-    return value.type
 
 
 register_model(TagType)(OpaqueModel)

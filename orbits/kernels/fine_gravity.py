@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import other_pair_accelerations
-from orbits.kernels.lanes import exact_add, exact_sub, fma, full, get, put, rsqrt_cubed_pair
+from orbits.kernels.lanes import any_lane, exact_add, exact_sub, fma, full, get, put, rsqrt_cubed_pair
 from orbits.kernels.summation import quick_two_sum, two_product, two_sum
 
 FEW = 4
@@ -20,6 +20,10 @@ FEW = 4
 LIGHT = 0.01
 """The attraction of a body on one more than a hundred times as heavy is in plain precision: that is its share of their
 relative motion."""
+
+DISTANT = 1e-26
+"""The square of the low part of a separation, as a fraction of the square of the separation, above which it is more
+than its rounding error, and moved into the high part."""
 
 
 @kernel
@@ -61,6 +65,11 @@ def _add_pair(strength, q, q_lo, j, i, out, out_lo):
     y, y_lo = _apart(get(q, n + j), get(q_lo, n + j), get(q, n + i), get(q_lo, n + i))
     z, z_lo = _apart(get(q, 2 * n + j), get(q_lo, 2 * n + j), get(q, 2 * n + i), get(q_lo, 2 * n + i))
     r2, r2_lo = _squared(x, x_lo, y, y_lo, z, z_lo)
+    if any_lane(x_lo * x_lo + y_lo * y_lo + z_lo * z_lo > DISTANT * r2):
+        # Bodies far from the origin, compared with their separation: what follows leaves out products of low parts,
+        # and what reads the high parts of the forces alone, such as the error signal of a step, needs all digits there.
+        (x, x_lo), (y, y_lo), (z, z_lo) = two_sum(x, x_lo), two_sum(y, y_lo), two_sum(z, z_lo)
+        r2, r2_lo = _squared(x, x_lo, y, y_lo, z, z_lo)
     w, w_lo = rsqrt_cubed_pair(r2 + strength[0], r2_lo)
     if gm_j > LIGHT * gm_i:
         pull, pull_lo = _times(w, w_lo, gm_j)

@@ -1,8 +1,9 @@
 """Fixed-point iteration of the stages of an implicit step, to the round-off floor.
 
-No tolerance is used: a component is done when its largest change over the stages stops falling, or when the rate of
-convergence shows that the next change will be lost in rounding. One more evaluation then follows, so that the remaining
-residual is far below one rounding error: a residual with a preferred sign would act like friction.
+No tolerance is used: a component, one coordinate or the three of a body, is done when its largest change over the
+stages stops falling, or when the rate of convergence shows that the next change will be lost in rounding. One more
+evaluation then follows, so that the remaining residual is far below one rounding error: a residual with a preferred
+sign would act like friction.
 """
 
 from __future__ import annotations
@@ -74,6 +75,29 @@ def settled(history, blocks, fraction):
         if any_lane(load(history, block) > fraction * load(history, 2 * blocks + block)):
             return False
     return True
+
+
+@kernel(inline=True)
+def judged(change, history, blocks, sweep, patience, fraction):
+    """Return, after sweep number 1, 2, ..., the patience that is left and whether the next sweep is the last one: the
+    changes have stopped falling, and are below `fraction` or have been given as many chances as there were.
+    """
+    last = False
+    if sweep == 1:
+        begin(change, history, blocks)
+    elif not falling(change, history, blocks):
+        patience -= 1
+        last = patience == 0 or settled(history, blocks, fraction)
+    return patience, last
+
+
+@kernel
+def unsettled_part(history, blocks, parts, fraction):
+    """Return the first part whose least change exceeds `fraction` of its scale; -1 if none does."""
+    for i in range(parts):
+        if not history[i // 8, i % 8] <= fraction * history[2 * blocks + i // 8, i % 8]:
+            return i
+    return -1
 
 
 @kernel

@@ -40,7 +40,9 @@ ENTER = types.none(
 )
 """The signature of `enter_passage`: (context, track, row, j, begin, end, h)."""
 
-_KEPT: dict[tuple[Any, Any], tuple[Any, int]] = {}
+_KEPT: dict[tuple[Any, int], tuple[Any, Any, int]] = {}
+"""What is compiled for each kernel and signature, known by its identity, as hashing it takes long; and its address."""
+
 _LOCK = Lock()
 
 
@@ -50,7 +52,7 @@ def observer_address(kernel: Any, signature: Any = OBSERVER) -> int:
     The code stays in memory for the life of the process. Raises TypeError if the kernel returns another type.
     """
     with _LOCK:
-        if (kernel, signature) not in _KEPT:
+        if (kernel, id(signature)) not in _KEPT:
             addressed = kernel.addressed
             addressed.compile(signature.args)
             compiled = addressed.overloads[signature.args]
@@ -59,8 +61,8 @@ def observer_address(kernel: Any, signature: Any = OBSERVER) -> int:
                     f"{kernel.__name__} returns {compiled.signature.return_type}, expected {signature.return_type}"
                 )
             name = compiled.fndesc.llvm_func_name
-            _KEPT[kernel, signature] = compiled, compiled.library.get_pointer_to_function(name)
-        return _KEPT[kernel, signature][1]
+            _KEPT[kernel, id(signature)] = signature, compiled, compiled.library.get_pointer_to_function(name)
+        return _KEPT[kernel, id(signature)][2]
 
 
 @intrinsic

@@ -96,6 +96,12 @@ def record_one(track, k, slot, x, y, z, vx, vy, vz):
 
 
 @kernel(inline=True)
+def record_particle(track, k, slot, particle):
+    """As `record_one`, for a particle."""
+    record_one(track, k, slot, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz)
+
+
+@kernel(inline=True)
 def hermite(s, h, x0, v0, x1, v1):
     """Return position, velocity and acceleration at the fraction s of a step of h between two states."""
     a, b = x1 - x0 - h * v0, h * (v1 - v0)

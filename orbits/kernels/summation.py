@@ -7,7 +7,7 @@ Source: Dekker (1971); Knuth, The Art of Computer Programming 2, 4.2.2; Ogita, R
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import exact_add, exact_mul, exact_sub, fma, full, transposed
+from orbits.kernels.lanes import exact_add, exact_mul, exact_sub, fma, transposed
 
 
 @kernel(inline=True, exact=True)
@@ -58,36 +58,18 @@ def add_product(hi, lo, h, x, x_lo):
     return quick_two_sum(s, exact_add(lo, exact_add(f, fma(x_lo, h, e))))
 
 
+@kernel(inline=True)
+def moved(h, q, q_lo, v, v_lo, drift):
+    """Return (q, q_lo) + h (v, v_lo) + drift, where drift has the size of h v."""
+    p, e = two_product(v, h)
+    s, f = two_sum(p, fma(v_lo, h, e + drift))
+    return add_compensated(q, q_lo + f, s)
+
+
 @kernel(inline=True, exact=True)
 def compensated_row_sums(rows, first):
     """Return the sums of rows `first` ... `first` + 7 of an (n, 8) array as pairs (hi, lo), one pair in each lane."""
     return _compensated(transposed(rows, first))
-
-
-@kernel(inline=True, exact=True)
-def two_row_sums(rows, lows, first, weights):
-    """Return the sums of eight rows of pairs (hi, lo), and those of their products with `weights`, as pairs.
-
-    rows, lows : (n, 8), of which rows `first` ... `first` + 7 are used; weights : (8,) float64. A pair in each lane
-    """
-    x0, x1, x2, x3, x4, x5, x6, x7 = transposed(rows, first)
-    y0, y1, y2, y3, y4, y5, y6, y7 = transposed(lows, first)
-    hi, lo = _compensated((x0, x1, x2, x3, x4, x5, x6, x7))
-    lo = lo + (((y0 + y1) + (y2 + y3)) + ((y4 + y5) + (y6 + y7)))
-    w0, w1, w2, w3 = full(weights[0]), full(weights[1]), full(weights[2]), full(weights[3])
-    w4, w5, w6, w7 = full(weights[4]), full(weights[5]), full(weights[6]), full(weights[7])
-    x0, e0 = two_product(x0, w0)
-    x1, e1 = two_product(x1, w1)
-    x2, e2 = two_product(x2, w2)
-    x3, e3 = two_product(x3, w3)
-    x4, e4 = two_product(x4, w4)
-    x5, e5 = two_product(x5, w5)
-    x6, e6 = two_product(x6, w6)
-    x7, e7 = two_product(x7, w7)
-    weighted, rest = _compensated((x0, x1, x2, x3, x4, x5, x6, x7))
-    even = fma(y0, w0, e0) + fma(y2, w2, e2) + (fma(y4, w4, e4) + fma(y6, w6, e6))
-    odd = fma(y1, w1, e1) + fma(y3, w3, e3) + (fma(y5, w5, e5) + fma(y7, w7, e7))
-    return hi, lo, weighted, rest + (even + odd)
 
 
 @kernel(inline=True, exact=True)

@@ -14,10 +14,11 @@ annuli : (n, 3), see `encounters.py`
 reaches : (n + padding,), the distance from each body within which flybys are listed; 0 if no body dominates
 record : (4, 2, rows + 8) squared distance, reading of the clock, squared speed and partner of the closest
     approaches
-stops : (conditions, 4), see `stopping.py`
+stops : (conditions, 4), see `stopping.py`; if there are any
 hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies: the number of steps
     after which a condition first held, the condition, row and body
-radii : (n + m + padding,), radii of the bodies, then of the particles; negative where nothing collides
+radii : (n + m + padding,), radii of the bodies, then of the particles; negative where nothing collides. These and
+    `touched`, `touched_own` only if collisions are sought
 touched : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps after
     which two bodies may have touched
 touched_own : (m,) int64; the same for each particle that was observed in steps of its own, and 0 for the others
@@ -87,6 +88,11 @@ _KINDS: dict[str, Any] = {
 }
 """The fields of a context. A number takes one word; an array takes its address and the length of each dimension."""
 
+_ARRAYS = {
+    name: (np.dtype(np.int64 if kind.dtype == types.int64 else np.float64), kind.ndim)
+    for name, kind in _KINDS.items()
+    if isinstance(kind, types.Array)
+}
 _LENGTHS = {name: 1 + kind.ndim if isinstance(kind, types.Array) else 1 for name, kind in _KINDS.items()}
 _PLACES = dict(zip(_KINDS, accumulate(_LENGTHS.values(), initial=0), strict=False))
 WORDS = sum(_LENGTHS.values())
@@ -192,16 +198,21 @@ class Contexts:
 
     def enter(self, **values: Any) -> None:
         """Enter values into all contexts. Raises TypeError for an array of the wrong kind."""
+        places: list[int] = []
+        words: list[int] = []
         for name, value in values.items():
-            kind, at = _KINDS[name], _PLACES[name]
-            if isinstance(kind, types.Array):
+            at = _PLACES[name]
+            if name in _ARRAYS:
                 if self._kept.get(name) is not value:
-                    self._words[:, at : at + 1 + kind.ndim] = _described(name, value)
+                    words += _described(name, value)
+                    places += range(at, at + _LENGTHS[name])
                     self._kept[name] = value
-            elif kind == types.float64:
+            elif _KINDS[name] is types.float64:
                 self._numbers[:, at] = value
             else:
                 self._words[:, at] = value
+        if places:
+            self._words[:, places] = words
 
     def enter_each(self, name: str, arrays: Sequence[NDArray[Any]]) -> None:
         """Enter a separate array into each context."""
@@ -229,11 +240,10 @@ class Contexts:
 
 def _described(name: str, array: NDArray[Any]) -> tuple[int, ...]:
     """Return the words that describe an array."""
-    kind = _KINDS[name]
-    expected = np.int64 if kind.dtype == types.int64 else np.float64
-    if array.dtype != expected or array.ndim != kind.ndim or not array.flags.c_contiguous:
+    expected, dimensions = _ARRAYS[name]
+    if array.dtype != expected or array.ndim != dimensions or not array.flags.c_contiguous:
         raise TypeError(
-            f"{name} must be a contiguous array of {kind.ndim} dimensions of {np.dtype(expected)}, got "
+            f"{name} must be a contiguous array of {dimensions} dimensions of {expected}, got "
             f"{array.ndim} of {array.dtype}"
         )
     return array.ctypes.data, *array.shape

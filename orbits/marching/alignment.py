@@ -15,10 +15,11 @@ def aligned(*shapes: tuple[int, ...]) -> list[Array]:
     takes up to a sixth longer.
     """
     sizes = [math.prod(shape) for shape in shapes]
-    memory = np.zeros(sum(padded(size) for size in sizes))
+    rooms = [padded(size) for size in sizes]
+    memory = np.zeros(sum(rooms))
     begin = -(memory.__array_interface__["data"][0] // memory.itemsize) % WIDTH
     out = []
-    for shape, size in zip(shapes, sizes, strict=True):
+    for shape, size, room in zip(shapes, sizes, rooms, strict=True):
         out.append(memory[begin : begin + size].reshape(shape))
-        begin += padded(size) - WIDTH
+        begin += room - WIDTH
     return out

@@ -56,7 +56,7 @@ class BoundLoops:
     ) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
         # Coefficients of steps of different lengths are written before each step, others made for each length.
-        self._usual = form.coefficients(1.0, 1.0) if clock.changes else coefficients_of(form, clock.h)
+        self._usual = coefficients_of(form, 1.0).copy() if clock.changes else coefficients_of(form, clock.h)
         self._clock, self._other = clock, (clock, self._usual)
         shape = form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
@@ -111,7 +111,8 @@ class BoundLoops:
         for name, x in (("q", q), ("v", v)):
             self.state[name][: 3 * n] = x[massive].T.ravel()
             self.state[f"particle_{name}"][...] = NOWHERE
-            self.state[f"particle_{name}"][:, :m] = x[particles].T
+            if m:
+                self.state[f"particle_{name}"][:, :m] = x[particles].T
 
     def lengths(self, count: int) -> Array:
         """Return the lengths of the `count` steps of the last block."""
@@ -254,9 +255,10 @@ class BoundLoops:
         return sum(future.result() for future in running)
 
     def close(self) -> None:
-        """Release the threads."""
+        """Release the threads; particles that are marched after that take one."""
         if self._pool is not None:
             self._pool.shutdown()
+            self._pool = None
 
 
 class _OwnClocks:

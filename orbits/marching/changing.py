@@ -67,6 +67,11 @@ def ending(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     return {**checkpoint, "clock": clock}
 
 
+def is_number(x: object) -> bool:
+    """Return whether x is a real number: not a text, nor True or False."""
+    return isinstance(x, int | float | np.floating) and not isinstance(x, bool | str)
+
+
 class ChangingSteps(Clock):
     """Base of clocks whose steps differ in length: their readings are times."""
 

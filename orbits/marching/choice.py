@@ -92,7 +92,7 @@ def _transformed(
     if with_particles:
         raise InputError(
             "massless particles have no part in the energy that transformed time needs, and would be moved by its "
-            "rounding errors alone: give dt=... a length, or leave the particles out."
+            "rounding errors alone: leave dt away, or leave the particles out."
         )
     assert isinstance(integrator, VariationalRungeKutta)  # as `TimeTransformed.check` demands
     return TransformedBodies(integrator.tableau)

@@ -16,7 +16,7 @@ from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_carry, record_one, record_particles, record_strip
+from orbits.kernels.paths import record_carry, record_one, record_particle, record_particles, record_strip
 from orbits.kernels.state import (
     Columns,
     all_finite,
@@ -264,9 +264,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
                 record_one(track, k, lane_of_p, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
         else:
             while done < steps:
-                record_one(
-                    track, done, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
-                )
+                record_particle(track, done, lane_of_p, particle)
                 (t, h), now = step_of(clock, done), _at(storage, done, p, p + 1)
                 particle, carry, status, count = step_particles(method, model, t, h, particle, carry, now)
                 evaluations += count
@@ -275,9 +273,7 @@ def _march_one_by_one(method, model, clock, columns, storage, retired, block, wa
                     break
                 done += 1
             for k in range(done, steps + 1):
-                record_one(
-                    track, k, lane_of_p, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
-                )
+                record_particle(track, k, lane_of_p, particle)
             store_particle(columns, p, particle)
         if lane_of_p == WIDTH - 1 or p == stop - 1:
             call_observer(observer, context, track, h, steps, p - lane_of_p, stop)

@@ -66,8 +66,8 @@ def failure_of_bodies(
     if clock.changes:
         return SingularityError(
             f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their "
-            "accelerations are out of the range of floats. Use softening, or end the run before: "
-            "stop=orbits.CloserThan(...).",
+            "accelerations are out of the range of floats. Use softening, end the run before with "
+            "stop=orbits.CloserThan(...), or give radii and seek events=orbits.Collision(...).",
             step=step,
             time=time,
             bodies=list(names),

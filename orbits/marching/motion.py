@@ -86,15 +86,22 @@ class Motion:
         q, v = np.empty((2, 3 * n, count, each))
         axes, size = np.arange(3)[:, None], self._partial.size // 3
         places = (axes * size + bodies).ravel(), (axes * n + rows).ravel()
-        if len(self.kicks):
-            kicks, (once, twice) = self.kicks[steps], self._weights(checks)
-        else:
-            kicks = self._bends(steps)
-            once, twice = np.stack([2.0 * checks, 3.0 * checks**2]), np.stack([checks**2, checks**3])
-        path = self.path[steps.start : steps.stop + 1]
+        path, kicks, once, twice = self.polynomials(steps, checks)
         motion_at_checks(once, twice, checks, lengths, path, kicks, *places, q, v)
         shape = (3, n, count * each)
         return q.reshape(shape).transpose(2, 1, 0), v.reshape(shape).transpose(2, 1, 0)
+
+    def polynomials(self, steps: slice, checks: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the states at the ends of these steps, what their polynomials are made of, and the weights of that in
+        velocities and positions at fractions of a step, (stages, fractions); see `motion_at_checks`.
+        """
+        path = self.path[steps.start : steps.stop + 1]
+        if not len(self.kicks):
+            return path, self._bends(steps), np.stack([2.0 * checks, 3.0 * checks**2]), np.stack([checks**2, checks**3])
+        known, key = self._partial.weights, checks.tobytes()
+        if key not in known:
+            known[key] = self._weights(checks)
+        return path, self.kicks[steps], *known[key]
 
     def _weights(self, checks: Array) -> tuple[Array, Array]:
         """Return the weights of the stages in velocities and positions at fractions of a step, (stages, fractions)."""

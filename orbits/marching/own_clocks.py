@@ -16,14 +16,14 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from orbits.integrators.collocation import CANCELLED
+from orbits.integrators.collocation_lengths import CANCELLED
 from orbits.integrators.collocation_rows import LAST, NODES, WEIGHTS
 from orbits.kernels.binding import bodies, field_close, gross_field
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_one
+from orbits.kernels.paths import record_one, record_particle
 from orbits.kernels.state import Columns, load_particle, store_particle
 from orbits.kernels.steps import (
     NOT_FINITE,
@@ -47,6 +47,7 @@ from orbits.marching.adaptive import (
     POWER,
     REFUSED,
     TOLERANCE,
+    root,
 )
 from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies
 from orbits.marching.changing import FARTHEST, ORIGIN
@@ -164,9 +165,7 @@ def judged(method, model, clock, h, storage, ends, reaches):
         Q = storage.scratch[3:]
         pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
         most = max(most, max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls))
-    factor = MOST
-    if rest * MOST ** (1.0 / power) > tolerance * most:
-        factor = max((tolerance * most / rest) ** power, LEAST)
+    factor = MOST if rest == 0.0 else min(max(root(tolerance * most / rest, power), LEAST), MOST)
     passed, near = narrowest(bodies(model.tag, model.parameters), ends, storage.scratch, reaches)
     if factor * factor * passed > PASSAGE * PASSAGE:
         factor = max(PASSAGE / math.sqrt(passed), LEAST)
@@ -296,9 +295,7 @@ def march_own_clocks(
         else:
             storage = Storage(carry[p], scratch, stages[0], Share(p, p + 1, None))
             while done < steps:
-                record_one(
-                    track, done, lane, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
-                )
+                record_particle(track, done, lane, particle)
                 particle, status, count = follow(
                     method, model, clock, field, shared, done, p, particle, clocks[p], storage, log
                 )
@@ -308,9 +305,7 @@ def march_own_clocks(
                     break
                 done += 1
             for k in range(done, steps + 1):
-                record_one(
-                    track, k, lane, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
-                )
+                record_particle(track, k, lane, particle)
             if done == steps:
                 finish_log(method, model, field, log, p, steps, particle, track)
             else:

@@ -15,7 +15,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.dense import dense
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import call_observer
-from orbits.kernels.paths import record_one
+from orbits.kernels.paths import record_one, record_particle
 from orbits.kernels.watch import watch_at
 from orbits.marching.bodies_between import length_of
 
@@ -65,9 +65,7 @@ def log_state(method, model, field, log, p, k, part, particle):
     row = log.counts[ENTRIES]
     log.counts[ENTRIES] = row + 1
     log.at[row, 0], log.at[row, 1] = k, part
-    record_one(
-        log.track, row, p % WIDTH, particle.x, particle.y, particle.z, particle.vx, particle.vy, particle.vz
-    )
+    record_particle(log.track, row, p % WIDTH, particle)
 
 
 @kernel(inline=True)

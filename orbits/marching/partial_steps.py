@@ -23,6 +23,7 @@ class PartialSteps:
     failure : returns the error for a status and a time
 
     unit : the coefficients of a step of unit length
+    weights : those of the stages in the polynomial of a step at fractions of it, kept by the bytes of these
     """
 
     def __init__(self, form: Form, tag: Tag, vectors: Any, n: int, failure: Callable[[int, float], Exception]) -> None:
@@ -31,6 +32,7 @@ class PartialSteps:
         self._stretches = "stretch" in form.own_kernels()
         self.unit, self._own = form.coefficients(1.0, 1.0), form.coefficients(1.0, 1.0)
         shapes = (4, padded(self.size)), (form.carry_rows(self.size), WIDTH), form.scratch_shape(self.size)
+        self.weights: dict[bytes, tuple[Array, Array]] = {}
         self._room = aligned(*shapes, form.stages_shape(self.size))
 
     def take(

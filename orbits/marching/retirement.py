@@ -51,7 +51,9 @@ def retirements(
     clocks : (m, columns), of particles with clocks of their own; see `orbits.marching.own_clocks`
     Raises InputError for an unknown status.
     """
-    gone = np.flatnonzero(table[:, 0] != OK)
+    gone = (table[:, 0] != OK).nonzero()[0]
+    if not gone.size:
+        return []
     unknown = set(table[gone, 0].tolist()) - set(REASONS)
     if unknown:
         raise InputError(
@@ -88,7 +90,7 @@ class Retired:
 
     def lost(self) -> Lost | None:
         """Return the particles that were lost first in the block just marched, or None."""
-        new = np.flatnonzero(self.block[: self._count, 0] != self._known[: self._count, 0])
+        new = (self.block[: self._count, 0] != self._known[: self._count, 0]).nonzero()[0]
         if not new.size:
             return None
         first = int(self.block[new, 1].min())

@@ -38,6 +38,7 @@ from orbits.marching.changing import (
     TIME,
     TIME_LO,
     ChangingSteps,
+    is_number,
     keep,
     put_back,
     step_of,
@@ -115,7 +116,7 @@ class TimeTransformed(ChangingSteps):
 
     def __post_init__(self) -> None:
         step = self.step
-        if isinstance(step, bool | str) or not isinstance(step, int | float | np.floating):
+        if not is_number(step):
             raise InputError(
                 f"step is {shown(step)}; expected a number such as 0.3: transformed time is counted in dynamical times "
                 "of the bodies and has no unit."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,7 +87,6 @@ class Watcher:
     on_kepler_orbits : whether the steps resolve the pericentres of all bodies about the dominant one
 
     contexts, lists : of the massive bodies, then of each task
-    own_steps : the contexts of tasks for particles that take steps of their own
     """
 
     def __init__(
@@ -108,17 +107,12 @@ class Watcher:
         on_kepler_orbits: bool = False,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
-        self._path = np.zeros(2 * self._stride)
+        self._path = np.empty(0)
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
         self._collide = radii is not None
-        self._touched = np.zeros(len(self._hits), dtype=np.int64)
-        self._touched_own = np.zeros(len(particles), dtype=np.int64)
-        self._radii = np.full(padded(len(self._rows)), -np.inf)
-        if radii is not None:
-            self._radii[: len(self._rows)] = radii[self._rows]
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
         few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
@@ -129,20 +123,15 @@ class Watcher:
             self.listed_within[: len(massive)] = self._annuli[:, REACH]
         self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
         self.lists = [BlockList.empty(listed) for listed in self._listed]
-        self.contexts, self.own_steps = Contexts(1 + tasks), Contexts(tasks)
+        self.contexts = Contexts(1 + tasks)
         self.contexts.enter(
-            path=self._path,
             stride=self._stride,
             bodies=len(massive),
             dominant=self.dominant,
             mu=self._mu,
             annuli=self._annuli,
             reaches=self.listed_within,
-            stops=self._stops,
             hits=self._hits,
-            radii=self._radii,
-            touched=self._touched,
-            touched_own=self._touched_own,
             passage_angle=passage_angle,
             least_eccentricity=least_eccentricity,
             pericentre_angle=pericentre_angle,
@@ -150,11 +139,24 @@ class Watcher:
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
+        if len(self._stops):
+            self.contexts.enter(stops=self._stops)
+        if radii is not None:
+            within = np.full(padded(len(self._rows)), -np.inf)
+            within[: len(self._rows)] = radii[self._rows]
+            self._touched = np.zeros(len(self._hits), dtype=np.int64)
+            self._touched_own = np.zeros(len(particles), dtype=np.int64)
+            self.contexts.enter(radii=within, touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_met, self._find_touch, self._observer = False, 0, 0, 0
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
             self._energy = path_energy(self.contexts.addresses[0], parameters, 0)
+
+    @cached_property
+    def own_steps(self) -> Contexts:
+        """The contexts of tasks for particles that take steps of their own."""
+        return Contexts(len(self._listed) - 1)
 
     @property
     def observer(self) -> int:
@@ -171,7 +173,8 @@ class Watcher:
             self._compile()
         self.contexts.enter(record=record, first=first, origin=origin)
         self._listed[:] = 0
-        self._touched_own[:] = 0
+        if self._collide:
+            self._touched_own[:] = 0
 
     def _compile(self) -> None:
         """Compile, or load from the cache, the kernels shared by the observers."""
@@ -253,9 +256,9 @@ class Watcher:
 
     def touching(self, steps: int) -> NDArray[np.intp]:
         """Return the particles, in the numbers of the caller, that may have touched a body in the `steps` steps just
-        observed: of each group of eight in which one may have, all that were not observed alone.
+        observed, in a march with radii: of each group of eight in which one may have, all that were not observed alone.
         """
-        may = self._collide & (np.repeat(self._touched[:-1], WIDTH)[: len(self._particles)] <= steps)
+        may = np.repeat(self._touched[:-1], WIDTH)[: len(self._particles)] <= steps
         return np.asarray(self._particles[may & (self._touched_own <= steps)])
 
     def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
@@ -268,9 +271,9 @@ class Watcher:
         return record
 
     def _set_state(self, step: int, q: Array, v: Array) -> None:
-        start = 2 * step * self._stride
-        self._path[start : start + self._stride] = q
-        self._path[start + self._stride : start + 2 * self._stride] = v
+        path, start = self.path(step), 2 * step * self._stride
+        path[start : start + self._stride] = q
+        path[start + self._stride : start + 2 * self._stride] = v
 
     def _in_rows(self, stops: Array) -> Array:
         """Return the conditions with the bodies numbered in the kernels' order."""
@@ -293,7 +296,7 @@ class Watcher:
         if dominant < 0:
             annuli[:, REACH] = np.inf
             return annuli
-        distance = np.sqrt(((q - q[:, [dominant]]) ** 2).sum(axis=0))
+        distance = np.sqrt(((q - q[:, dominant : dominant + 1]) ** 2).sum(axis=0))
         hill = distance * np.cbrt(gm / (3.0 * gm[dominant]))
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0

@@ -185,7 +185,8 @@ def joined(run: Trajectory, i: int) -> Path:
 
 
 def last_state(run: Trajectory) -> System:
-    """Return the system at the last sample, with retired particles, and bodies that merged, at their last positions.
+    """Return the system at the last sample, with the masses of then; retired particles, and bodies that merged, are
+    without mass at their last positions, or at those of the start if no sample has them (see `seen`).
 
     It has no epoch, as the end of a long run may be beyond all dates. Raises InputError for a run without samples.
     """
@@ -197,10 +198,25 @@ def last_state(run: Trajectory) -> System:
         if np.isnan(q[body]).all():
             q[body], v[body] = particle.q.value, particle.v.value
     for body in np.flatnonzero(np.isnan(q).all(axis=1)).tolist():  # merged into another one
-        seen = np.flatnonzero(np.isfinite(run._q[:, body]).all(axis=1))
-        if seen.size:
-            q[body], v[body] = run.sample(int(seen[-1]))[0][body], run.sample(int(seen[-1]))[1][body]
-    return run.system.replaced(q=q, v=v, epoch=None)
+        there = np.flatnonzero(np.isfinite(run._q[:, body]).all(axis=1))
+        last = run.sample(int(there[-1])) if there.size else run.system.values[1:3]
+        q[body], v[body] = last[0][body], last[1][body]
+    if run.changes is None:
+        return run.system.replaced(q=q, v=v, epoch=None)
+    bodies = run.changes.bodies_at(run.last_time)
+    gm = np.where(bodies.present, bodies.gm, 0.0)
+    # Without terms and forces, which may be of bodies that are without mass by now.
+    return run.system.replaced(gm=gm, q=q, v=v, epoch=None, terms=(), forces=())
+
+
+def seen(run: Trajectory) -> NDArray[np.bool_]:
+    """Return which bodies are in any sample of a run, (bodies,): those that merged before are not."""
+    found = np.zeros(len(run.names), dtype=bool)
+    for sample in (0, -1):
+        found |= np.isfinite(run._q[sample]).all(axis=1)
+    for body in np.flatnonzero(~found).tolist():  # samples may be in any order
+        found[body] = np.isfinite(run._q[:, body]).all(axis=1).any()
+    return found
 
 
 class _Samples:
@@ -209,7 +225,7 @@ class _Samples:
     def __init__(self, run: Trajectory) -> None:
         self.run = run
         self.end = last_state(run)
-        self.gm = run.system.values.gm
+        self.gm = self.end.values.gm
         self._known: dict[int, tuple[Array, Array]] = {}
 
     def q(self, i: int) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits import body_names
 from orbits.elements import default_frame, to_frame
+from orbits.errors import InputError
 from orbits.plotting import arcs, style, words
 
 if TYPE_CHECKING:
@@ -84,10 +85,11 @@ def plot_trajectory(
     Bodies close to the centre are also shown in a map of their own.
     bodies : all by default; if there are many, massless ones are shown as a cloud of points at the end of the run
     frame : as in `plot_system`
-    Raises InputError for a run without samples, UnknownNameError for a frame or body that does not exist.
+    Bodies that merge into another one end in the picture where they merge. Raises InputError for a run without samples,
+    and for bodies that are in none of them; UnknownNameError for a frame or body that does not exist.
     """
     system = run.system
-    chosen = _chosen(system, bodies)
+    chosen = _there(run, bodies)
     looks, cloud = _looks(system, chosen)
     inner = _inner(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
     maps = ["map", "inner"] if inner else ["map"]
@@ -114,9 +116,9 @@ def paths(
     """Draw the paths as seen from above, and return the meaning of the marks, for a caption.
 
     Samples that are far apart are joined by arcs of two-body motion, or drawn as dots if the motion is not Keplerian.
-    Many massless particles are drawn as points at the last sample. Raises InputError for a run without samples.
+    Many massless particles are drawn as points at the last sample. Raises as `plot_trajectory` does.
     """
-    chosen = _chosen(run.system, bodies)
+    chosen = _there(run, bodies)
     looks, cloud = _looks(run.system, chosen)
     return _draw_paths(axes, run, looks, cloud, set(chosen), frame)
 
@@ -129,11 +131,15 @@ def _draw_paths(
     end = arcs.last_state(run)
     last = in_plane(system, end.values.q, frame)
     _draw_cloud(axes, last[cloud])
-    middle = int(np.argmax(system.values.gm))
+    middle = int(np.argmax(end.values.gm))
+    merged = _merged(run)
     reach = float(np.linalg.norm(last[sorted(chosen)] - last[middle], axis=1).max())
     for i in sorted(chosen & set(looks)):
         look, colour = looks[i], looks[i]["color"]
-        axes.plot(*last[i, :2], "o", ms=6, mec="white", mew=0.5, zorder=3, **look)
+        if merged[i]:
+            axes.plot([], [], **look)
+        else:
+            axes.plot(*last[i, :2], "o", ms=6, mec="white", mew=0.5, zorder=3, **look)
         if i == middle and np.ptp(run[system.names[i]].q.value, axis=0).max() < STILL * reach:
             continue
         path = arcs.joined(run, i)
@@ -143,11 +149,13 @@ def _draw_paths(
             dots = in_plane(system, run[system.names[i]].q.value[path.loose], frame)
             axes.plot(dots[:, 0], dots[:, 1], ".", ms=3.5, mew=0, color=colour)
             told["dots: samples too far apart for a line"] = None
-        around = osculating_ellipse(end, i, frame)
+        around = None if merged[i] else osculating_ellipse(end, i, frame)
         if around is not None:
             axes.plot(around[:, 0], around[:, 1], lw=0.8, alpha=0.45, zorder=1, color=colour)
             told["thin ellipses: the osculating orbits at the end"] = None
     map_axes(axes, system, frame)
+    if any(merged[i] for i in chosen):
+        told["lines without a disc: bodies that merged into others"] = None
     return ("discs: the bodies at the end", *told)
 
 
@@ -249,6 +257,28 @@ def osculating_ellipse(system: System, body: str | int, frame: str | None = None
 def _chosen(system: System, bodies: Sequence[str] | None) -> list[int]:
     chosen: list[int] = np.arange(len(system))[body_names.chosen(system.names, bodies)].tolist()
     return chosen
+
+
+def _there(run: Trajectory, bodies: Sequence[str] | None) -> list[int]:
+    """Return the chosen bodies that are in any sample. Raises InputError if none is, or one that was named."""
+    chosen = _chosen(run.system, bodies)
+    if not len(run):
+        return chosen  # refused where the samples are read
+    seen = arcs.seen(run)
+    if bodies is not None and not seen[chosen].all():
+        gone = body_names.few([run.names[i] for i in chosen if not seen[i]])
+        raise InputError(
+            f"bodies has {gone}, gone before the first of these samples; expected bodies that are there. Leave it out, "
+            "or draw earlier samples too."
+        )
+    return [i for i in chosen if seen[i]]
+
+
+def _merged(run: Trajectory) -> NDArray[np.bool_]:
+    """Return which massive bodies are gone by the last sample, (bodies,)."""
+    if run.changes is None:
+        return np.zeros(len(run.names), dtype=bool)
+    return np.asarray(run.system.massive & ~run.changes.bodies_at(run.last_time).present)
 
 
 def _looks(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:

@@ -61,7 +61,8 @@ class Approach:
             distance += f" = {self.distance.to(u.km):,.0f}"
         when = f"t = {self.time:.6g}" if self.date is None else f"{self.date.iso[:16]} TDB (t = {self.time:.6g})"
         speed = self.speed.to(u.km / u.s) if self.speed.unit.is_equivalent(u.km / u.s) else self.speed
-        text = f"{self.body} to {self.other}: {distance} at {when}, {speed:.3g}"
+        named = "" if str(speed.unit) else "speed "  # a number alone would say nothing
+        text = f"{self.body} to {self.other}: {distance} at {when}, {named}{speed:.3g}"
         return text if self.error is None else f"{text}; puts it {said(self.error)} off by the end of the run"
 
 

@@ -44,7 +44,8 @@ class Approaches:
     of the method, taken when they are first needed.
 
     approaches["Ceres"] returns the passages of one body, the one by the dominant body first. Iteration, `len`,
-    `to_table`, print and notebooks cover all passages except those by the dominant body, closest first.
+    `to_table`, print and notebooks cover all passages, closest first, except those by the dominant body on orbits about
+    it: a visitor on a hyperbola is there.
     """
 
     def __init__(self, trajectory: Trajectory, seen: Seen) -> None:
@@ -96,7 +97,7 @@ class Approaches:
         row = index_of(name, self.names, "body")
         dominant = [int(k) for k in self._seen.closest[row, :1] if k >= 0]
         passages = self._seen.passages
-        others = [k for k in self._flybys if row in (passages[k].body, passages[k].other)]
+        others = [k for k in self._flybys if row in (passages[k].body, passages[k].other) and k not in dominant]
         refine(self._run, self._seen, dominant + others)
         return [self.one(k) for k in dominant + others]
 
@@ -108,7 +109,7 @@ class Approaches:
         return len(self._flybys)
 
     def __iter__(self) -> Iterator[Approach]:
-        """Yield the passages except those by the dominant body, closest first."""
+        """Yield the passages except those of orbits about the dominant body, closest first."""
         return (self.one(k) for k in self._flybys)
 
     def to_table(self, bodies: Sequence[str] | None = None) -> QTable:

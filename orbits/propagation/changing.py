@@ -129,8 +129,15 @@ class ChangingMarch:
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, numbered as in the system at the start."""
+        return self._numbered(self._marcher.retired())
+
+    def retired_by(self, time: float) -> list[Retirement]:
+        """Return these, and the particles that cannot be followed up to a time less than a step ahead."""
+        return self._numbered(self._marcher.retired_by(time))
+
+    def _numbered(self, retired: list[Retirement]) -> list[Retirement]:
         numbers = np.flatnonzero(self._there)
-        return [lost._replace(body=int(numbers[lost.body])) for lost in self._marcher.retired()]
+        return [lost._replace(body=int(numbers[lost.body])) for lost in retired]
 
     def accounts(self) -> Array:
         """Return the time integrals of each force up to the state returned last; see `Marcher.accounts`."""
@@ -524,8 +531,13 @@ def march_of_run(
         return march
     if conditions is not None and (len(conditions.stops) or conditions.energy < np.inf):
         raise InputError(
-            "stop=... with a distance or an energy is not tested where events may change the bodies; seek an event "
-            "with then='stop', or leave one of the two out."
+            "stop=... with a distance or an energy is tested in steps of the same bodies, but events may change them. "
+            + (
+                "End the run from callback=..., which has the state at each sample, or seek the collisions with "
+                "then='record', and in a run of their own."
+                if events.touching
+                else "Seek an event with then='stop' instead, such as CloserThan, or leave one of the two out."
+            )
         )
     if not isinstance(clock, Adaptive | ConstantSteps):
         raise InputError(

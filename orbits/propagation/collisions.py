@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits import diagnostics
-from orbits.errors import InputError, SingularityError
+from orbits.errors import InputError, SingularityError, with_unit
 from orbits.propagation.acting import Bounce, Merge, State, approaching, bounced, heavier_first, merged
 from orbits.propagation.events.base import STOP, Touching
 from orbits.propagation.impact import Impact, overlapping
@@ -68,10 +68,11 @@ class Collisions:
         values, radii = system.values, system.radii.value
         for i, j in overlapping(values.q, radii, self._massive):
             if self.rule(i, j) is not None:
-                distance = float(np.linalg.norm(values.q[j] - values.q[i]))
+                lengths = float(np.linalg.norm(values.q[j] - values.q[i])), radii[i] + radii[j]
+                distance, least = (with_unit(f"{length:g}", system.units.length) for length in lengths)
                 raise InputError(
-                    f"{system.names[i]} and {system.names[j]} are {distance:g} {self._unit} apart at the start, less "
-                    f"than their radii together, {radii[i] + radii[j]:g} {self._unit}. Move one, or give smaller radii."
+                    f"{system.names[i]} and {system.names[j]} are {distance} apart at the start, less than their radii "
+                    f"together, {least}. Move one, or give smaller radii."
                 )
 
     @property

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, with_unit
 from orbits.integrators.forms import padded
-from orbits.marching.marcher import steps_apart
+from orbits.marching.blocks import steps_apart
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.legs import LegsAgain
 from orbits.propagation.marchers import bound
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+START = -1
+"""Stands among the numbers of samples for the start of a run."""
 
 MOST_AT_ONCE = 65536
 """Number of states computed at a time, whose preceding steps are in memory."""
@@ -50,53 +53,62 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
 
 def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array]:
     """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding."""
-    if not len(trajectory):
+    direction, kept, span = trajectory.clock.direction, trajectory.kept, trajectory.span
+    if not len(trajectory) and (span is None or span[1] == 0.0):
         raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
-    direction, kept = trajectory.clock.direction, trajectory.kept
     order = np.argsort(trajectory.times * direction, kind="stable")  # samples may be in any order
     known = trajectory.times[order]
-    first, last = float(known[0]), float(known[-1])
+    if span is not None and (not len(known) or known[0] != span[0]):
+        known, order = np.append(span[0], known), np.append(START, order)
+    first, last = (float(known[0]), float(known[-1])) if span is None else span
     if kept is not None and len(kept) and not trajectory.complete:  # an interrupted run has more steps than samples
         last = max(last * direction, float(kept.times[-1, 0]) * direction) * direction
     times = snapped(times, first, last)
     inside = ((first - times) * direction <= 0.0) & ((last - times) * direction >= 0.0)
     if not inside.all():
         k = int(np.argmin(inside))
-        unit = trajectory.system.units.time
-        raise InputError(
-            f"{what.format(k)} = {times[k]:.10g} lies outside the samples, {first:.10g} ... {last:.10g} {unit}".rstrip()
-        )
+        within = with_unit(f"{first:.10g} ... {last:.10g}", trajectory.system.units.time)
+        of = "samples" if span is None else "run"
+        raise InputError(f"{what.format(k)} = {times[k]:.10g} lies outside the {of}, {within}")
     needed = 48 * len(times) * len(trajectory.names)
     if needed > MEMORY_SHARE * memory():
         raise InputError(
             f"{len(times)} states of {len(trajectory.names)} bodies need {needed / 2**30:.1f} GiB of memory, more than "
             "this machine has available; ask for fewer at a time"
         )
-    before = order[np.searchsorted(known * direction, times * direction, side="right") - 1]
+    place = np.searchsorted(known * direction, times * direction, side="right") - 1
+    before, begun = order[place], known[place]
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
     if trajectory.changes is not None and len(trajectory.changes):
         again, sample = None, -1
         for k in np.argsort(times * direction, kind="stable").tolist():
             if again is None or before[k] != sample:
                 sample = int(before[k])
-                again = LegsAgain(trajectory, sample)
+                again = LegsAgain(trajectory, float(begun[k]), *_state(trajectory, sample))
             q[k], v[k] = again.at(float(times[k]))
         return q, v, times
-    missing = trajectory.times[before] != times
+    missing = (begun != times) | (before == START)
     q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
     if kept is None or not len(kept):
-        _marched(trajectory, trajectory.times, before, trajectory.sample, times, missing, q, v)
+        _marched(trajectory, begun, before, lambda k: _state(trajectory, k), times, missing, q, v)
         return q, v, times
-    begun, marched = kept.times[:, 0], missing
+    starts, marched = kept.times[:, 0], missing
     if steps_apart(trajectory.integrator, trajectory.system.massive) == 1:
         # Behind the last step, one that is chosen may have to be shorter than up to the end of the run.
-        marched = missing & ((times - begun[-1]) * direction > 0.0) & trajectory.clock.changes
+        marched = missing & ((times - starts[-1]) * direction > 0.0) & trajectory.clock.changes
         if (missing & ~marched).any():
             _part_of_steps(trajectory, kept, times, missing & ~marched, q, v)
     if marched.any():
-        rows = np.searchsorted(begun * direction, times * direction, side="right") - 1
-        _marched(trajectory, begun, rows, lambda k: _one(kept, k), times, marched, q, v)
+        rows = np.searchsorted(starts * direction, times * direction, side="right") - 1
+        _marched(trajectory, starts[rows], rows, lambda k: _one(kept, k), times, marched, q, v)
     return q, v, times
+
+
+def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array]:
+    """Return q and v, (bodies, 3), of a sample, or of the start of the run."""
+    if sample == START:
+        return trajectory.system.values.q, trajectory.system.values.v
+    return trajectory.sample(sample)
 
 
 def _one(kept: KeptSteps, row: int) -> tuple[Array, Array]:
@@ -138,15 +150,15 @@ def _marched(
 ) -> None:
     """Write the `missing` states, by marches from known ones.
 
-    begun : the times of the known states; before : the number of the one before each time; state : returns q and v
+    before : the number of the known state before each time, and `begun` its time; state : returns q and v
     """
     clock = trajectory.clock
-    marcher, known = None, -1
+    marcher, known = None, 0
     for k in np.argsort(times * clock.direction, kind="stable").tolist():
         if not missing[k]:
             continue
         if marcher is None or before[k] != known:
-            known, begin = int(before[k]), float(begun[before[k]])
+            known, begin = int(before[k]), float(begun[k])
             marcher = bound(
                 trajectory.system, trajectory.integrator, clock, threads=1, state=state(known), start=begin
             )

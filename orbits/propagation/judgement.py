@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orbits.errors import RetiredWarning, StepWarning, level_of_caller
+from orbits.errors import EventWarning, RetiredWarning, StepWarning, level_of_caller
 from orbits.kernels.steps import IMPACT
 from orbits.marching.retirement import REASONS
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.kepler_splitting import encounters
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
-from orbits.propagation.step_check import UNRESOLVED, passage_error, step_that_resolves, with_unit, without_dt
+from orbits.propagation.step_check import UNRESOLVED, in_digits, passage_error, step_that_resolves, without_dt
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
@@ -116,7 +117,7 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
     these = "it" if len(found) == 1 else "those named"
     instead = without_dt(run.system)
-    remedy = f"With dt <= {with_unit(enough, unit, 2)} {these} would have been resolved"
+    remedy = f"With dt <= {in_digits(enough, unit, 2)} {these} would have been resolved"
     if not enough:
         remedy = "No practical step resolves them with this method: use one of higher order, or softening"
     if instead:
@@ -124,11 +125,18 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
-        f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
+        f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
         "the run is not to be trusted for these bodies:\n" + "\n".join(lines) + f"{more}\n{remedy}.",
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def warn_of_events(remarks: Sequence[str]) -> None:
+    """Warn, with `EventWarning`, about events that mean nothing, or may be incomplete."""
+    if remarks:
+        text = "of the events that were sought:\n" + "\n".join(f"  {one}" for one in remarks)
+        warnings.warn(text, EventWarning, stacklevel=level_of_caller())
 
 
 def warn_of_retired(run: Trajectory) -> None:
@@ -145,7 +153,7 @@ def warn_of_retired(run: Trajectory) -> None:
         how = run.made_by
         remedy = "They meet a body there, as points do. Use softening, or end the run before."
     else:
-        how = f"{run.integrator.label} with dt = {with_unit(abs(run.step), unit, 6)}"
+        how = f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)}"
         remedy = "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening."
     warnings.warn(
         f"{how} could not step {who} any further, and the run went on without: their q and v are NaN from then on, and "
@@ -182,5 +190,5 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
 
 def _end(run: Trajectory, seen: Seen) -> float:
     """Return the time at which a run ended: that of its last sample or, if it was stopped, of its last step."""
-    last = float(run.times[-1]) if len(run.times) else 0.0
+    last = run.reached if run.complete else run.last_time
     return max(last, float(run.clock.time(seen.end)), key=abs)

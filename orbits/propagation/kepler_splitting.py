@@ -19,6 +19,7 @@ import numpy as np
 from orbits.errors import StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.propagation.approach import Approach
+from orbits.propagation.step_check import in_digits
 
 if TYPE_CHECKING:
     from orbits.integrators.forms import Array
@@ -73,12 +74,12 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     # The motion of a single planet is exact.
     if fastest is not None and len(orbits) > 1 and angle > 2.0 * math.pi / LEAST_STEPS:
         enough = abs(h) * 2.0 * math.pi / LEAST_STEPS / angle
-        body, passed = system.names[fastest.row], _said(fastest.pericentre, units.length)
+        body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
-            f"dt = {_said(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes {centre}, at "
-            f"{passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} they are in "
-            f"resonance with it; dt <= {_said(enough, units.time, 2)} resolves it, or leave dt and the method away: "
-            "steps are then chosen one by one.",
+            f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
+            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} "
+            f"they are in resonance with it; dt <= {in_digits(enough, units.time, 2)} resolves it, or leave dt and the "
+            "method away: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
         )
@@ -162,7 +163,7 @@ def _close(system: System, one: _Orbit, other: _Orbit) -> str:
     names = f"{system.names[one.row]} and {system.names[other.row]}"
     apart = float(np.linalg.norm(values.q[one.row] - values.q[other.row]))
     if apart < hill * float(np.linalg.norm(values.q[one.row] - values.q[sun])):
-        return f"{names} are {_said(apart, units.length)} apart, less than {HILL_RADII:.0f} Hill radii"
+        return f"{names} are {in_digits(apart, units.length)} apart, less than {HILL_RADII:.0f} Hill radii"
     if max(one.e, other.e) >= 1.0:
         return ""
     a, b = one.points(), other.points()
@@ -171,8 +172,4 @@ def _close(system: System, one: _Orbit, other: _Orbit) -> str:
     if distance[i, j] >= 0.0:
         return ""
     gap = float(np.linalg.norm(a[i] - b[j]))
-    return f"the orbits of {names} come within {_said(gap, units.length, 2)}, less than {HILL_RADII:.0f} Hill radii"
-
-
-def _said(x: float, unit: object, digits: int = 4) -> str:
-    return f"{x:.{digits}g} {unit}".rstrip()
+    return f"the orbits of {names} come within {in_digits(gap, units.length, 2)}, less than {HILL_RADII:.0f} Hill radii"

@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 class LegsAgain:
     """Marches a run again from a sample, with its own method and steps, through the changes that are known.
 
-    run : the run; sample : its number
+    run : the run; time, q, v : of the sample, or of its start
     """
 
-    def __init__(self, run: Trajectory, sample: int) -> None:
+    def __init__(self, run: Trajectory, time: float, q: Array, v: Array) -> None:
         self._run = run
-        self._begin(float(run.times[sample]), np.array(run._q[sample]), np.array(run._v[sample]))
+        self._begin(time, np.array(q), np.array(v))
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Return q and v of all bodies, (n, 3), at a time not before those asked for earlier; NaN for those gone."""

@@ -6,30 +6,35 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
 from orbits.errors import (
     EventError,
+    EventWarning,
     IntegrationError,
     Interrupted,
     OrbitsError,
     RetiredWarning,
     StepWarning,
     StorageError,
+    with_unit,
 )
 from orbits.integrators.base import Integrator
 from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
 from orbits.propagation.events.base import Happening, Sought
+from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import Followed, Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
+from orbits.propagation.precision import warn_of_energy
 from orbits.propagation.progress import Progress
-from orbits.propagation.replay import REPLAY, seen_by
+from orbits.propagation.replay import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.sample_store import SampleStore
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
@@ -86,9 +91,14 @@ class RunEnds:
         happening = self.events.happening(found, state)
         then = happening.event.then
         if not isinstance(then, str):
-            changed = then.act(happening)
+            try:
+                changed = then.act(happening)
+                if changed is not None and isinstance(marcher, ChangingMarch):
+                    marcher.change(happening.kind, found.time, *state, happening.system, changed)
+            except Exception:
+                self.events.log.drop_from(found.time)  # a run that is resumed acts there
+                raise
             if changed is not None and isinstance(marcher, ChangingMarch):
-                marcher.change(happening.kind, found.time, *state, happening.system, changed)
                 self.events.follow(marcher.now)
             return False
         self.end_at(system, marcher, happening, found.time, state)
@@ -141,8 +151,9 @@ def march(
     begin : opens the archive to write to, if there is one
     """
     begun, known = time.perf_counter(), len(marcher.retired())
-    failure: IntegrationError | StorageError | None = None
+    failure: Any = None  # an IntegrationError, a StorageError, or what a function of the user raised
     writer: ArchiveWriter | None = None
+    finished = False
     try:
         # Signals are caught before there is a file, so that no file is left without a message on how to go on.
         with StopRequest() as stop:
@@ -155,15 +166,16 @@ def march(
             try:
                 try:
                     particles = _Particles(system, integrator, marcher, grid, watch)
-                    _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
+                    finished = _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
                     watch.events.flush()
                     particles.end()
-                except IntegrationError as error:
-                    failure = error
-                    with suppress(EventError):
+                except (IntegrationError, Raised) as error:
+                    failure = error.error if isinstance(error, Raised) else error
+                    with suppress(EventError, Raised):
                         watch.events.flush()
                 finally:
                     bar.close()
+                store.ended = _how(marcher, grid, finished, watch, failure, stop)
                 store.commit(marcher)
             except StorageError as error:
                 failure = error
@@ -186,29 +198,37 @@ def march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
+    trajectory.span = 0.0, _reached(marcher, grid, finished, watch)
     trajectory._events = watch.events.table()
-    trajectory._retired = RetiredParticles.of(system, grid.clock, marcher.retired())
+    trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
-    if not (isinstance(marcher, ChangingMarch) and marcher.changed):
-        trajectory.record = Record.of(of_this_leg(marcher), float(trajectory.times[-1]) if len(trajectory) else 0.0)
+    if isinstance(marcher, ChangingMarch) and marcher.changed:
+        trajectory.kept = None  # steps are of the bodies of the start
+    else:
+        end = trajectory.reached if trajectory.complete else trajectory.last_time
+        trajectory.record = Record.of(of_this_leg(marcher), end)
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
+        judgement.warn_of_events(watch.events.remarks())
+        if watch.check_step:
+            warn_of_energy(trajectory)
         if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
                 warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of
                 warn(trajectory, seen_by(trajectory))
             if late.name:
                 raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
-    except (RetiredWarning, StepWarning) as warning:  # warnings may be raised as errors: the run is not lost
+    except (EventWarning, RetiredWarning, StepWarning) as warning:  # raised as errors: the run is not lost
         warning.trajectory = trajectory
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise
     if failure is not None:
-        failure.trajectory = trajectory
+        with suppress(AttributeError, TypeError):  # an exception of the user may have no room for it
+            failure.trajectory = trajectory
         raise failure
     if _was_stopped(stop, trajectory, watch):
-        at = f"{marcher.time:,.6g} of {grid.end:,.6g} {system.units.time}".rstrip()
+        at = with_unit(f"{marcher.time:,.6g} of {grid.end:,.6g}", system.units.time)
         how = (
             f"go on with: orbits resume {writer.path}"
             if writer is not None
@@ -231,6 +251,10 @@ class _Particles:
         self._system, self._watch, self._marcher = system, watch, of_this_leg(marcher)
         self._followed = Followed(system, integrator, grid.clock, watch.events, begun)
         self._clock, self._kept = grid.clock, self._now()
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._followed)
 
     def reach(self, sample: Sample) -> bool:
         """Seek events up to the next sample, before it is stored; return whether one of them ends the run."""
@@ -304,11 +328,32 @@ def _result(
         step=grid.clock,
         integrator=integrator,
         statistics=statistics,
-        complete=len(q) == len(grid),
+        complete=len(q) == len(grid) and (store.ended.finished or not grid.goes_on),
         again=REPLAY,
         accounts=accounts,
         kept=None if store.steps is None else store.steps.kept,
     )
+
+
+def _reached(marcher: March, grid: TimeGrid, finished: bool, watch: RunEnds) -> float:
+    """Return the time up to which a run was marched."""
+    if finished:
+        return grid.end
+    return marcher.time if watch.stopped is None else float(watch.stopped.time.value)
+
+
+def _how(
+    marcher: March, grid: TimeGrid, finished: bool, watch: RunEnds, failure: Exception | None, stop: StopRequest
+) -> Ended:
+    """Return how a run ended."""
+    how = why = ""
+    if watch.stopped is not None:
+        how, why = STOPPED, watch.stopped.reason
+    elif failure is not None:
+        how, why = FAILED, f"{type(failure).__name__}: {failure}"
+    elif stop.name and not finished:
+        how, why = INTERRUPTED, stop.name
+    return Ended(finished, _reached(marcher, grid, finished, watch), how, why)
 
 
 def _sample(
@@ -321,13 +366,15 @@ def _sample(
     stop: StopRequest,
     watch: RunEnds,
     particles: _Particles,
-) -> None:
-    """Visit every sample from `first` on, until a stop is requested."""
+) -> bool:
+    """Visit every sample from `first` on, and the end of the run, until a stop is requested; return whether the run
+    came to its end.
+    """
     watch.begun = time.perf_counter()
     known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
-    for index in range(first, len(grid)):
+    for index, goal in enumerate(grid.goals[first:].tolist(), first):
         if stop.name:
-            return
+            return False
         place = grid.place(index)
         while not known and marcher.is_before(place):
             try:
@@ -338,37 +385,42 @@ def _sample(
             found = watch.events.after(of_this_leg(marcher))
             bar.update(marcher.time)
             if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
-                return
+                return False
             if store.overdue:
                 store.commit(marcher)
         while watch.events.interrupts:  # those between the last step and the sample
-            found = watch.ahead(marcher, float(grid.times[index]))
+            found = watch.ahead(marcher, goal)
             if watch.interrupted(system, marcher, found):
-                return
+                return False
             if found is None:
                 break
+        if index == len(grid) and not particles:
+            break
         if not known and marcher.clock.changes:
-            known = marcher.states_before_next(grid.times[index : index + AT_ONCE])[::-1]
+            known = marcher.states_before_next(grid.goals[index : index + AT_ONCE])[::-1]
         state = known.pop() if known else marcher.state_at(place)
-        if particles.reach(Sample(float(grid.times[index]), *state)):
-            return
+        if particles.reach(Sample(goal, *state)):
+            return False
+        if index == len(grid):
+            break
         store.note(marcher.accounts())
         store.add(*state)
         if watch.callback is not None:
-            t = float(grid.times[index])
-            if asks_to_stop(watch.callback, u.Quantity(t, system.units.time), _moved(system, marcher, t, *state)):
-                watch.note(system, marcher, t, state, "the callback ended the run", None)
-                return
+            moved_on = _moved(system, marcher, goal, *state)
+            if asks_to_stop(watch.callback, u.Quantity(goal, system.units.time), moved_on):
+                watch.note(system, marcher, goal, state, "the callback ended the run", None)
+                return False
         if store.full:
             store.commit(marcher)
     while (found := watch.events.before(of_this_leg(marcher), grid.end, record=True)) is not None:
         if watch.interrupted(system, marcher, found):
-            return
+            return False
     if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
         with suppress(IntegrationError):
             end = of_this_leg(marcher).ended_at(grid.end)  # the last step of the march leads beyond the run
             if end.met is not None:
                 watch.note(system, marcher, end.time, end.state(), *watch.conditions.met(*end.met))
+    return True
 
 
 def _moved(system: System, marcher: March, t: float, q: Array, v: Array) -> System:

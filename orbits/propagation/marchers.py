@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
+from itertools import compress
 from os import PathLike
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits._version import __version__
+from orbits.archive.ended import ENDED
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators import named
@@ -83,8 +85,8 @@ def bound(
         radii=radii,
     )
     if state is None:  # a march from a state of a run must not be refused where the run itself was not
-        massive = np.flatnonzero(system.massive)
-        names = [system.names[k] for k in massive]
+        massive = system.massive
+        names = list(compress(system.names, massive))
         marcher.clock.check_bodies(marcher.parameters, bodies.q[massive], bodies.v[massive], names)
     return marcher
 
@@ -113,7 +115,7 @@ def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: st
     Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    beside = {ACCOUNTS, *EVENTS}
+    beside = {ACCOUNTS, ENDED, *EVENTS}
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name not in beside}
     for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+UNBOUND = 2.0 * (1.0 + 1e-6)
+"""The least v^2 r / GM at the pericentre of a hyperbola, with a margin for passages that are only estimated."""
+
 SAME = 1.5
 """The number of steps by which two records of one passage may differ."""
 
@@ -45,13 +48,13 @@ class Record(NamedTuple):
     @classmethod
     def of(cls, marcher: Marcher, end: float) -> Record:
         """Return the record of a marcher so far, including the rest of the run up to its end, which is less than a
-        step.
+        step; if steps differ, the march itself ends there, and cannot go on.
         """
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
         if marcher.clock.changes:
             if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
                 with suppress(IntegrationError):  # where the run itself failed
-                    marcher = marcher.ended_at(end)
+                    marcher.end_at(end)
             return cls(marcher.approaches(), *marcher.passages(), dominant, reaches, marcher.reading)
         closest, (listed, left_out) = marcher.approaches(), marcher.passages()
         h = marcher.clock.h
@@ -126,7 +129,8 @@ class Seen:
     dominant : number of the body that dominates the system, or -1
     reach : (bodies,), distance within which flybys are listed; end : reading of the clock at the end of the run
     closest : (bodies, 2) numbers of passages, -1 for none: the closest to the dominant body, and to any other body
-    flybys : numbers of the listed passages, and of the closest approaches to bodies other than the dominant one
+    flybys : numbers of the listed passages, and of the closest approaches to bodies other than the dominant one, or to
+        that one on a hyperbola
     """
 
     def __init__(self, system: System, record: Record, clock: Clock) -> None:
@@ -158,13 +162,20 @@ class Seen:
                     f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
                     "behind the end of the run. Restore it from a copy."
                 )
-            record = Record.of(marcher, float(trajectory.times[-1]) if len(trajectory) else 0.0)
+            record = Record.of(marcher, trajectory.reached if trajectory.complete else trajectory.last_time)
         return cls(trajectory.system, record, trajectory.clock)
 
     @cached_property
     def flybys(self) -> list[int]:
-        """Numbers of the passages by bodies other than the dominant one, in order of discovery."""
-        return [k for k, passage in enumerate(self.passages) if self.dominant not in (passage.body, passage.other)]
+        """Numbers of the passages by bodies other than the dominant one, and by that one on a hyperbola, in order of
+        discovery.
+        """
+        passages = enumerate(self.passages)
+        return [k for k, one in passages if self.dominant not in (one.body, one.other) or self._free(one)]
+
+    def _free(self, passage: Passage) -> bool:
+        """Return whether two bodies leave each other for good after a passage."""
+        return passage.speed**2 * passage.distance > UNBOUND * self.gm(passage)
 
     def _listed(self, row: Array) -> Passage:
         begin, end = encounters.STATE, encounters.ABOUT

@@ -8,6 +8,8 @@ import time
 from html import escape
 from typing import Any, Protocol
 
+from orbits.errors import with_unit
+
 PATIENCE = 0.5
 """Seconds before a bar appears, so that short runs are silent."""
 
@@ -36,7 +38,7 @@ class Progress:
                 return
             self._bar = self._make(self._label)
         fraction = abs(done / self._total)
-        at = f"{done:,.6g} / {self._total:,.6g} {self._unit}".rstrip()
+        at = with_unit(f"{done:,.6g} / {self._total:,.6g}", self._unit)
         self._bar.show(fraction, at, f"{fraction * self._steps / elapsed:,.0f} steps/s")
 
     def close(self) -> None:

@@ -63,7 +63,7 @@ class _Walk:
         system = trajectory.system
         q, v, time = _state(trajectory, sample)
         self._massive = system.massive
-        self.end = float(trajectory.times[-1]) if len(trajectory) else 0.0
+        self.end = trajectory.reached if trajectory.complete else trajectory.last_time
         wanted = self._massive.copy()
         wanted[list(bodies)] = True
         self._bodies = np.flatnonzero(wanted)

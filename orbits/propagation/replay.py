@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, IntegrationError
 
 if TYPE_CHECKING:
+    from orbits.marching.marcher import Marcher
+    from orbits.marching.retirement import Retirement
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
+    from orbits.propagation.changing import ChangingMarch
     from orbits.propagation.error_bars import ErrorBars
     from orbits.propagation.passages_seen import Seen
+    from orbits.propagation.stop_conditions import Stop
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
@@ -27,7 +32,7 @@ class Replay:
         """Return a march of a run from its initial state."""
         from orbits.propagation.marchers import bound
 
-        _refuse_legs(run, "run.begun() and run.to_spk() march with")
+        _refuse_legs(run, "run.to_spk() and run.begun() march")
         return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
@@ -63,40 +68,78 @@ class Replay:
         """Return the error bars of a run, from two companions."""
         from orbits.propagation.error_estimate import error_bars
 
-        _refuse_legs(run, "run.error_estimate() marches companions with")
+        _refuse_legs(run, "the companions of run.error_estimate() march")
         return error_bars(run)
 
     def retired(self, run: Trajectory) -> RetiredParticles:
-        """Return the retired particles of a run in an archive, as listed in its last checkpoint."""
+        """Return the retired particles of a run in an archive, as listed in its last checkpoint, and those lost between
+        its last whole step and its last sample.
+        """
         from orbits.trajectory.retired import RetiredParticles
 
         checkpoint = {} if run.archive is None else run.archive.checkpoint()
         listed = checkpoint.get("retired")
-        if listed is None or not listed[:, 0].any():
+        if listed is None or not (listed[:, 0].any() or (len(run) and np.isnan(run.q[-1].value).any())):
             return RetiredParticles()
         from orbits.marching.retirement import retirements
 
         particles = np.flatnonzero(~run.system.massive)
         q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
         rows = retirements(listed, q, v, particles, clocks)
+        if run.changes is None and missing(run, rows):
+            from orbits.propagation.marchers import bound, restore
+
+            marcher = bound(run.system, run.integrator, run.clock)
+            restore(marcher, checkpoint, str(run.path))
+            rows = lost_by_the_end(marcher, run)
         return RetiredParticles.of(run.system, run.clock, rows)
+
+    def stopped(self, run: Trajectory) -> Stop:
+        """Return why and where a run in an archive was ended."""
+        from astropy import units as u
+
+        from orbits.propagation.stop_conditions import Stop
+
+        assert run.archive is not None
+        ended = run.archive.ended
+        time = run.reached if ended.time is None else ended.time
+        return Stop(ended.why, None, u.Quantity(time, run.system.units.time), self.at(run, time))
 
 
 REPLAY = Replay()
+
+
+def missing(run: Trajectory, retired: list[Retirement]) -> bool:
+    """Return whether massless particles have no place in the last sample of a run, though they are not retired."""
+    if not len(run) or run.system.massive.all():
+        return False
+    lost = np.isnan(run.q[-1].value).any(axis=1) & ~run.system.massive
+    return bool(set(np.flatnonzero(lost)) - {one.body for one in retired})
+
+
+def lost_by_the_end(march: Marcher | ChangingMarch, run: Trajectory) -> list[Retirement]:
+    """Return the retired particles of a run, whose march is at its end, with those lost in the step that leads beyond:
+    it is marched up to the last sample, on a copy.
+    """
+    retired = march.retired()
+    if missing(run, retired):
+        with suppress(IntegrationError):  # of the massive bodies, where the run ends
+            return march.retired_by(float(run.times[-1]))
+    return retired
 
 
 def _refuse_legs(run: Trajectory, what: str) -> None:
     """Raise InputError for a run whose massive bodies changed on the way."""
     if run.changes is not None and run.changes.acted_on_massive:
         raise InputError(
-            f"{what} the same bodies from start to end, but in this run bodies merge, bounce, or are changed at "
-            "events. These are in run.events; run.at(times) and the samples go through them."
+            f"{what} the same bodies from start to end, but in this run bodies merge, bounce, or are changed at events "
+            "(see run.events and run.legs). run.at(times) and the samples go through these changes."
         )
 
 
 def seen_by(run: Trajectory) -> Seen:
     """Return the passages of a run, which are determined once and stored with it."""
-    _refuse_legs(run, "run.closest_approaches() and run.unresolved() know runs of")
+    _refuse_legs(run, "run.closest_approaches() and run.unresolved() follow")
     if run.record is None and run.archive is None:
         raise InputError(
             f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "

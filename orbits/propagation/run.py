@@ -24,12 +24,13 @@ from orbits.propagation.events.particles import Sample
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, RunEnds, march
 from orbits.propagation.marchers import differences, provenance, restore
+from orbits.propagation.precision import check_length, warn_if_far
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.system import System
-from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time
+from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -77,8 +78,9 @@ def propagate(
     duration : the length of the run: a quantity, a number or a text ("10 yr"); negative for backwards in time
     until : instead, its end: a date (a Time, "2030-01-01", a datetime64; TDB if no scale is given), or a time since
         the epoch (a quantity, a number, "10 yr"); before the epoch for backwards in time
-    samples : a number of samples, including both ends, or a sequence of times in the formats of `until`; a sample off
-        the grid of steps is computed by a partial step on a copy, so that samples never change the run
+    samples : a number of samples, including both ends, or a sequence of times in the formats of `until`, within the
+        run, which goes on to its end wherever they are; a sample off the grid of steps is computed by a partial step on
+        a copy, so that samples never change the run
     archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
     overwrite : whether an existing archive may be replaced
     certificate : True certifies the integrator on this system with this step before the run, as `orbits.certify`
@@ -90,9 +92,11 @@ def propagate(
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
-        about close passages that the step did not resolve (see `run.closest_approaches()`)
+        about close passages that the step did not resolve (see `run.closest_approaches()`); with `OrbitsWarning` about
+        bodies so far from the origin that their separations have few digits
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
-        once: about 0.5 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same
+        once: about 0.3 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
+        an event changes the bodies there is a warning, and `run.at` marches from the samples, as without it
     progress : None or True shows a progress bar on a terminal, False does not
     threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
         the result do not depend on it
@@ -102,8 +106,9 @@ def propagate(
     Raises InputError for invalid arguments; UnknownNameError for unknown ones, which for arguments of other packages
     names the equivalent; ConvergenceError or SingularityError if a step of the massive bodies fails (a massless
     particle is retired alone, see `run.retired`, with a `RetiredWarning`); StorageError if writing fails or the archive
-    is deleted or replaced during the run; Interrupted (a KeyboardInterrupt) after Ctrl-C, SIGTERM or SIGHUP. All except
-    the first two have the samples so far as `.trajectory`.
+    is deleted or replaced during the run; Interrupted (a KeyboardInterrupt) after Ctrl-C, SIGTERM or SIGHUP; and what
+    your own functions raise, in `events` or `callback`. All except the first two have the samples so far as
+    `.trajectory`.
     """
     for name in others:
         raise unknown_argument(propagate, name)
@@ -127,6 +132,13 @@ def propagate(
         threads=threads,
     )
     merged = run.changes is not None and run.changes.acted_on_massive
+    if merged and dense:
+        warnings.warn(
+            "dense=True: no steps are kept of a run in which events change the bodies; run.at(times) marches on from "
+            "the preceding sample, through the changes: its answers are right, but take longer.",
+            OrbitsWarning,
+            stacklevel=level_of_caller(),
+        )
     if estimated and merged:
         warnings.warn(
             "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at "
@@ -162,8 +174,10 @@ def propagated(
     seeking = Seeking(system, events, grid.clock.direction)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
-        _refuse_endless(system, grid)
-    if checked_flag(check_step, "check_step") and not grid.clock.changes:
+        check_length(system, grid)
+    if checked_flag(check_step, "check_step"):
+        warn_if_far(system, grid.end)
+    if check_step and not grid.clock.changes:
         check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
         check(system, integrator, grid.h, grid.end)
     watch = RunEnds(conditions, callback, check_step, seeking)
@@ -214,16 +228,6 @@ def propagated(
     return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
 
 
-def _refuse_endless(system: System, grid: TimeGrid) -> None:
-    """Refuse a run of too many steps, estimated by the dynamical time at its start."""
-    steps = abs(grid.end) / dynamical_time(system)
-    if steps > MOST_STEPS:
-        raise InputError(
-            f"duration is {grid.end:g} {system.units.time}, about {steps:.1g} times the dynamical time of the bodies; "
-            "at most 2^53 steps are possible. Use a shorter duration."
-        )
-
-
 def resume(
     path: Path,
     *,
@@ -239,8 +243,8 @@ def resume(
     until : for a finished run, the date or the time since the epoch to which it is extended, as in `propagate`, with
         samples as dense as before; None completes an interrupted run
     events : those of the run, if an archive cannot hold them: functions of your own, and what acts. Others are known
-    same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change;
-        False resumes anyway
+    same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change, and
+        functions in `events` whose code is not that of the run; False resumes anyway
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
@@ -253,8 +257,8 @@ def resume(
     try:
         system = old.system
         integrator, _ = made_by(old)
-        changed = differences(old.provenance)
-        if changed and checked_flag(same_bits, "same_bits"):
+        changed, exactly = differences(old.provenance), checked_flag(same_bits, "same_bits")
+        if changed and exactly:
             raise ArchiveError(
                 f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out "
                 "differently here. Resume with same_bits=False (--any-bits) to accept that."
@@ -262,10 +266,10 @@ def resume(
         if until is not None and not old.complete:
             raise ArchiveError(f"the run in {path} is not complete yet: resume it without until=..., then extend it")
         grid = old.grid if until is None else old.grid.extended(system, until)
-        if old.committed == len(grid):
+        if old.committed == len(grid) and old.complete:
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
-        seeking = sought_again(old, events, path)
+        seeking = sought_again(old, events, path, exactly)
         marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)
@@ -273,7 +277,8 @@ def resume(
             seeking.follow(marcher.now)
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
-        steps = continued(old, of_this_leg(marcher))
+        changed_before = isinstance(marcher, ChangingMarch) and marcher.changed
+        steps = None if changed_before else continued(old, of_this_leg(marcher))
     except BaseException:
         old.close()
         raise
@@ -300,7 +305,7 @@ def _last_sample(archive: Archive) -> Sample | None:
 def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> None:
     """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
     if grid.clock.changes:
-        following = float(grid.times[committed])
+        following = float(grid.goals[committed])
         if not (following - marcher.time) * grid.direction >= 0.0:
             raise ArchiveError(
                 f"{path} is damaged: its checkpoint is at {marcher.time:.10g}, behind the next sample, "

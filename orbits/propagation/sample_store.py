@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.archive.ended import ENDED, Ended
 from orbits.errors import ArchiveError, InputError
 from orbits.kernels.acting import FIGURES
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
@@ -54,6 +55,8 @@ class SampleStore:
         next sample; by default there are no forces
     steps : what keeps the steps of the run for dense output, or None
     events : those that are sought, if any
+
+    ended : how the run ended, for the last commit
     """
 
     def __init__(
@@ -65,7 +68,7 @@ class SampleStore:
         steps: StepStore | None = None,
         events: Seeking | None = None,
     ) -> None:
-        self._events = events
+        self._events, self.ended = events, Ended()
         self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
         self.steps = steps
         self._next = len(self._accounts) - room
@@ -115,7 +118,7 @@ class SampleStore:
         if self._writer is not None:
             if self._events is not None:
                 self._events.flush()
-            checkpoint = checkpoint_of(marcher, self._accounts, self._events)
+            checkpoint = checkpoint_of(marcher, self._accounts, self._events, self.ended)
             new = self._q[: self._count], self._v[: self._count], checkpoint
             if self.steps is None:
                 self._writer.commit(*new)
@@ -131,12 +134,13 @@ class SampleStore:
 
 
 def checkpoint_of(
-    marcher: Resumable, accounts: Array, events: Seeking | None = None
+    marcher: Resumable, accounts: Array, events: Seeking | None = None, ended: Ended | None = None
 ) -> dict[str, NDArray[np.generic]]:
-    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, and with the
-    events found so far.
+    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, with the
+    events found so far, and with how the run ended, if it did.
     """
-    known = {ACCOUNTS: accounts.copy()} if accounts.size else {}
+    known: dict[str, NDArray[np.generic]] = {ENDED: (Ended() if ended is None else ended).encoded()}
+    known |= {ACCOUNTS: accounts.copy()} if accounts.size else {}
     return {**marcher.checkpoint(), **known, **({} if events is None else events.checkpoint())}
 
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 import warnings
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orbits.elements import state_from_elements
-from orbits.errors import IntegrationError, StepWarning, level_of_caller
+from orbits.errors import IntegrationError, StepWarning, level_of_caller, with_unit
 from orbits.integrators.base import Integrator
 from orbits.marching.watcher import RULE
 from orbits.propagation.approach import as_error, said
@@ -140,12 +140,12 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
     else:
         enough = step_that_resolves(integrator, h, pair, span - start, span)
     instead = without_dt(system)
-    remedy = f"dt <= {with_unit(enough, units.time, 2)} would resolve it{instead and f', or {instead}'}"
+    remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it{instead and f', or {instead}'}"
     if not enough:
         remedy = f"no step that is practical resolves it with this method: {instead or 'use one of higher order'}"
     warnings.warn(
-        f"dt = {with_unit(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
-        f"{with_unit(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
+        f"{in_digits(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
         f"{what}; {remedy}.",
         StepWarning,
         stacklevel=level_of_caller(),
@@ -241,6 +241,6 @@ def _round(count: float) -> str:
     return f"{float(f'{count:.2g}'):,g}"
 
 
-def with_unit(x: float, unit: Any, digits: int = 4) -> str:
-    """Return a number with its unit, if it has one."""
-    return f"{x:.{digits}g} {unit}".rstrip()
+def in_digits(x: float, unit: object, digits: int = 4) -> str:
+    """Return a number to some digits, with its unit if it has one."""
+    return with_unit(f"{x:.{digits}g}", unit)

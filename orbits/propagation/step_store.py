@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, InputError, StorageError
 from orbits.integrators.base import Integrator
+from orbits.marching.blocks import steps_apart
 from orbits.marching.kept_steps import PIECE_BYTES, StepsInMemory
-from orbits.marching.marcher import steps_apart
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.time_grid import TimeGrid, dynamical_time
 

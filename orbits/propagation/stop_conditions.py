@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import positive_number
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.kernels.stopping import ANY, CLOSER, FARTHER
-from orbits.propagation.events.base import RECORD, Sought
-from orbits.propagation.events.kinds import Distance, pairs_of
+from orbits.propagation.events.base import RECORD, STOP, Sought
+from orbits.propagation.events.functions import calling, named
+from orbits.propagation.events.kinds import Distance, check_names, pairs_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ class CloserThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
+    A run that is to stop there is refused if two named bodies are there at its start; others record when they get
+    there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -59,6 +62,8 @@ class FartherThan(Sought):
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
+    A run that is to stop there is refused if two named bodies are there at its start; others record when they get
+    there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -153,7 +158,7 @@ class Conditions:
             return f"the energy error exceeded {self._energy.fraction:g}", self._energy
         found = self._distances[condition]
         names, unit = self._system.names, self._system.units.length
-        distance = f"{math.sqrt(self.stops[condition, 3]):g} {unit}".rstrip()
+        distance = with_unit(f"{math.sqrt(self.stops[condition, 3]):g}", unit)
         if isinstance(found, CloserThan):
             return f"{names[row]} came closer than {distance} to {names[body]}", found
         return f"{names[row]} went farther than {distance} from {names[body]}", found
@@ -177,12 +182,8 @@ class Conditions:
                     f"{what}: {condition.body} and {condition.other} are both massless particles, which are not "
                     "followed in pairs; expected a body with mass among the two."
                 )
-            distance = float(np.linalg.norm(system.values.q[named[0]] - system.values.q[named[1]]))
-            if (distance < bound) == isinstance(condition, CloserThan) and distance != bound:
-                raise InputError(
-                    f"{what}: {condition.body} and {condition.other} are {distance:g} {system.units.length} apart at "
-                    f"the start already; the bound is {bound:g}. Give another one."
-                )
+        if len(named) == 2:
+            _check_start(condition, system, named[0], np.array(named[1:]), bound)
         kind = CLOSER if isinstance(condition, CloserThan) else FARTHER
         return kind, rows[0], rows[1], bound * bound
 
@@ -211,11 +212,14 @@ def check_callback(callback: Any) -> None:
 
 
 def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity, system: System) -> bool:
-    """Return whether a callback ends the run. Raises InputError for an answer that is not True, False or None."""
-    answer = callback(t, system)
-    if answer is None or isinstance(answer, bool | np.bool_):
-        return bool(answer)
-    raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
+    """Return whether a callback ends the run. Raises `Raised` with what it raises, and with an InputError for an
+    answer that is not True, False or None.
+    """
+    with calling(f"callback={named(callback)}, at t = {t:.10g}"):
+        answer = callback(t, system)
+        if answer is None or isinstance(answer, bool | np.bool_):
+            return bool(answer)
+        raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
 
 
 def distances(
@@ -225,7 +229,23 @@ def distances(
     what = type(event).__name__
     bound = float(system.units.length_value(event.distance, what))
     pairs = pairs_of(system, event.body, event.other, what)
-    return Distance(words(f"{bound:g} {system.units.length}".rstrip()), pairs, bound)
+    if event.then == STOP and event.body is not None and event.other is not None:
+        for row, other in pairs:
+            _check_start(event, system, row, np.array([other]), bound)
+    return Distance(words(with_unit(f"{bound:g}", system.units.length)), pairs, bound)
+
+
+def _check_start(condition: CloserThan | FartherThan, system: System, row: int, others: Any, bound: float) -> None:
+    """Raise InputError if a body and any of others are where the run is to end already at its start."""
+    others = others[others != row]
+    apart = np.linalg.norm(system.values.q[others] - system.values.q[row], axis=1)
+    there = np.flatnonzero(apart < bound if isinstance(condition, CloserThan) else apart > bound)
+    if len(there):
+        raise InputError(
+            f"{type(condition).__name__}: {system.names[row]} and {system.names[others[there[0]]]} are "
+            f"{with_unit(f'{apart[there[0]]:g}', system.units.length)} apart at the start already; the bound is "
+            f"{bound:g}. Give another one, or name the bodies that it is for."
+        )
 
 
 def _check_pair(condition: CloserThan | FartherThan) -> None:
@@ -234,9 +254,7 @@ def _check_pair(condition: CloserThan | FartherThan) -> None:
     distance = quantity_from_text(condition.distance, f"{what}.distance", expected)
     object.__setattr__(condition, "distance", distance)
     positive_number(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
-    for name in (condition.body, condition.other):
-        if not isinstance(name, str | None):
-            raise InputError(f"{what} of {shown(name)}; expected the name of a body, or None for any.")
+    check_names(condition, condition.body, condition.other)
 
 
 def _seconds(value: Any) -> float:

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import few
-from orbits.errors import ConvergenceError
+from orbits.errors import ConvergenceError, with_unit
 from orbits.point_masses import PointMasses
 from orbits.regression.taylor import ORDER, taylor
 
@@ -279,6 +279,6 @@ def converged(system: System, grid: TimeGrid, threads: int | None = None) -> Ref
             )
     q, *checks = (np.asarray(run.q.to_value(system.units.length)) for run in (judge, *others))
     error = np.max([np.linalg.norm(q - check, axis=-1).max(axis=0) for check in checks], axis=0)
-    named = f"{grid.dt:.6g} {system.units.time}".strip()
+    named = with_unit(f"{grid.dt:.6g}", system.units.time)
     description = f"Gauss(stages=8) at dt = {named}, compared with 7 and 6 stages"
     return ReferenceSolution(q, error, "converged", description)

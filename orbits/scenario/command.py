@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 Dt = Annotated[
     str | None,
     typer.Option(
-        help="Step: '6 d', or a number in the system's unit of time; or adaptive, 'adaptive(tolerance=1e-8)'.",
+        help="Step: '6 d', or a number in the system's unit of time; adaptive or adaptive:1e-8 for steps chosen one by "
+        "one, to a tolerance; transformed or transformed:0.3 for constant steps of transformed time.",
         metavar="STEP",
     ),
 ]
@@ -87,16 +89,20 @@ def guarded() -> Iterator[None]:
 def changed(
     scenario: Scenario | Study, dt: str | None, duration: str | None, integrator: str | None, samples: int | None
 ) -> Scenario | Study:
-    """Return the scenario with the options of the command line. Raises InputError for a study, which takes none."""
+    """Return the scenario with the options of the command line. Raises InputError for those that a study refuses: all
+    of them, but for --dt if it has one.
+    """
     if isinstance(scenario, Study):
         typed = {"--dt": dt, "--duration": duration, "--integrator": integrator, "--samples": samples}
-        refused = [option for option, value in typed.items() if value is not None]
+        takes = ["--dt"] if scenario.dt is not None else []
+        refused = [option for option, value in typed.items() if value is not None and option not in takes]
         if refused:
+            own = "methods and lengths" if takes else "steps, methods and lengths"
             raise InputError(
-                f"{scenario.name!r} is a study with steps, methods and lengths of its own: it takes no "
-                f"{' or '.join(refused)}; it takes --out, --json and --no-plot."
+                f"{scenario.name!r} is a study with {own} of its own: it takes no {' or '.join(refused)}; it takes "
+                f"{', '.join([*takes, '--out', '--json'])} and --no-plot."
             )
-        return scenario
+        return scenario if dt is None else replace(scenario, dt=step_or_clock(dt, "--dt"))
     from orbits import integrators
     from orbits.marching.clocks import Clock
 

@@ -128,7 +128,7 @@ def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
 def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOutcome:
     report = replaceable(folder / "report.json")
     with located():
-        result = study.experiment(say)
+        result = study.experiment(say) if study.dt is None else study.experiment(say, study.dt)
     if not isinstance(result, StudyResult):
         raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {shown(result)}.")
     _require_checks(study.name, result.checks)
@@ -312,6 +312,7 @@ def _run_record(run: Trajectory) -> dict[str, Any]:
     cost = run.statistics
     return {
         "integrator": run.integrator.label,
+        "made_by": run.made_by,
         "dt": None if run.clock.changes else abs(run.step),
         "tolerance": run.clock.tolerance_for(run.integrator) if isinstance(run.clock, Adaptive) else None,
         "time_unit": str(run.system.units.time),

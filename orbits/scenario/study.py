@@ -76,6 +76,8 @@ class Study:
 
     name, title : as in `Scenario`
     experiment : a function of `say`, which prints a message about the progress, that returns a `StudyResult`
+    dt : the steps of its runs, as of `orbits.propagate`, if the experiment takes them as its second argument, and
+        --dt replaces them; None for an experiment with steps of its own
     certifies : the problems for `orbits certify`: tuples (Lagrangian or System, integrator, dt) or, for a Lagrangian,
         (Lagrangian, integrator, dt, q, v) with initial q, v of shape (d,)
 
@@ -94,8 +96,9 @@ class Study:
 
     name: str
     title: str
-    experiment: Callable[[Say], StudyResult]
+    experiment: Callable[..., StudyResult]
     certifies: Sequence[tuple[Any, ...]] = ()
+    dt: Any = None
 
     if TYPE_CHECKING:  # set by the package: it lives with the command line
         main: ClassVar[Callable[[], None]]

@@ -22,27 +22,44 @@ def quantity(text: str, option: str) -> Any:
     return quantity_from_text(value, option, expected)
 
 
+CLOCKS = {
+    "adaptive": ("Adaptive", 'adaptive, adaptive:1e-8 or "adaptive(tolerance=1e-8)"'),
+    "transformed": ("TimeTransformed", 'transformed, transformed:0.3 or "transformed(step=0.3)"'),
+}
+"""The words for steps that differ in length: the clock of `orbits` that each means, and what may be typed."""
+
+
 def step_or_clock(text: str, option: str) -> Any:
-    """Return "adaptive" and "adaptive(tolerance=1e-8)" as `orbits.Adaptive(...)`, anything else as `quantity` does.
+    """Return "adaptive", "adaptive:1e-8" and "adaptive(tolerance=1e-8)" as `orbits.Adaptive(...)`, "transformed" with
+    a step as `orbits.TimeTransformed(...)`, anything else as `quantity` does.
 
     Raises InputError, naming the option, for anything that cannot be read.
     """
-    if not text.strip().lower().startswith("adaptive"):
+    typed = text.strip().lower()
+    word = next((word for word in CLOCKS if typed.startswith(word)), None)
+    if word is None:
         return quantity(text, option)
-    from orbits.marching.adaptive import Adaptive
+    import orbits
 
+    clock, (name, ways) = None, CLOCKS[word]
     try:
+        head, colon, number = typed.partition(":")
+        if colon and head.strip() == word:
+            return getattr(orbits, name)(float(number))
         read = ast.parse(text.strip(), mode="eval").body
-        if isinstance(read, ast.Name) and read.id.lower() == "adaptive":
-            return Adaptive()
-        if isinstance(read, ast.Call) and isinstance(read.func, ast.Name) and read.func.id.lower() == "adaptive":
+        if isinstance(read, ast.Name) and read.id.lower() == word:
+            clock = getattr(orbits, name)()
+        if isinstance(read, ast.Call) and isinstance(read.func, ast.Name) and read.func.id.lower() == word:
             given = [ast.literal_eval(value) for value in read.args]
-            return Adaptive(*given, **{str(key.arg): ast.literal_eval(key.value) for key in read.keywords})
+            named = {str(key.arg): ast.literal_eval(key.value) for key in read.keywords}
+            clock = getattr(orbits, name)(*given, **named)
     except InputError:
         raise
     except (SyntaxError, ValueError, TypeError, MemoryError, RecursionError):
         pass
-    raise InputError(f'{option} = {shown(text)} cannot be read; write adaptive, or "adaptive(tolerance=1e-8)".')
+    if clock is None:
+        raise InputError(f"{option} = {shown(text)} cannot be read; write {ways}.")
+    return clock
 
 
 def number_or_text(text: str) -> float | str:

@@ -10,7 +10,7 @@ import numpy as np
 from astropy import units as u
 
 from orbits.checks import is_whole
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.export import html_pairs
 
 if TYPE_CHECKING:
@@ -84,4 +84,4 @@ class Bodies:
 
 
 def _vector(x: u.Quantity) -> str:
-    return f"[{', '.join(f'{component:.6g}' for component in x.value)}] {x.unit}".rstrip()
+    return with_unit(f"[{', '.join(f'{component:.6g}' for component in x.value)}]", x.unit)

@@ -176,9 +176,9 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
     """Return the model of the bodies of a system, or of some of them, which must include all massive ones."""
     from orbits.lagrangians.newtonian import newtonian, parameters
 
-    massive, names = system.massive[bodies], np.asarray(system.names)[bodies]
     forces = []
     for force in system.forces:
+        massive, names = system.massive[bodies], np.asarray(system.names)[bodies]
         on = np.ones(len(names), dtype=bool) if force.bodies is None else np.isin(names, force.bodies)
         forces.append(force.bound(on[massive], on[~massive], system.units))
     if not system.terms:

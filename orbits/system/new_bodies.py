@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
 from orbits.body_names import checked_names, few
-from orbits.errors import EpochError, InputError, UnknownNameError, shown
+from orbits.errors import EpochError, InputError, UnknownNameError, shown, with_unit
 from orbits.system import state_checks
 from orbits.units import UnitSystem, as_epoch
 
@@ -107,7 +107,7 @@ def primary(name: str, given: Mapping[str, Any], units: UnitSystem) -> tuple[flo
     gm = float(masses([name], given.get("gm"), given.get("mass"), units)[0])
     if gm == 0.0:
         raise InputError(
-            f"gm of {shown(name)} is {shown(gm)} {units.gm}; expected > 0, as the other bodies orbit it."
+            f"gm of {shown(name)} is {with_unit(shown(gm), units.gm)}; expected > 0, as the other bodies orbit it."
         )
     if given.get("radius") is None:
         return gm, None

@@ -10,6 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen
+from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
 from orbits.system.model import to_json
 
@@ -56,12 +57,21 @@ def labelled_run(
     v: Floats,
     bodies: Sequence[str] | None,
     known: Mapping[str, str | float],
+    over: Sequence[Floats] | None = None,
 ) -> Labelled:
-    """Return samples of a run as named arrays; `times` (n,), q and v (n, bodies, 3) in the system's units."""
+    """Return samples of a run as named arrays; `times` (n,), q and v (n, bodies, 3) in the system's units.
+
+    over : GM and radii at each time, (n, bodies), if they change
+    """
     pick = chosen(system.names, bodies)
     units = system.units
     start = labelled_state(system, bodies)
     variables = {key: start.variables[key] for key in ("gm", "radius") if key in start.variables}
+    if over is not None:
+        changing = zip(("gm", "radius"), over, strict=True)
+        variables = {
+            key: Variable(x[:, pick], variables[key].unit, ("time", "body")) for key, x in changing if key in variables
+        }
     variables |= {
         "q": Variable(q[:, pick], units.length, ("time", "body", "component")),
         "v": Variable(v[:, pick], units.speed, ("time", "body", "component")),
@@ -72,7 +82,9 @@ def labelled_run(
 
 def span(t: u.Quantity) -> str:
     """Return the range of times of shape (n,) in words."""
-    return f"t = {t[0].value:g} ... {t[-1].value:g} {t.unit}".rstrip() if len(t) else "no samples yet"
+    if not len(t):
+        return "no samples yet"
+    return with_unit(f"t = {t[0].value:g}" + (f" ... {t[-1].value:g}" if len(t) > 1 else ""), t.unit)
 
 
 def state_html(system: System) -> str:

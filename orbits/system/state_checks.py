@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import few
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.point_masses import PointMasses
 from orbits.units import UnitSystem
 
@@ -30,7 +30,7 @@ def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any
     check_not_negative("gm", values.gm, names, units.gm)
     check_some_mass(values.gm, names)
     if values.softening < 0.0:
-        raise InputError(f"softening is {shown(values.softening)} {units.length}; expected a length >= 0.")
+        raise InputError(f"softening is {with_unit(shown(values.softening), units.length)}; expected a length >= 0.")
     if values.softening == 0.0:
         check_apart(values.gm, values.q, names, units.length)
     return values
@@ -55,7 +55,7 @@ def checked_units(units: Any) -> UnitSystem:
 def scalar(value: Floats, what: str, unit: Any) -> float:
     """Return a single finite float. Raises InputError for an array, or a number that is not finite."""
     if value.shape != () or not np.isfinite(value):
-        raise InputError(f"{what} is {value.tolist()} {unit}; expected one finite number.")
+        raise InputError(f"{what} is {with_unit(value.tolist(), unit)}; expected one finite number.")
     return float(value)
 
 
@@ -72,7 +72,7 @@ def checked_array(what: str, values: Floats, names: Sequence[str], width: int | 
     wrong = ~np.isfinite(copy) if width is None else ~np.isfinite(copy).all(axis=1)
     if wrong.any():
         i = int(np.argmax(wrong))
-        raise InputError(f"{what} of {names[i]!r} is {copy[i].tolist()} {unit}; expected finite numbers.")
+        raise InputError(f"{what} of {names[i]!r} is {with_unit(copy[i].tolist(), unit)}; expected finite numbers.")
     copy.flags.writeable = False
     return copy
 
@@ -82,7 +82,7 @@ def check_not_negative(what: str, values: Floats, names: Sequence[str], unit: An
     if (values < 0.0).any():
         i = int(np.argmax(values < 0.0))
         remedy = " A body without mass has gm = 0." if what == "gm" else ""
-        raise InputError(f"{what} of {names[i]!r} is {values[i].item()!r} {unit}; expected >= 0.{remedy}")
+        raise InputError(f"{what} of {names[i]!r} is {with_unit(values[i].item(), unit)}; expected >= 0.{remedy}")
 
 
 def check_some_mass(gm: Floats, names: Sequence[str]) -> None:
@@ -109,6 +109,7 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
         heavy = bodies[gm[bodies] > 0.0][0]
         other = next(i for i in bodies if i != heavy)
         raise InputError(
-            f"{names[min(heavy, other)]!r} and {names[max(heavy, other)]!r} are both at {q[heavy].tolist()} {unit}; "
-            "expected different positions: at zero distance the attraction is infinite. Move one, or set a softening."
+            f"{names[min(heavy, other)]!r} and {names[max(heavy, other)]!r} are both at "
+            f"{with_unit(q[heavy].tolist(), unit)}; expected different positions: at zero distance the attraction is "
+            "infinite. Move one, or set a softening."
         )

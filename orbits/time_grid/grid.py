@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.checks import single_number
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, shown, with_unit
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
@@ -42,12 +42,14 @@ class TimeGrid:
     clock : the clock of the steps, which starts at the epoch; a number h is the clock of constant steps h, whose sign
         is the direction of the run (`TimeGrid.of` rounds h to 24 bits)
     times : (n,) of the samples since the epoch, in ascending order in that direction; read-only
+    end : the time at which the run ends; by default that of the last sample
 
     Raises InputError for a step that is 0 or not finite, and for times that are not those of a run.
     """
 
     clock: Clock
     times: Array
+    end: float = math.nan
 
     def __post_init__(self) -> None:
         clock, times = clock_of(self.clock), np.array(self.times, dtype=np.float64)
@@ -57,20 +59,23 @@ class TimeGrid:
         if times.ndim != 1 or not times.size or not np.isfinite(times).all():
             raise InputError(f"times have shape {times.shape}; expected at least one time, all finite.")
         onward = times * clock.direction
-        disorder = np.flatnonzero(np.diff(onward) <= 0.0)
-        if onward[0] < 0.0 or disorder.size:
-            k = int(disorder[0]) + 1 if onward[0] >= 0.0 else 0
+        disorder = onward[1:] <= onward[:-1]
+        if onward[0] < 0.0 or disorder.any():
+            k = int(disorder.argmax()) + 1 if onward[0] >= 0.0 else 0
             raise InputError(
                 f"times[{k}] is {times[k]:g}; expected times from 0 on, in ascending order in the direction of "
                 + ("the run." if clock.changes else f"dt = {h:g}.")
             )
-        with np.errstate(over="ignore"):
-            steps = 0.0 if clock.changes else onward[-1] / abs(h)
+        end = float(times[-1] if math.isnan(self.end) else self.end)
+        if not (math.isfinite(end) and end * clock.direction >= onward[-1]):
+            raise InputError(f"the end of the run is {end:g}; expected one that is not before its last sample.")
+        steps = 0.0 if clock.changes else abs(end) / abs(h)
         if not steps <= MOST_STEPS:
-            raise InputError(f"the last of times is {steps:.3g} steps of dt = {h:g} away; at most 2^53 are possible.")
+            raise InputError(f"the end of the run is {steps:.3g} steps of dt = {h:g} away; at most 2^53 are possible.")
         times.flags.writeable = False
         object.__setattr__(self, "clock", clock)
         object.__setattr__(self, "times", times)
+        object.__setattr__(self, "end", end)
 
     @classmethod
     def of(cls, system: System, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101) -> TimeGrid:
@@ -82,7 +87,7 @@ class TimeGrid:
         length = _length(system, duration, until)
         if dt is None or isinstance(dt, ChangingSteps):
             clock = (dt or Adaptive()).towards(length)
-            return cls(clock, _sample_times(system, samples, length))
+            return cls(clock, _sample_times(system, samples, length), length)
         if dt is Adaptive or (isinstance(dt, str) and dt.strip().lower() == "adaptive"):
             raise InputError(
                 f"dt = {shown(dt)}; for steps that are chosen one by one, expected dt=orbits.Adaptive(), or no dt."
@@ -98,7 +103,7 @@ class TimeGrid:
                 f"duration / dt is {abs(length) / h:.3g} steps; at most 2^53 = 9.0e15 are possible. "
                 "Use a longer dt or a shorter duration."
             )
-        return cls(ConstantSteps(math.copysign(h, length)), _sample_times(system, samples, length))
+        return cls(ConstantSteps(math.copysign(h, length)), _sample_times(system, samples, length), length)
 
     @property
     def h(self) -> float:
@@ -116,9 +121,14 @@ class TimeGrid:
         return self.clock.direction
 
     @property
-    def end(self) -> float:
-        """The time of the last sample, at which the run ends."""
-        return float(self.times[-1])
+    def goes_on(self) -> bool:
+        """Whether the run goes on after its last sample."""
+        return self.end != float(self.times[-1])
+
+    @cached_property
+    def goals(self) -> Array:
+        """The times up to which the run is marched one after the other: of the samples, and its end."""
+        return np.append(self.times, self.end) if self.goes_on else self.times
 
     @property
     def whole_steps(self) -> int:
@@ -127,37 +137,37 @@ class TimeGrid:
 
     @property
     def steps(self) -> NDArray[np.int64]:
-        """The whole steps before each sample, (n,)."""
+        """The whole steps before each goal, (goals,)."""
         return self._places[0]
 
     @property
     def remainders(self) -> Array:
-        """The exact time from there to each sample, (n,): less than a step, with the sign of h."""
+        """The exact time from there to each goal, (goals,): less than a step, with the sign of h."""
         return self._places[1]
 
-    def place(self, sample: int) -> Place:
-        """Return the place of a sample in a march."""
-        return Place(int(self.steps[sample]), float(self.remainders[sample]))
+    def place(self, goal: int) -> Place:
+        """Return the place of a goal in a march."""
+        return Place(int(self.steps[goal]), float(self.remainders[goal]))
 
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.times)
 
     def is_that_of(self, other: TimeGrid) -> bool:
-        """Return whether both have the same step and the same samples, to the last bit."""
-        return self.clock == other.clock and np.array_equal(self.times, other.times)
+        """Return whether both have the same step, the same samples and the same end, to the last bit."""
+        return self.clock == other.clock and np.array_equal(self.goals, other.goals) and len(self) == len(other)
 
     def with_step(self, system: System, dt: Any, what: str = "dt") -> TimeGrid:
         """Return the same samples with another step, as in `of`; an InputError calls it `what`."""
         h = math.copysign(step_length(system, dt, self.end, what), self.direction)
-        return TimeGrid(ConstantSteps(h), self.times)
+        return TimeGrid(ConstantSteps(h), self.times, self.end)
 
     def begun(self, steps: float) -> TimeGrid:
         """Return the beginning of the run: its start, and a sample after `steps` steps."""
         return TimeGrid(self.clock, np.array([0.0, self.clock.time(steps)]))
 
     def extended(self, system: System, until: Any) -> TimeGrid:
-        """Return the grid up to a later time, with samples as dense as before.
+        """Return the grid up to a later time, with samples from the end on, as dense as before.
 
         until : a date or a time since the epoch of `system`, as in `orbits.propagate`
         Raises InputError if it cannot be reached, or lies before the end.
@@ -169,12 +179,14 @@ class TimeGrid:
             steps = "" if self.clock.changes else f" with steps of {abs(h):g}"
             raise InputError(f"until = {target:g} cannot be reached{steps}; give a nearer time")
         if (target - end) * self.direction < 0.0:
-            raise InputError(f"until = {target:g} lies before the end of the run, {end:g} {system.units.time}")
+            raise InputError(
+                f"until = {target:g} lies before the end of the run, {with_unit(f'{end:g}', system.units.time)}"
+            )
         if target == end:
             return self
         if len(times) < 2:
-            return TimeGrid(self.clock, np.array([end, target]))
-        spacing = (end - times[0]) / (len(times) - 1)
+            return TimeGrid(self.clock, np.append(times, target))
+        spacing = (times[-1] - times[0]) / (len(times) - 1)
         count = int(np.floor((target - end) / spacing * (1 + 1e-12)))
         if count > MOST_SAMPLES:
             raise InputError(
@@ -189,7 +201,7 @@ class TimeGrid:
 
     @cached_property
     def _places(self) -> tuple[NDArray[np.int64], Array]:
-        return self.clock.places(self.times)
+        return self.clock.places(self.goals)
 
 
 def _length(system: System, duration: Any, until: Any) -> float:
@@ -216,7 +228,7 @@ def _duration(system: System, duration: Any) -> float:
     if is_date(duration):
         raise InputError(f"duration = {shown(duration)} is a date; expected how long a run is. Its end is until=...")
     if isinstance(duration, str):
-        unit = system.units.time or "units of time"
+        unit = str(system.units.time) or "units of time"
         expected = f'a quantity (10 * u.yr), a number in {unit}, or a text with a unit ("10 yr")'
         duration = quantity_from_text(duration, "duration", expected)
     value = single_number(system.units.time_value(duration, "duration"), "duration")
@@ -265,7 +277,7 @@ def _sample_times(system: System, samples: Any, duration: float) -> Array:
         k = outside[0]
         raise InputError(
             f"samples[{k}] = {times[k]:.10g} lies outside the run from 0 to {duration:.10g} "
-            f"(times count from the epoch, in {system.units.time or 'units of time'})"
+            f"(times count from the epoch, in {str(system.units.time) or 'units of time'})"
         )
     disorder = np.flatnonzero(np.diff(times) * direction <= 0.0)
     if disorder.size:

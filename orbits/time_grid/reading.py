@@ -56,7 +56,8 @@ def _from_text(system: System, text: str, what: str) -> Array:
     """Return a text with a unit, or a date, as a time since the epoch."""
     unit = system.units.time
     dates = ', a date ("2030-01-01")' if system.units.is_physical else ""
-    expected = f'a quantity (10 * u.yr), a number in {unit or "units of time"}, a text with a unit ("10 yr"){dates}'
+    number = f"a number in {str(unit) or 'units of time'}"
+    expected = f'a quantity (10 * u.yr), {number}, a text with a unit ("10 yr"){dates}'
     try:
         found = quantity_from_text(text, what, expected)
     except InputError as no_quantity:

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 
+PAIRS_AT_ONCE = 100_000
+"""The pairs of bodies whose distances are in memory at the same time."""
+
+
 def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float:
     """Return dt > 0 in the unit of time of `system`, rounded to 24 significant bits; its sign is ignored.
 
@@ -47,12 +51,16 @@ def dynamical_time(system: System) -> float:
 def dynamical_time_of(start: PointMasses) -> float:
     """Return the dynamical time of a start in floats."""
     gm, q, _, softening = start
-    rate = 0.0
+    massive, rate = gm.nonzero()[0], 0.0
+    share = max(1, PAIRS_AT_ONCE // len(gm))
     with np.errstate(all="ignore"):
-        for i in range(len(gm)):
-            r2 = np.sum((q[i + 1 :] - q[i]) ** 2, axis=1) + softening**2
-            pairs = gm[i + 1 :] + gm[i]
-            rate += float(np.sum(pairs[pairs > 0.0] * r2[pairs > 0.0] ** -1.5))
+        for first in range(0, len(massive), share):
+            # Each pair is there once for each of its massive bodies, with the attraction of that body.
+            rows = massive[first : first + share]
+            apart = q[rows, None] - q
+            r2 = np.einsum("ijk,ijk->ij", apart, apart) + softening**2
+            r2[np.arange(len(rows)), rows] = np.inf
+            rate += float((gm[rows, None] * r2**-1.5).sum())
     return rate**-0.5 if rate > 0.0 else math.inf
 
 
@@ -66,8 +74,8 @@ def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
     match = re.fullmatch(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*", dt)
     if match is None:
         expected = (
-            f'a quantity (6 * u.day), a number in {system.units.time or "units of time"}, a text with a unit ("6 d"), '
-            'or a fraction of the shortest period ("P/20")'
+            f'a quantity (6 * u.day), a number in {str(system.units.time) or "units of time"}, a text with a unit '
+            '("6 d"), or a fraction of the shortest period ("P/20")'
         )
         return quantity_from_text(dt, what, expected)
     period, parts = fastest_passage_of(system, span)[5], float(match[1])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.archive.ended import STOPPED
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
     from orbits.propagation.error_bars import ErrorBars
+    from orbits.propagation.stop_conditions import Stop
     from orbits.spk import SpkFile
     from orbits.trajectory.retired import RetiredParticles
     from orbits.trajectory.trajectory import Trajectory
@@ -60,6 +62,9 @@ class MarchesAgain(Protocol):
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive."""
 
+    def stopped(self, run: Trajectory) -> Stop:
+        """Return why and where a run in an archive was ended."""
+
 
 class MarchedAgain:
     """The methods of `Trajectory` for states between its samples and for close approaches."""
@@ -68,14 +73,51 @@ class MarchedAgain:
     """The default for trajectories that are opened or made by hand. `orbits.propagation`, an upper layer, sets it when
     it is loaded, which `orbits.Trajectory` causes."""
 
+    @property
+    def last_time(self) -> float:
+        """The time of the last sample, in the unit of time of the system; 0 without samples."""
+        run: Trajectory = self  # type: ignore[assignment]
+        return float(run.times[-1]) if len(run) else 0.0
+
+    @property
+    def reached(self) -> float:
+        """The time up to which the run was marched, which may lie behind its last sample; of samples alone, the last
+        time.
+        """
+        run: Trajectory = self  # type: ignore[assignment]
+        return self.last_time if run.span is None else run.span[1]
+
+    @property
+    def has_stopped(self) -> bool:
+        """Whether an event, a condition or a callback ended the run."""
+        run: Trajectory = self  # type: ignore[assignment]
+        return run._stopped is not None or (run.archive is not None and run.archive.ended.how == STOPPED)
+
+    @property
+    def stopped(self) -> Stop | None:
+        """Why and where an event, a condition or a callback ended the run, or None: its reason, time and system.
+
+        From an archive the state is that of run.at, and its condition is None.
+        """
+        run: Trajectory = self  # type: ignore[assignment]
+        if run._stopped is None and self.has_stopped:
+            run._stopped = self._marches_again("run.stopped").stopped(run)
+        return run._stopped
+
+    @stopped.setter
+    def stopped(self, stopped: Stop | None) -> None:
+        run: Trajectory = self  # type: ignore[assignment]
+        run._stopped = stopped
+
     def at(self, t: Any) -> Any:
         """Return the state at any time within the run, a `System`, or the states at several times, a `Trajectory`.
 
         They are computed by the run's own method from the preceding samples, or, if the run was made with dense=True,
-        from the preceding steps, at once; and are in the order of the times.
+        from the preceding steps, at once; and are in the order of the times. A run answers from its start up to where
+        it ended, also before its first sample and after its last one; some samples of a run, run[10:20], between them.
         t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
             or an array or list of these; many times at once take about a ninth of the time of single calls
-        Raises InputError outside the samples.
+        Raises InputError outside these times.
         """
         run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.at")

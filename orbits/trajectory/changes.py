@@ -1,6 +1,6 @@
 """Changes of the bodies of a run, as by mergers: rows of numbers, from which masses and radii at any time follow.
 
-A *leg* is a part of a run in which bodies and masses stay the same.
+A *leg* is a part of a run in which bodies, masses and radii stay the same.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Bodies(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A part of a run in which bodies and masses stay the same.
+    """A part of a run in which bodies, masses and radii stay the same.
 
     time : since the epoch, at which it begins
     names, gm, radii : of its bodies; radii are None if they are not known
@@ -126,6 +126,15 @@ class Changes:
             yield slice(begin, end), self.bodies_after(int(after[begin]))
             begin = end
 
+    def over(self, times: Array) -> Bodies:
+        """Return the bodies at each of some times (m,): present, GM and radii, all (m, n)."""
+        shape = len(times), len(self._start.gm)
+        all_of_them = Bodies(np.ones(shape, dtype=bool), np.empty(shape), np.empty(shape))
+        for part, bodies in self.parts(times):
+            for kept, now in zip(all_of_them, bodies, strict=True):
+                kept[part] = now
+        return all_of_them
+
     def legs(self) -> tuple[Leg, ...]:
         """Return the legs of the run; the first begins at its start."""
         units, system = self._system.units, self._system
@@ -137,9 +146,19 @@ class Changes:
             sizes = None if system.radii is None else u.Quantity(radii[present], units.length)
             time = u.Quantity(self.rows[count - 1, TIME] if count else 0.0, units.time)
             leg = Leg(time, names, u.Quantity(gm[present], units.gm), sizes)
-            if not legs or names != legs[-1].names or np.any(leg.gm != legs[-1].gm):
+            if not legs or not _same(leg, legs[-1]):
                 legs.append(leg)
         return tuple(legs)
+
+    def __repr__(self) -> str:
+        return f"Changes({len(self.rows):,} of bodies; see run.events and run.legs)"
+
+
+def _same(one: Leg, other: Leg) -> bool:
+    """Return whether two legs have the same bodies with the same masses and radii."""
+    if one.names != other.names or np.any(one.gm != other.gm):
+        return False
+    return one.radii is None or not np.any(one.radii != other.radii)
 
 
 def at_time(system: System, changes: Changes, q: Array, v: Array, time: float) -> System:

@@ -33,10 +33,17 @@ function rises in time, 0 if it falls; the numbers of the bodies, -1 for none; a
 NaN where there is none.
 """
 
+SHOWN_KINDS = 4
+"""The most kinds of events that never happened that are named above a table."""
+
 COLUMNS = 8
 
 MOST_EVENTS = 1 << 15
 """The most events of a run: room for as many is kept in each of the two checkpoints of an archive."""
+
+
+BROKEN = -1
+"""Stands in a checkpoint for the number of rows that are firm, if the search for events failed."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,12 @@ class FoundEvent:
     def __str__(self) -> str:
         when = f"t = {self.time:.10g}" if self.date is None else f"{self.date.iso[:19]} TDB, t = {self.time:.10g}"
         bodies = " and ".join(name for name in (self.body, self.other) if name is not None)
-        figures = [f"{x:.6g}" for x in (self.distance, self.speed, self.angle) if x is not None]
+        known = {"distance": self.distance, "speed": self.speed, "angle": self.angle}
+        figures = [
+            f"{x:.6g}" if str(x.unit) else f"{name} {x:.6g}"  # a number alone would say nothing
+            for name, x in known.items()
+            if x is not None
+        ]
         return ", ".join([f"{when}: {self.kind}" + f" of {bodies}" * bool(bodies), *figures])
 
 
@@ -83,6 +95,7 @@ class Events(Sequence[FoundEvent]):
         self._system, self._words = system, [tuple(pair) for pair in words]
         self._rows: Array = np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
         self._rows.flags.writeable = False
+        self._whole = True
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -92,7 +105,12 @@ class Events(Sequence[FoundEvent]):
         if not len(times) or self._system is None:
             return Events()
         when = self._rows[:, TIME]
-        return Events(self._system, self._words, self._rows[(when >= times.min()) & (when <= times.max())])
+        return self._some((when >= times.min()) & (when <= times.max()))
+
+    def _some(self, which: Any) -> Events:
+        part = Events(self._system, self._words, self._rows[which])
+        part._whole = self._whole and len(part) == len(self)
+        return part
 
     @overload
     def __getitem__(self, key: int) -> FoundEvent: ...
@@ -104,9 +122,9 @@ class Events(Sequence[FoundEvent]):
         """Return one event by index, or several by a slice, or by the name of a body. Raises UnknownNameError."""
         if isinstance(key, str):
             row = index_of(key, self._names)
-            return Events(self._system, self._words, self._rows[(self._rows[:, [BODY, OTHER]] == row).any(axis=1)])
+            return self._some((self._rows[:, [BODY, OTHER]] == row).any(axis=1))
         if isinstance(key, slice):
-            return Events(self._system, self._words, self._rows[key])
+            return self._some(key)
         return self._one(self._rows[key])
 
     def _one(self, row: Array) -> FoundEvent:
@@ -185,6 +203,23 @@ class Events(Sequence[FoundEvent]):
             columns["angle"] = self.angle
         return QTable(columns, meta={} if self._system is None else attributes(self._system))
 
+    def to_records(self) -> list[dict[str, Any]]:
+        """Return records for JSON, in the units of the system; angles in degrees."""
+        return [
+            {
+                "kind": event.kind,
+                "body": event.body,
+                "other": event.other,
+                "time": float(event.time.value),
+                "date": None if event.date is None else event.date.isot,
+                **{
+                    name: None if figure is None else float(figure.value)
+                    for name, figure in (("distance", event.distance), ("speed", event.speed), ("angle", event.angle))
+                },
+            }
+            for event in self
+        ]
+
     def to_pandas(self) -> pandas.DataFrame:
         """Return a pandas DataFrame with the columns of `to_table`; dates are datetime64[us] in TDB.
 
@@ -216,7 +251,14 @@ class Events(Sequence[FoundEvent]):
         return 3 + (self._system is not None and self._system.epoch is not None)
 
     def _caption(self) -> str:
-        return "no events" if not len(self) else f"{len(self):,} event{'s' * (len(self) > 1)}"
+        count = "no events" if not len(self) else f"{len(self):,} event{'s' * (len(self) > 1)}"
+        met = {(int(row[NUMBER]), int(row[RISING])) for row in self._rows}
+        sought = [(k, rises) for k, pair in enumerate(self._words) for rises, word in enumerate(pair) if word]
+        missing = list(dict.fromkeys(str(self._words[k][rises]) for k, rises in sought if (k, rises) not in met))
+        if not missing or not self._whole:
+            return count
+        more = f" and {len(missing) - SHOWN_KINDS} other kinds" if len(missing) > SHOWN_KINDS else ""
+        return f"{count}; never: {', '.join(missing[:SHOWN_KINDS])}{more}"
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         if not len(self):

@@ -60,7 +60,8 @@ class RetiredParticles(Sequence[RetiredParticle]):
         """Return particles from rows of (body, step, reading, reason, q, v), in the units of the system, by the run's
         clock.
         """
-        units, epoch = system.units, system.epoch
+        rows = list(rows)
+        units, epoch = system.units, system.epoch if rows else None
         particles = []
         for body, step, reading, reason, q, v in rows:
             time = u.Quantity(clock.time(reading), units.time)
@@ -160,7 +161,8 @@ def absent(q: Array, v: Array, massive: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def moved(system: System, q: Array, v: Array, time: float, gone: NDArray[np.bool_]) -> System:
     """Return a system with a new state, a time later, without the bodies that are `gone`, (bodies,) bool."""
     later = u.Quantity(time, system.units.time)
-    epoch = None if system.epoch is None else system.epoch + later
+    begun = system.epoch
+    epoch = None if begun is None else begun + later
     if system.terms or system.forces:
         terms, forces = [term.later(later) for term in system.terms], [force.later(later) for force in system.forces]
         system = system.replaced(terms=terms, forces=forces)

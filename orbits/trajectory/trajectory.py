@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers, is_whole
-from orbits.errors import ArchiveError, InputError, shown
+from orbits.errors import ArchiveError, InputError, shown, with_unit
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ChangingSteps
@@ -58,13 +58,16 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     complete : whether all requested samples are there
     path, archive : the archive that samples are read from, or None
     certificate : the certificate of the integrator, if it was measured before the run (see `orbits.certify`)
-    stopped : why and where a condition or a callback ended the run, or None
+    stopped : why and where an event, a condition or a callback ended the run, or None
     record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
     kept : the states at the beginnings of all steps (see `orbits.marching.kept_steps`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
+
+    span : the times from and up to which the run was marched, since the epoch, in the unit of time; None for samples
+        alone, as those of run[10:20]
 
     run.t, run.q, run.v have units; run["Ceres"] is the trajectory of one body, run[-1] the `System` at the last sample,
     run[10:20] a `Trajectory` of some of the samples. Massless particles that could not be integrated any further are
@@ -114,7 +117,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self.path = path
         self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
-        self.stopped = stopped
+        self.span: tuple[float, float] | None = None
+        self._stopped = stopped
         self.archive: Archive | None = None
         self.record = record
         self.passages: Any = None
@@ -173,6 +177,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             raise
         run.archive = archive
         run.changes = changes_of(archive)
+        if run.changes is not None and run.changes.acted_on_massive:
+            run.kept = None  # steps are of the bodies of the start
+        run.span = 0.0, archive.reached
         return run
 
     def close(self) -> None:
@@ -250,9 +257,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
     @property
     def legs(self) -> tuple[Leg, ...]:
-        """The parts of the run in which bodies and masses stay the same: each with its time, names, GM and radii.
+        """The parts of the run in which bodies, masses and radii stay the same: each with its time, names, GM, radii.
 
-        A run in which no bodies merge has one.
+        A run in which no bodies merge, and no event changes masses or radii, has one.
         """
         changes = self.changes or Changes(self.system, no_changes(), self.clock.direction)
         return changes.legs()
@@ -266,7 +273,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             return f"{self.integrator.label}, {self.clock.describe(self.integrator)}"
         if math.isnan(self.step):
             return self.integrator.label
-        return f"{self.integrator.label}, dt = {abs(self.step):g} {self.system.units.time}".rstrip()
+        return f"{self.integrator.label}, dt = {with_unit(f'{abs(self.step):g}', self.system.units.time)}"
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -312,23 +319,21 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
 
         primary : a body, "barycentre" or "jacobi"; optional if only one body has mass
         frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `System.add`
+        Bodies that merged before the first of these samples are left out.
         Raises as `System.elements` does.
         """
-        if self.changes is not None and self.changes.acted_on_massive:
-            raise InputError(
-                "in this run bodies merge, bounce, or are changed at events, so that elements may have no common "
-                "masses; take them sample by sample: run[k].elements()."
-            )
         values = self.system.values
-        primary = primary_name(self.names, values.gm, primary)
-        q, v = _as_array(self._q), _as_array(self._v)
+        there, gm = self._common_masses()
+        names = tuple(name for name, stays in zip(self.names, there, strict=True) if stays)
+        primary = primary_name(names, gm, primary)
+        q, v = (_as_array(x) if there.all() else _as_array(x)[:, there] for x in (self._q, self._v))
         gone = None
         if len(self.retired):
-            gone = absent(q, v, self.system.massive)
-            q, v = (np.where(gone[..., None], x, y) for x, y in ((values.q, q), (values.v, v)))
+            gone = absent(q, v, self.system.massive[there])
+            q, v = (np.where(gone[..., None], x, y) for x, y in ((values.q[there], q), (values.v[there], v)))
         found = osculating(
-            self.names,
-            values.gm,
+            names,
+            gm,
             q,
             v,
             units=self.system.units,
@@ -337,7 +342,22 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             t=self.times,
             epoch=self.system.epoch,
         )
-        return found if gone is None else found.blank(gone[:, [self.names.index(name) for name in found.names]])
+        return found if gone is None else found.blank(gone[:, [names.index(name) for name in found.names]])
+
+    def _common_masses(self) -> tuple[NDArray[np.bool_], Array]:
+        """Return which bodies are there at all samples, (bodies,), and their GM. Raises InputError if that changes."""
+        there = np.ones(len(self.names), dtype=bool)
+        if self.changes is None or not self.changes.acted_on_massive or not len(self):
+            return there, self.system.values.gm
+        bodies = self.changes.over(self.times)
+        if (bodies.gm != bodies.gm[0]).any() or (bodies.present != bodies.present[0])[:, self.system.massive].any():
+            raise InputError(
+                "bodies merge, or masses change, between these samples, so that their elements have no common masses; "
+                "take them sample by sample, run[k].elements(), or from samples between two changes, "
+                "run[10:20].elements(); run.legs has the times of the changes."
+            )
+        there = bodies.present[0] | ~self.system.massive
+        return there, bodies.gm[0, there]
 
     def plot(self, **options: Any) -> Any:
         """Draw the paths; see `orbits.plotting.plot_trajectory`."""
@@ -388,14 +408,19 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             known["steps"] = self.clock.attribute(self.integrator)
         elif not math.isnan(self.step):
             known["dt"] = abs(self.step)
-        return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known)
+        over = None
+        if self.changes is not None and len(self.legs) > 1:
+            bodies_then = self.changes.over(self.times)
+            massless = ~self.system.massive  # those that are retired keep the radius that they had
+            over = tuple(np.where(bodies_then.present | massless, x, np.nan) for x in bodies_then[1:])
+        return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known, over)
 
     def __reduce__(self) -> Any:
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known: dict[str, Any] = {"stopped": self.stopped, "record": self.record, "_again": self._again}
-        known |= {"_retired": self.retired, "_events": self.events}
+        known: dict[str, Any] = {"_stopped": self.stopped, "span": self.span, "record": self.record}
+        known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
@@ -407,6 +432,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         epoch = self.system.epoch
         pairs = {"bodies": few(self.names), "epoch": "none" if epoch is None else f"{epoch.isot} TDB"}
         pairs |= {"units": self.system.units.name}
+        if self._stopped is not None:
+            pairs |= {"stopped": self._stopped.reason}
+        elif self.archive is not None and self.archive.ended.how:
+            pairs |= {self.archive.ended.how: self.archive.ended.why}
         if len(self.retired):
             pairs |= {"retired": few(self.retired.names)}
         if self.statistics is not None:
@@ -420,9 +449,20 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
     def __repr__(self) -> str:
         where = f", in {self.path}" if self.path else ""
         state = "" if self.complete else ", incomplete"
-        lost = f" ({len(self.retired):,} retired)" if len(self.retired) else ""
-        what = f"{len(self.names)} bodies{lost}, {len(self)} samples, {span(self.t)}"
+        gone = {"merged": self._merged(), "retired": len(self.retired)}
+        lost = ", ".join(f"{count:,} {how}" for how, count in gone.items() if count)
+        lost = f" ({lost})" if lost else ""
+        what = f"{len(self.names)} bodies{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
+        if self.reached != self.last_time and (self.complete or self.has_stopped):
+            what += f" of a run to {with_unit(f'{self.reached:.6g}', self.system.units.time)}"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
+
+    def _merged(self) -> int:
+        """Return how many massive bodies are gone by the end of the run, or the last of these samples."""
+        if self.changes is None:
+            return 0
+        end = self.changes.bodies_at(self.last_time if self.span is None else self.span[1])
+        return int((self.system.massive & ~end.present).sum())
 
     def sample(self, k: int) -> tuple[Array, Array]:
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""

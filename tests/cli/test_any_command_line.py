@@ -24,7 +24,7 @@ given = dict(name='tiny', title='Tiny', integrators=[orbits.StormerVerlet()], dt
              system=pair)
 """
 WORDS = [
-    "adaptive", "adaptive(tolerance=1e-3)", "adaptive(",
+    "adaptive", "adaptive(tolerance=1e-3)", "adaptive(", "adaptive:1e-3", "transformed:0.3", "transformed:",
     *COMMANDS, "tiny.py", "run.h5", "no.h5", "no.py", "nowhere", "../x.py", "/etc/passwd", "/dev/null", ".", "", "-",
     "--", "--dt", "--duration", "--integrator", "--samples", "--out", "--json", "--no-plot", "--until", "--any-bits",
     "--against", "--help", "--version", "6 d", "0.1", "1e400", "nan", "-1", "0", "3", "10 kg", "6 d d", "gauss",

@@ -129,6 +129,27 @@ def test_a_scenario_with_constant_steps_is_run_and_compared_with_adaptive_ones(t
         assert verdicts == {"Gauss(stages=8)": "ok", "REBOUND whfast": "n/a", "REBOUND ias15": "peer"}
 
 
+def test_a_scenario_is_run_compared_and_certified_in_transformed_time(tmp_path):
+    typed = ["--dt", "transformed:0.3", "--integrator", "gauss"]
+    out = call("run", "pythagorean", *typed, "--json", "--no-plot", "--out", tmp_path / "run")
+    (run,) = json.loads(out.stdout)["cases"][""]["runs"].values()
+    assert out.exit_code == 0, out.output
+    assert run["made_by"] == "Gauss(stages=8), steps of 0.3 in transformed time"
+    assert run["made_by"] in call("info", next(tmp_path.glob("run/*.h5"))).output
+    out = call("compare", "kepler", *typed, "--duration", "20", "--json", "--no-plot", "--out", tmp_path)
+    assert out.exit_code == 0, out.output
+    verdicts = [row["verdict"] for case in json.loads(out.stdout)["cases"].values() for row in case["rows"]]
+    assert "ok" in verdicts
+    out = call("certify", "kepler", *typed, "--out", tmp_path)
+    assert out.exit_code == 0, out.output
+
+
+def test_light_bodies_are_refused_in_transformed_time_with_the_reason(tmp_path):
+    out = call("run", "close_encounter", "--dt", "transformed", "--no-plot", "--out", tmp_path / "out")
+    assert out.exit_code == 2
+    assert "is too light for transformed time: rounding errors of the energy" in " ".join(out.output.split())
+
+
 @pytest.mark.parametrize("command", ["run", "compare"])
 def test_methods_that_need_a_dt_are_refused_with_the_option_that_leaves_them_out(command, tmp_path):
     out = call(command, "kepler", "--dt", "adaptive", "--out", tmp_path / "out")

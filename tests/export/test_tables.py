@@ -138,6 +138,17 @@ def test_approaches_to_the_dominant_body_alone_are_an_empty_table():
     assert [passage.other for passage in near["Ceres"]] == ["Sun"]
 
 
+def test_a_visitor_on_a_hyperbola_about_the_dominant_body_is_listed():
+    sky = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
+    sky = sky.add("visitor", primary="Sun", q=0.3 * u.au, e=1.2, inc=120 * u.deg, T=80 * u.day)
+    sky = sky.add("comet", primary="Sun", q=0.3 * u.au, e=0.99, inc=60 * u.deg, T=80 * u.day)
+    near = orbits.propagate(sky, duration=160 * u.day).closest_approaches()
+    assert "visitor  Sun" in str(near)
+    assert [passage.other for passage in near["visitor"]].count("Sun") == 1  # by name and in the list, but once
+    assert not any({one.body, one.other} == {"comet", "Sun"} for one in near)
+    assert near["comet"][0].other == "Sun"
+
+
 def test_some_bodies_can_be_chosen_in_any_order(run, system):
     assert run.to_table(["Ceres", "Sun"])["body"].tolist()[:3] == ["Ceres", "Sun", "Ceres"]
     assert np.array_equal(run.to_xarray(["Ceres", "Sun"]).q, run.q[:, [3, 0]].value)

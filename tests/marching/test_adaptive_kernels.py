@@ -8,7 +8,9 @@ import pytest
 from numpy.polynomial import legendre
 
 import orbits
-from orbits.integrators.collocation import ETA, HB, HC, HC_LO, REST, Collocation, prepare, signal
+from orbits.integrators.collocation import Collocation
+from orbits.integrators.collocation_lengths import prepare, signal
+from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import close_pair_accelerations, dynamical_rate, pair_accelerations
 from orbits.kernels.lanes import WIDTH

@@ -13,6 +13,7 @@ from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
 from orbits.marching import passage_list
 from orbits.marching.clocks import Place
+from orbits.marching.marcher import Marcher
 from orbits.propagation.marchers import bound
 from orbits.time_grid import TimeGrid
 
@@ -301,6 +302,31 @@ def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
     for time in np.linspace(0.0, 1.0, 1001):
         marcher.advance_to(Place(0, float(time)))
     assert len(calls) <= 2 * marcher.step + 2
+
+
+def test_a_short_run_is_bound_once_and_marches_its_steps_in_one_block(monkeypatch):
+    """A call of a millisecond, as in a fit: nothing is made or marched twice for its start, its end or its record."""
+    made, blocks = [], []
+    make, block = Marcher.__init__, Marcher._one_block
+    monkeypatch.setattr(Marcher, "__init__", lambda self, *a, **k: made.append(1) or make(self, *a, **k))
+    monkeypatch.setattr(Marcher, "_one_block", lambda self, *a: blocks.append(1) or block(self, *a))
+    run = propagate(orbits.System.solar_system(), 1 * u.yr, samples=2)
+    # The second block is the part of a step up to the end, for the record of close approaches.
+    assert (len(made), len(blocks)) == (1, 2)
+    assert run.statistics.steps > 50
+
+
+def test_close_approaches_in_the_last_part_of_a_step_are_the_same_for_any_threads():
+    planets = orbits.System.solar_system().remove("Pluto")
+    names = [f"p{k}" for k in range(40)]
+    a, M = np.linspace(1.0, 1.4, 40) * u.au, np.linspace(0.0, 312.0, 40) * u.deg
+    start = planets.add(names, primary="Sun", a=a, e=0.1, M=M)
+    one, three = (
+        propagate(start, 3 * u.day, samples=2, threads=threads).closest_approaches() for threads in (1, 3)
+    )
+    for name in names:
+        found = [[(a.other, a.time.value, a.distance.value) for a in table[name]] for table in (one, three)]
+        assert found[0] == found[1]
 
 
 def test_a_run_without_dt_says_how_its_steps_were_chosen():

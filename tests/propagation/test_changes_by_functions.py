@@ -100,3 +100,29 @@ def test_other_changes_are_refused_and_all_before_is_kept(change: object, messag
     with pytest.raises(EventError, match=message) as raised:
         orbits.propagate(SYSTEM, duration=20.0, samples=21, events=orbits.Pericentre("ship", then=change))
     assert len(raised.value.trajectory) == 9
+
+
+@STEPS
+def test_a_dense_run_whose_bodies_change_says_that_it_keeps_no_steps_and_can_be_resumed(
+    dt: float | None, tmp_path: Path
+) -> None:
+    path, times = tmp_path / "run.h5", np.linspace(0.0, 120.0, 25)
+    whole = orbits.propagate(SYSTEM, dt=dt, duration=120.0, samples=61, events=BURN)
+    with pytest.warns(orbits.errors.OrbitsWarning, match="dense=True: no steps are kept"):
+        half = orbits.propagate(SYSTEM, dt=dt, duration=60.0, samples=31, events=BURN, dense=True, archive=path)
+    assert half.kept is None
+    half.close()
+    run = orbits.resume(path, until=120.0, events=BURN)
+    assert run.kept is None
+    assert np.array_equal(run.q, whole.q)
+    assert np.array_equal(run.at(times).q, whole.at(times).q)
+    run.close()
+    assert orbits.Trajectory.open(path).kept is None
+
+
+def test_a_dense_run_whose_functions_change_nothing_keeps_its_steps(tmp_path: Path) -> None:
+    seen: list[float] = []
+    look = orbits.Pericentre("ship", then=lambda t, system: seen.append(float(t.value)))
+    run = orbits.propagate(SYSTEM, duration=60.0, events=look, dense=True)
+    assert len(seen) == len(run.events) > 1
+    assert len(run.kept) > run.statistics.steps // 2

@@ -309,7 +309,7 @@ def test_work_of_forces_is_accounted_for_over_legs() -> None:
     [
         ({"radii": None}, r"collisions need radii, and the bodies have none. Give them: system.add\(..., radius"),
         ({"radii": [0.0, 0.0]}, "collisions need radii"),
-        ({"radii": [1.5, 0.6]}, "a and b are 2 .* apart at the start, less than their radii together, 2.1"),
+        ({"radii": [1.5, 0.6]}, r"a and b are 2 apart at the start, less than their radii together, 2\.1\. Move"),
     ],
 )
 def test_radii_that_are_missing_or_overlap_are_refused(change: dict[str, object], message: str) -> None:
@@ -320,9 +320,9 @@ def test_radii_that_are_missing_or_overlap_are_refused(change: dict[str, object]
 def test_unsound_collisions_are_refused() -> None:
     system = pair()
     for events, message in [
-        ([MERGE, orbits.CloseApproach("a", "b")], "collisions, after which the bodies may be others, are sought alone"),
+        ([MERGE, orbits.CloseApproach("a", "b")], "collisions are sought alone, as bodies may be gone"),
         (orbits.CloseApproach("a", "b", then=Merge()), "only bodies that collide can do that"),
-        (Collision("a", "a"), "twice; expected two bodies"),
+        (Collision("a", "A"), "twice; expected two bodies"),
     ]:
         with pytest.raises(InputError, match=message):
             orbits.propagate(system, duration=1.0, events=events)
@@ -332,14 +332,14 @@ def test_unsound_collisions_are_refused() -> None:
         Bounce(restitution=1.5)
     with pytest.raises(InputError, match="keeps the steps of the same bodies"):
         orbits.propagate(system, duration=1.0, events=MERGE, dense=True)
-    with pytest.raises(InputError, match="not tested where events may change the bodies"):
+    with pytest.raises(InputError, match="End the run from callback="):
         orbits.propagate(system, duration=1.0, events=MERGE, stop=orbits.FartherThan(9.0, "a", "b"))
 
 
 def test_what_knows_the_same_bodies_from_start_to_end_refuses_runs_with_mergers() -> None:
     run = orbits.propagate(pair(), duration=4.0, events=MERGE)
     for refused in (run.closest_approaches, run.unresolved, run.begun, run.elements):
-        with pytest.raises(InputError, match="bodies merge, bounce, or are changed"):
+        with pytest.raises(InputError, match=r"bodies merge, (bounce, or are changed|or masses change)"):
             refused()
     quiet = orbits.propagate(pair(), duration=1.0, events=MERGE)
     assert len(quiet.closest_approaches())

@@ -140,6 +140,25 @@ def test_the_division_into_stretches_does_not_change_a_bit():
     np.testing.assert_array_equal(whole, np.concatenate(parts))
 
 
+@pytest.mark.parametrize("times", [np.arange(8.0), np.arange(8.0)[::-1], 1e6 + np.arange(8.0)],
+                         ids=["forwards", "backwards", "late"])  # fmt: skip
+def test_a_change_of_sign_through_infinity_is_no_zero(times):
+    base = min(times)
+    poles = [
+        lambda x: 1.0 / (x - 3.1234),
+        lambda x: -1.0 / (x - 3.1234) ** 3,
+        lambda x: 1.0 / np.cbrt(x - 3.1234),
+        lambda x: 1e-12 / (x - 3.1234) + 1.0,  # with a zero close by, at 3.1234 - 1e-12
+        lambda x: np.tan(x),  # zeros at pi and 2 pi, poles in between
+    ]
+    zeros = [[], [], [], None, [np.pi, 2.0 * np.pi]]
+    for function, expected in zip(poles, zeros, strict=True):
+        with np.errstate(divide="ignore"):
+            found, _ = times_of(lambda t, f=function: f(t - base), times, first=True)
+        if expected is not None:
+            np.testing.assert_allclose(np.sort(found - base), expected, rtol=0.0, atol=1e-9)
+
+
 def test_where_a_function_is_not_finite_is_said():
     with pytest.raises(NotFiniteError) as caught:
         times_of(lambda t: np.where(t > 2.5, np.nan, 1.0), np.arange(6.0))

@@ -115,6 +115,35 @@ def test_a_close_approach_counts_only_within_the_distance_and_agrees_with_closes
     assert len(every.events) > len(run.events) > 1
 
 
+# The cubic between the states of Verlet's method is 5e-8 from its partial steps: what is shallower may stay unseen.
+@pytest.mark.parametrize(
+    ("method", "least"),
+    [("stormer-verlet", 1e-6), ("runge-kutta-4", 1e-10), ("gauss(stages=4)", 1e-10), ("gauss(stages=8)", 1e-12)],
+)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_two_crossings_of_a_plane_within_one_step_are_found_with_and_without_a_polynomial(method, least, way):
+    """A body that only just rises above a plane, between two checks of one step."""
+    system, dt = pair(), 0.025
+    run = orbits.propagate(system, method, dt=dt, duration=way * PERIOD, samples=2, check_step=False)
+    when, apart = 0.5 * PERIOD, 0.5 * PERIOD
+    for _ in range(5):  # closer and closer to the top
+        times = np.clip(when + apart * np.linspace(-1.0, 1.0, 401), 0.0, PERIOD)
+        fine = run.at(way * times)
+        x = (fine.q[:, 1, 0] - fine.q[:, 0, 0]).value
+        top = int(np.argmax(x))
+        when, apart = times[top], apart / 50.0
+    for depth in (1e-4, 1e-6, least):
+        event = orbits.PlaneCrossing("planet", [1.0, 0.0, 0.0], about="star", offset=x[top] - depth)
+        found = orbits.propagate(
+            system, method, dt=dt, duration=way * PERIOD, samples=2, events=event, check_step=False
+        ).events
+        assert len(found) == 2
+        states = run.at(found.time)
+        np.testing.assert_allclose(
+            (states.q[:, 1, 0] - states.q[:, 0, 0]).value, x[top] - depth, rtol=0.0, atol=4e-15
+        )
+
+
 @pytest.fixture(scope="module")
 def year_2012():
     names = ["Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn"]

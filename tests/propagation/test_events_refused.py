@@ -43,6 +43,27 @@ REFUSED = [
 ]
 
 
+ONE_BODY_TWICE = [
+    lambda: orbits.Collision("a", "a"),
+    lambda: orbits.CloseApproach("a", "a"),
+    lambda: orbits.CloserThan(0.1, "a", "a"),
+    lambda: orbits.FartherThan(0.1, "a", "a"),
+    lambda: orbits.Pericentre("a", "a"),
+    lambda: orbits.NodeCrossing("a", "a"),
+    lambda: orbits.PlaneCrossing("a", about="a"),
+    lambda: orbits.ElementCrossing("a", "e", 0.1, "a"),
+    lambda: orbits.Conjunction("b", "a", observer="a"),
+    lambda: orbits.Transit("a", "a", observer="b"),
+    lambda: orbits.Event(lambda t, q, v: t, bodies=("a", "a")),
+]
+
+
+@pytest.mark.parametrize("call", ONE_BODY_TWICE)
+def test_an_event_of_one_body_twice_is_refused_when_it_is_made(call):
+    with pytest.raises(orbits.InputError, match=r"'a' twice; expected (two|three) bodies"):
+        call()
+
+
 @pytest.mark.parametrize(("call", "message"), REFUSED)
 def test_what_cannot_be_sought_is_refused(call, message):
     with pytest.raises(orbits.InputError, match=message):
@@ -142,3 +163,101 @@ def test_a_function_at_an_event_that_returns_something_else_ends_the_run():
     with pytest.raises(orbits.EventError, match=r"returned 3 at t = 5.98.*; expected a System, or None") as caught:
         sought(orbits.Pericentre("planet", then=lambda t, system: 3))
     assert len(caught.value.trajectory) > 90
+
+
+def warned(system, event, duration=100.0, **options):
+    with pytest.warns(orbits.EventWarning) as caught:
+        run = orbits.propagate(system, duration=duration, samples=2, events=event, **options)
+    return run, str(caught[0].message)
+
+
+@pytest.mark.parametrize(
+    ("elements", "event"),
+    [
+        ({"e": 0.0}, orbits.Pericentre("planet")),
+        ({"e": 0.0}, orbits.CloserThan(1.0, "planet", "star")),
+        ({"e": 0.0}, orbits.Event(lambda t, q, v: ((q[:, 1] - q[:, 0]) * (v[:, 1] - v[:, 0])).sum(axis=1))),
+        ({"e": 0.1, "inc": 1e-15}, orbits.NodeCrossing("planet")),
+        ({"e": 0.1, "inc": 0.3}, orbits.ElementCrossing("planet", "a", 1.0)),
+        ({"e": 0.1, "inc": 0.3}, orbits.ElementCrossing("planet", "inc", 0.3)),
+    ],
+)
+def test_zeros_of_a_function_that_is_round_off_are_left_out_and_said(elements, event):
+    """Before, the apsides of a circular orbit filled the table: 800 in 32 revolutions."""
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "M": 0.3, "Omega": 0.4, "gm": 1e-9, **elements}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    run, text = warned(system, event)
+    assert len(run.events) == 0
+    assert f"{type(event).__name__}(" in text
+    assert "nothing but round-off" in text
+
+
+def test_apsides_and_nodes_that_are_above_round_off_are_all_found_without_a_warning(recwarn):
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 1e-9, "inc": 1e-9, "M": 0.3, "gm": 1e-9}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    events = [orbits.Pericentre("planet"), orbits.NodeCrossing("planet", direction=1)]
+    run = orbits.propagate(system, duration=2.0 * np.pi * 20, events=events)
+    assert [run.events.kind.tolist().count(kind) for kind in ("pericentre", "ascending node")] == [20, 20]
+    assert not [w for w in recwarn if issubclass(w.category, orbits.EventWarning)]
+
+
+def test_a_run_does_not_stop_at_round_off():
+    system = orbits.System.from_elements(
+        {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.0, "gm": 1e-9}}, units=orbits.DIMENSIONLESS
+    )
+    run, _ = warned(system, orbits.Pericentre("planet", then="stop"), 20.0)
+    assert run.complete
+
+
+def test_what_happens_in_every_step_is_said():
+    run, text = warned(pair(), orbits.Event(lambda t, q, v: np.sin(60.0 * t), name="wave"))
+    assert "Event(wave): 'wave' in every one of many steps" in text
+    assert len(run.events) > 1000
+
+
+def test_a_warning_about_events_that_is_raised_keeps_the_run():
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", orbits.EventWarning)
+        with pytest.raises(orbits.EventWarning) as caught:
+            orbits.propagate(pair(), duration=100.0, events=orbits.Event(lambda t, q, v: np.sin(60.0 * t)))
+    assert caught.value.trajectory.complete
+
+
+@pytest.mark.parametrize(
+    ("late", "message"),
+    [
+        (lambda t: np.array(["a"] * len(t)), "could not convert string to float"),
+        (lambda t: np.zeros((len(t), 2)), "it returned shape"),
+        (lambda t: 1j * t, "complex numbers"),
+    ],
+)
+def test_a_function_that_returns_no_numbers_on_the_way_ends_the_run_with_all_before_it(late, message):
+    event = orbits.Event(lambda t, q, v: late(t) if t.max() > 5.0 else t + 1.0, name="mine")
+    with pytest.raises(orbits.EventError, match=f"Event 'mine' fails between .*{message}.*all before") as caught:
+        orbits.propagate(pair(), duration=6.0, events=[event])
+    assert len(caught.value.trajectory) > 50
+
+
+def test_a_function_that_changes_its_arguments_changes_nothing_else():
+    def spoils(t, q, v):
+        t += 1.0
+        q[:], v[:] = 0.0, 0.0
+        return np.ones(len(t))
+
+    clean = orbits.propagate(pair(), duration=20.0, events=[orbits.ElementCrossing("planet", "f", 1.0)])
+    spoilt = orbits.propagate(
+        pair(), duration=20.0, events=[orbits.Event(spoils), orbits.ElementCrossing("planet", "f", 1.0)]
+    )
+    assert len(clean.events) == 4
+    assert spoilt.events.time.value.tolist() == clean.events.time.value.tolist()
+
+
+def test_the_table_says_what_was_sought_and_never_happened():
+    events = [orbits.Pericentre("planet"), orbits.CloserThan(0.1, "planet", "star")]
+    assert repr(sought(*events).events).startswith("1 event; never: closer than 0.1")
+    assert repr(sought(events[1]).events) == "no events; never: closer than 0.1"
+    assert repr(sought(events[0]).events).startswith("1 event\n")
+    assert repr(sought().events) == "no events"
+    assert repr(sought(*events).events[:0]) == "no events"  # a part says nothing about the whole

@@ -5,6 +5,7 @@ import json
 import h5py
 import numpy as np
 import pytest
+from astropy import units as u
 
 import orbits
 from orbits.trajectory.events import MOST_EVENTS
@@ -108,6 +109,27 @@ def test_a_run_that_an_event_stopped_is_resumed_past_it_up_to_the_next_one(tmp_p
 
 def mine(t, q, v):
     return q[:, 1, 0] - 0.2
+
+
+def test_events_with_quantities_are_known_to_an_archive(tmp_path):
+    sky = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Mercury", "Venus"])
+    events = [
+        orbits.CloseApproach("Mercury", "Venus", within=0.9 * u.au),
+        orbits.CloserThan(70e6 * u.km, "Mercury", "Venus"),
+        orbits.FartherThan(0.4 * u.au, "Mercury", "Sun"),
+        orbits.Ejection(1e3 * u.au, "Venus"),
+        orbits.ElementCrossing("Mercury", "f", 30 * u.deg),
+        orbits.PlaneCrossing("Mercury", np.array([0.0, 0.1, 1.0]), about="Sun", offset=1e6 * u.km),
+    ]
+    path = tmp_path / "run.h5"
+    for event in events:
+        first = orbits.propagate(sky, duration=100 * u.day, events=event, archive=path, overwrite=True)
+        first.close()
+        whole = orbits.propagate(sky, duration=200 * u.day, events=event)
+        resumed = orbits.resume(path, until=200 * u.day)
+        same(resumed.events, whole.events)
+        assert len(whole.events) or isinstance(event, orbits.Ejection)
+        resumed.close()
 
 
 def test_a_function_has_to_be_given_again_and_the_same_one(tmp_path):

@@ -198,7 +198,8 @@ def test_all_collisions_within_one_step_of_the_bodies_are_recorded_and_change_no
 
 
 def test_an_impact_can_stop_the_run_within_a_step() -> None:
-    run = propagate(falling(), 6.0, samples=61, events=Collision("far", then="stop"))
+    with pytest.warns(orbits.RetiredWarning, match="near"):  # its collision is not sought
+        run = propagate(falling(), 6.0, samples=61, events=Collision("far", then="stop"))
     assert run.stopped is not None
     assert run.stopped.time.value == pytest.approx(fall(2.0, 0.015), rel=4e-15)
     assert "star and far: collision" in run.stopped.reason

@@ -381,3 +381,32 @@ def test_a_force_on_the_retired_goes_with_them(bodies):
     rest = moved(start, start.values.q, start.values.v, 0.0, np.isin(start.names, ["near"]))
     assert "near" not in rest
     assert len(rest.forces) == (bodies != ["near"])
+
+
+@pytest.mark.parametrize(
+    ("options", "time"),
+    [({}, np.pi), ({"dt": 20.0}, 0.0), ({"dt": 0.01, "duration": 3.1475}, 3.14)],
+    ids=["without dt", "in the first step", "in the last part of a step"],
+)
+def test_a_particle_lost_in_a_step_that_the_run_does_not_take_whole_is_retired(options, time, tmp_path):
+    """A star alone sets no step: two particles fall into it from 2 and 3, within the first one, which leads beyond the
+    run; they had no place in the last samples, and no word was said.
+    """
+    q = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [4.0, 3.0, 0.0]]
+    v = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]
+    start = orbits.System(["star", "b", "far"], gm=[1, 0, 0], q=q, v=v, units=orbits.DIMENSIONLESS)
+    options = {"duration": 3.5, "samples": 15, "check_step": False, "progress": False, **options}
+    with pytest.warns(orbits.RetiredWarning, match="b: t = "):
+        run = orbits.propagate(start, archive=tmp_path / "run.h5", **options)
+    assert np.isnan(run.q.value[-1, 1]).all()
+    assert run.retired["b"].time.value == pytest.approx(time, abs=1e-6)
+    run.close()
+    stored = orbits.Trajectory.open(tmp_path / "run.h5")
+    assert [one.name for one in stored.retired] == [one.name for one in run.retired]
+    if "dt" not in options:
+        assert len(run.retired) == 1
+        with pytest.warns(orbits.RetiredWarning):
+            whole = orbits.propagate(start, **{**options, "duration": 14.0, "samples": 57})
+        longer = orbits.resume(tmp_path / "run.h5", until=14.0, progress=False)
+        assert np.array_equal(longer.q.value, whole.q.value, equal_nan=True)
+        assert str(longer.retired) == str(whole.retired)

@@ -1,5 +1,7 @@
 """Conditions and callbacks that end a run, through `propagate`."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from astropy import units as u
@@ -92,7 +94,7 @@ def test_the_callback_sees_every_sample_and_may_end_the_run(system):
         ([1], "expected conditions"),
         (orbits.CloserThan(1 * u.kg), "length in AU"),
         (orbits.CloserThan(0.1, "Vulcan"), "Vulcan"),
-        (orbits.CloserThan(0.1, "Venus", "Venus"), "two bodies"),
+        (orbits.CloserThan(0.1, "Venus", "venus"), "two bodies"),
         (orbits.CloserThan(0.1, "Ceres", "Vesta"), "massless particles"),
         (orbits.CloserThan(9 * u.au, "Venus", "Sun"), "at the start already"),
         (orbits.FartherThan(0.1 * u.au, "Venus", "Sun"), "at the start already"),
@@ -102,6 +104,17 @@ def test_the_callback_sees_every_sample_and_may_end_the_run(system):
 def test_what_cannot_end_a_run_is_refused(system, stop, message):
     with pytest.raises(orbits.InputError, match=message):
         orbits.propagate(system, GAUSS, dt=6 * u.day, duration=1 * u.yr, stop=stop)
+
+
+@pytest.mark.parametrize(
+    "bound", [orbits.CloserThan(9 * u.au, "Venus", "Sun"), orbits.FartherThan(0.1 * u.au, "Venus", "Sun")]
+)
+def test_a_bound_passed_at_the_start_is_refused_for_events_that_stop_as_for_conditions(system, bound):
+    options = {"dt": 6 * u.day, "duration": 100 * u.day, "check_step": False}
+    stops = dataclasses.replace(bound, then="stop")
+    with pytest.raises(orbits.InputError, match=r"Venus and Sun are .* apart at the start already"):
+        orbits.propagate(system, GAUSS, events=stops, **options)
+    assert orbits.propagate(system, GAUSS, events=bound, **options).complete  # it records when they get there again
 
 
 def test_a_callback_must_be_a_function(system):

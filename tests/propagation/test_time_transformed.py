@@ -246,7 +246,7 @@ def test_a_step_that_is_too_long_is_said_with_the_remedy():
 
 def test_what_cannot_be_marched_in_transformed_time_is_refused_with_the_remedy(tmp_path):
     start = system(*three_bodies())
-    with pytest.raises(InputError, match=r"massless particles.*give dt="):
+    with pytest.raises(InputError, match=r"massless particles.*leave dt away"):
         propagate(system(*three_bodies(particles=2)), 1.0)
     with pytest.raises(InputError, match=r"Mercury is too light for transformed time.*Leave dt away"):
         propagate(orbits.System.solar_system(), 10.0)

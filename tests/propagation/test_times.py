@@ -184,7 +184,7 @@ def test_states_are_asked_for_by_dates_too():
     assert run.at(["2022-09-28", 60 * u.day]).times.tolist() == [50.0, 60.0]
     assert len(run.at([])) == 0
     for wrong, message in (
-        ([10.0, 401.0], r"t\[1\] = 401 lies outside the samples, 0 ... 400 d"),
+        ([10.0, 401.0], r"t\[1\] = 401 lies outside the run, 0 ... 400 d"),
         (np.nan, "t = nan lies outside"),
         ("2021-01-01", "t = -585 lies outside"),
         ([[1.0]], r"t has shape \(1, 1\)"),

@@ -406,19 +406,31 @@ def test_adaptive_steps_are_typed_as_a_word(text):
 def test_a_tolerance_is_typed_as_a_methods_stages_are():
     assert step_or_clock("adaptive(tolerance=1e-8)", "--dt") == orbits.Adaptive(tolerance=1e-8)
     assert step_or_clock("adaptive(1e-8)", "--dt") == orbits.Adaptive(tolerance=1e-8)
+    assert step_or_clock("adaptive:1e-8", "--dt") == orbits.Adaptive(tolerance=1e-8)
     assert step_or_clock("6 d", "--dt") == 6 * u.day
+
+
+@pytest.mark.parametrize("text", ["transformed:0.2", "Transformed : 0.2", "transformed(step=0.2)", "transformed(0.2)"])
+def test_steps_of_transformed_time_are_typed_as_a_word(text):
+    assert step_or_clock(text, "--dt") == orbits.TimeTransformed(step=0.2)
+    assert step_or_clock("transformed", "--dt") == orbits.TimeTransformed()
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("adaptive(", "write adaptive, or"),
-        ("adaptively", "write adaptive, or"),
-        ("adaptive(tolerence=1e-8)", "write adaptive, or"),
-        ("adaptive(tolerance=__import__('os'))", "write adaptive, or"),
-        ("adaptive(1, 2)", "write adaptive, or"),
-        ("adaptive(tolerance=1)", "tolerance is 1; expected 1e-15 ... 0.1"),
+        ("adaptive(", "write adaptive, adaptive:1e-8 or"),
+        ("adaptively", "write adaptive, adaptive:1e-8 or"),
+        ("adaptive(tolerence=1e-8)", "write adaptive, adaptive:1e-8 or"),
+        ("adaptive(tolerance=__import__('os'))", "write adaptive, adaptive:1e-8 or"),
+        ("adaptive(1, 2)", "write adaptive, adaptive:1e-8 or"),
+        ("adaptive(tolerance=1)", "tolerance is 1; expected 1e-12 ... 0.001"),
         ("adaptive(tolerance='x')", "expected a number such as 1e-9"),
+        ("adaptive:", "write adaptive, adaptive:1e-8 or"),
+        ("adaptive:1e-30", "tolerance is 1e-30; expected 1e-12"),
+        ("transformed:6 d", "write transformed, transformed:0.3 or"),
+        ("transformed:3", "step is 3; expected a positive number up to 2"),
+        ("transformed(tolerance=1e-8)", "write transformed, transformed:0.3 or"),
     ],
 )
 def test_adaptive_steps_that_cannot_be_read_are_refused_in_words(text, message):

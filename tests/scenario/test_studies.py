@@ -16,6 +16,7 @@ from orbits.errors import InputError
 from orbits.lagrangians.pendulum import pendulum
 from orbits.scenario import Study, StudyResult, Table, bundled, load, perform
 from orbits.scenario.certificates import certify_scenario
+from orbits.scenario.command import changed
 
 STUDIES = [
     *("arenstorf", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum", "planetesimals"),
@@ -50,6 +51,39 @@ def test_each_bundled_study_gives_all_that_it_demands(name, tmp_path):
     width, height = struct.unpack(">II", (tmp_path / f"{name}.png").read_bytes()[16:24])
     assert width >= 1300
     assert height >= 800
+
+
+def test_the_step_of_a_study_that_has_one_is_replaced():
+    given = []
+
+    def experiment(say, dt):
+        given.append(dt)
+        return StudyResult(checks=[orbits.Check("it holds", True)])
+
+    own = study(experiment=experiment, dt=orbits.Adaptive())
+    for typed, expected in ((None, orbits.Adaptive()), ("transformed:0.2", orbits.TimeTransformed(step=0.2))):
+        new = changed(own, typed, None, None, None)
+        new.experiment(None, new.dt)
+        assert given[-1] == expected
+    with pytest.raises(InputError, match="takes no --samples; it takes --dt, --out, --json and --no-plot"):
+        changed(own, "6", None, None, 3)
+    with pytest.raises(InputError, match="takes no --dt; it takes --out"):
+        changed(study(), "6", None, None, None)
+
+
+def test_the_zoo_and_eccentric_orbits_are_run_in_transformed_time(monkeypatch, tmp_path):
+    """Symplectic steps pass the studies made for adaptive ones: all that is judged of three orbits, and of e = 0.9."""
+    zoo, eccentric = load("three_body_zoo"), load("eccentric")
+    names = zoo.experiment.__globals__
+    some = list(names["published"]())[:3]
+    monkeypatch.setitem(names, "published", lambda: some)
+    names = eccentric.experiment.__globals__
+    monkeypatch.setitem(names, "ECCENTRICITIES", (0.9,))
+    monkeypatch.setitem(names, "ROTATIONS", 2)
+    for one in (zoo, eccentric):
+        outcome = perform(changed(one, "transformed:0.3", None, None, None), out=tmp_path / one.name, plot=False)
+        assert outcome.ok, outcome.failures
+    assert "steps of 0.3 in transformed time" in (tmp_path / "three_body_zoo" / "report.json").read_text()
 
 
 def test_a_method_that_does_not_converge_says_so_in_its_row(monkeypatch):
@@ -96,8 +130,7 @@ def test_an_orbit_of_the_zoo_that_is_not_resolved_is_seen(tmp_path, monkeypatch)
     names = load("three_body_zoo").experiment.__globals__
     chosen = [each for each in names["published"]() if each[0] in ("figure eight", "I.B.4 moth III")]
     monkeypatch.setitem(names, "published", lambda: chosen)
-    monkeypatch.setitem(names, "STEPS", orbits.Adaptive(1e-5))
-    result = names["experiment"](lambda text: None)
+    result = names["experiment"](lambda text: None, orbits.Adaptive(1e-5))
     failed = [check.claim for check in result.checks if not check.ok]
     assert any(claim.startswith("I.B.4 moth III closes") for claim in failed), result.tables
 

@@ -5,7 +5,8 @@ import pytest
 
 import orbits
 from orbits.errors import InputError
-from orbits.time_grid import TimeGrid
+from orbits.point_masses import PointMasses
+from orbits.time_grid import TimeGrid, dynamical_time_of, step_length
 
 GRID = TimeGrid(0.25, [0.0, 0.5, 1.1])
 
@@ -98,3 +99,20 @@ def test_a_run_its_archive_and_its_comparison_have_the_same_grid(tmp_path):
     report = orbits.compare(system, method, **given, against=[], reference="none", runs=[run])
     assert report.settings["dt"] == grid.dt
     assert np.array_equal(report.times, grid.times)
+
+
+@pytest.mark.parametrize("at_once", [1, 40, 100_000])
+def test_the_dynamical_time_is_that_of_all_pairs_with_a_mass(monkeypatch, at_once):
+    monkeypatch.setattr(step_length, "PAIRS_AT_ONCE", at_once)
+    random = np.random.default_rng(5)
+    gm, q = np.array([1.0, 0.0, 1e-3, 0.0, 2e-6, 0.0, 0.0]), random.normal(size=(7, 3))
+    q[5] = q[6]  # two massless bodies, which do not feel each other
+    rate = sum(
+        (gm[i] + gm[j]) / (np.sum((q[i] - q[j]) ** 2) + 0.01) ** 1.5
+        for i in range(7)
+        for j in range(i)
+        if gm[i] + gm[j] > 0.0
+    )
+    # A sum of fifteen positive terms, in another order: some units in the last place.
+    assert dynamical_time_of(PointMasses(gm, q, q, 0.1)) == pytest.approx(rate**-0.5, rel=1e-15 * 4)
+    assert dynamical_time_of(PointMasses(gm[:1], q[:1], q[:1])) == np.inf

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from orbits.errors import InputError
+from orbits.errors import InputError, with_unit
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed
@@ -253,7 +253,8 @@ class ZonalHarmonics(Term):
             )
         radius = number(units.length_value(self.radius, f"radius{whose}"), f"radius{whose}")
         if not radius > 0.0:
-            raise InputError(f"ZonalHarmonics{whose}: radius is {radius:g} {units.length}; expected a length > 0.")
+            shown = with_unit(f"{radius:g}", units.length)
+            raise InputError(f"ZonalHarmonics{whose}: radius is {shown}; expected a length > 0.")
         pole = direction(self.pole, f"pole{whose}", units)
         return replace(self, **found, radius=radius * units.length, pole=pole)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orbits.errors import ArchiveError, InputError
 from orbits.propagation import stop_conditions
@@ -21,10 +21,30 @@ MODULES = collision, kinds, orbital, own, planes, seen, stop_conditions
 """The files of all kinds of events."""
 
 
-def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str | PathLike[str]) -> Seeking:
+def _but_functions(known: Any) -> Any:
+    """Return the description of events without names and digests of functions."""
+    if isinstance(known, list):
+        return [_but_functions(x) for x in known]
+    if not isinstance(known, dict) or known.keys() == {"name", "code"}:
+        return None if isinstance(known, dict) else known
+    return {k: _but_functions(x) for k, x in known.items()}
+
+
+def _functions(known: Any) -> set[tuple[str, str]]:
+    """Return the names of all functions in the description of events, and their digests."""
+    if isinstance(known, dict) and known.keys() == {"name", "code"}:
+        return {(known["name"], known["code"])}
+    parts = known.values() if isinstance(known, dict) else known if isinstance(known, list) else ()
+    return {found for part in parts for found in _functions(part)}
+
+
+def sought_again(
+    archive: Archive, events: Sought | Sequence[Sought], path: str | PathLike[str], same_code: bool = True
+) -> Seeking:
     """Return the events of the run in an archive, to go on with them.
 
     events : those of the run, if the archive does not hold all that is needed
+    same_code : whether their functions must have the code of those of the run
     Raises InputError for others, and if they are needed.
     """
     direction = archive.grid.clock.direction
@@ -35,8 +55,16 @@ def sought_again(archive: Archive, events: Sought | Sequence[Sought], path: str 
     known = json.loads(archive.events_text)
     if isinstance(events, Sought) or events:
         seeking = Seeking(archive.system, events, direction)
-        if json.loads(seeking.described()) != known:
+        given = json.loads(seeking.described())
+        if _but_functions(given) != _but_functions(known):
             raise InputError(f"events are not those of the run in {path}: {', '.join(e['kind'] for e in known)}.")
+        if same_code and given != known:
+            names = sorted(_functions(known) - _functions(given))
+            raise InputError(
+                f"{' and '.join(name for name, _ in names)} of events=... is not as in the run in {path}: the function "
+                "given now has other code, or the version of Python is another one. Resume with same_bits=False to go "
+                "on with the one given now."
+            )
         return seeking
     missing = [event["kind"] for event in known if event["given"] is None or not is_held(event["then"])]
     if missing:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import EventError, InputError, shown
+from orbits.propagation.events.functions import calling, named, picklable
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -60,11 +61,16 @@ class Call(Action):
 
     function: Callable[[u.Quantity, System], System | None]
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out a function that cannot be pickled."""
+        return {"function": picklable(self.function)}
+
     def act(self, happening: Happening) -> System | None:
         """Return what the function returns. Raises EventError for anything but a System or None."""
         from orbits.system import System
 
-        answer = self.function(happening.time, happening.system)
+        with calling(f"then={named(self.function)}, at {happening.kind!r}, t = {happening.time:.10g}"):
+            answer = self.function(happening.time, happening.system)
         if answer is None or isinstance(answer, System):
             return answer
         raise EventError(
@@ -110,6 +116,18 @@ class Sought:
         """Return the functions whose zeros are sought among these bodies. Raises InputError, and UnknownNameError."""
         raise NotImplementedError
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out functions that cannot be pickled."""
+        return {name: picklable(value) for name, value in vars(self).items()}
+
+    def __copy__(self) -> Self:
+        """Return the event itself, which does not change."""
+        return self
+
+    def __deepcopy__(self, known: Any) -> Self:
+        """Return the event itself, which does not change."""
+        return self
+
     def given(self) -> dict[str, Any]:
         """Return the fields by name, except `then`."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "then" and f.init}
@@ -146,13 +164,13 @@ class Bound:
             found[rows] = self.values(t[rows], q[rows], v[rows], np.array([column]))[:, 0]
         return found
 
+    def of_pairs(self) -> tuple[int, Array] | None:
+        """Return how compiled code computes the function, see `orbits.kernels.event_search`; None if it cannot."""
+        return None
+
     def bodies(self) -> Whole | None:
         """Return the numbers of the bodies on which the function depends, or None for all."""
         return np.unique(self.pairs[self.pairs != NOBODY])
-
-    def near(self, times: Array, q: Array, v: Array) -> Whole:
-        """Return the columns that may have zeros in consecutive steps, from the states at their ends: times (m,)."""
-        return np.arange(len(self.pairs))
 
     def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
         """Return which zeros are events, (m,); columns : (m,)."""
@@ -186,10 +204,6 @@ class Touching(Bound):
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Raise NotImplementedError: kernels seek steps in which bodies touch."""
         raise NotImplementedError
-
-    def near(self, times: Array, q: Array, v: Array) -> Whole:
-        """Return no column: there is no function whose zeros are sought."""
-        return np.empty(0, dtype=np.int64)
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few, index_of
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown
+from orbits.kernels.event_search import CLOSING, DISTANCE
 from orbits.propagation.events.base import Array, PairBound, Sought, Whole, dot
 from orbits.units import quantity_from_text
 
@@ -63,6 +64,10 @@ class Approaching(PairBound):
         """Return q.v."""
         return dot(q, v)
 
+    def of_pairs(self) -> tuple[int, Array]:
+        """Return the kind of function, which needs no numbers."""
+        return CLOSING, np.zeros(4)
+
     def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
         """Return which are within the distance."""
         apart, _ = self.apart(q, v, columns)
@@ -79,6 +84,10 @@ class Distance(PairBound):
     def of(self, q: Array, v: Array) -> Array:
         """Return q.q - d^2."""
         return np.asarray(dot(q, q) - self._squared)
+
+    def of_pairs(self) -> tuple[int, Array]:
+        """Return the kind of function, and its bound."""
+        return DISTANCE, np.array([0.0, 0.0, 0.0, self._squared])
 
 
 @dataclass(frozen=True)
@@ -111,10 +120,13 @@ class Apocentre(Pericentre):
 
 
 def check_names(event: Sought, *names: Any) -> None:
-    """Raise InputError for anything but strings and None."""
+    """Raise InputError for anything but strings and None, and for a name that comes twice."""
     for name in names:
         if not isinstance(name, str | None):
             raise InputError(f"{type(event).__name__} of {shown(name)}; expected the name of a body, or None.")
+    named = [name for name in names if name is not None]
+    if len(set(named)) < len(named):
+        raise InputError(f"{type(event).__name__}: {named[0]!r} twice; expected two bodies.")
 
 
 def a_distance(value: Any, what: str) -> Any:

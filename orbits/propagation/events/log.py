@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError
-from orbits.trajectory.events import COLUMNS, MOST_EVENTS, TIME, is_possible, rows_in
+from orbits.trajectory.events import BROKEN, COLUMNS, MOST_EVENTS, TIME, is_possible, rows_in
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,7 @@ class Log:
     direction : of the run in time, 1 or -1
     firm : the number of rows that lie within the steps of the march; those behind are of the part of a step at the end
         of the run, and are found again if the run is extended
+    broken : whether the search failed, so that there may be more events before the state of the march
     """
 
     def __init__(self, direction: float) -> None:
@@ -30,6 +31,7 @@ class Log:
         self._rows: Array = np.empty((64, COLUMNS))
         self._count = self.firm = 0
         self._last = -np.inf
+        self.broken = False
 
     @property
     def rows(self) -> Array:
@@ -65,7 +67,8 @@ class Log:
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return the rows as arrays of a fixed shape."""
-        return dict(zip(("events", "event_counts"), padded_rows(self.rows, self.firm), strict=True))
+        firm = BROKEN if self.broken else self.firm
+        return dict(zip(("events", "event_counts"), padded_rows(self.rows, firm), strict=True))
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], functions: int, bodies: int, path: Any) -> None:
         """Restore a checkpoint, for a march that goes on. Raises ArchiveError for an impossible one."""
@@ -81,6 +84,12 @@ class Log:
     def settle(self) -> None:
         """Take all rows as firm."""
         self.firm = self._count
+
+    def drop_from(self, time: float) -> None:
+        """Take the rows from a time on out of the list: what acts there has not acted."""
+        self._count = int(((self.rows[:, TIME] - time) * self._direction < 0.0).sum())
+        self.firm = min(self.firm, self._count)
+        self._last = float(self.rows[-1, TIME]) * self._direction if self._count else -np.inf
 
     def drop_after(self, time: float) -> None:
         """Take the rows after a time out of the list."""
@@ -106,7 +115,13 @@ def _firm_rows(
     checkpoint: Mapping[str, NDArray[Any]], names: tuple[str, str], functions: int, bodies: int, path: Any
 ) -> Array:
     rows = rows_in(checkpoint, *names)
-    firm = int(checkpoint[names[1]][1]) if rows is not None else -1
+    firm = 0 if rows is None else int(checkpoint[names[1]][1])
+    if firm == BROKEN:
+        raise ArchiveError(
+            f"{path} cannot be resumed: the search for its events failed, so that more of them may lie before its end. "
+            "Run it again with events that can be sought, or go on from its last sample: "
+            "orbits.propagate(orbits.Trajectory.open(path)[-1], ...)."
+        )
     if rows is None or not 0 <= firm <= len(rows) or not is_possible(rows, functions, bodies):
         raise ArchiveError(f"{path} is damaged: the list of events in its checkpoint is impossible.")
     return rows[:firm]

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import finite_number
-from orbits.elements.frames import checked_frame
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.propagation.events.base import NOBODY, Array, Bound, PairBound, Sought, Whole, dot
 from orbits.propagation.events.kinds import a_distance, check_names, pairs_of, primary_of
-from orbits.propagation.events.planes import axes_of, check_direction, wanted
+from orbits.propagation.events.planes import axes_of, check_crossing, wanted
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -117,10 +116,7 @@ class ElementCrossing(Sought):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_names(self, self.body, self.primary)
-        check_direction(self)
-        if self.frame is not None:
-            checked_frame(self.frame)
+        check_crossing(self, self.body, self.primary)
         known = (*SIZES, *ANGLES)
         if self.element not in known:
             raise UnknownNameError(f"ElementCrossing of {shown(self.element)}; expected one of {', '.join(known)}.")

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from orbits.body_names import index_of
-from orbits.errors import InputError, shown
+from orbits.errors import EventError, InputError, shown
 from orbits.kernels.calling import call_each
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole
-from orbits.propagation.events.kinds import pairs_of
+from orbits.propagation.events.functions import calling
+from orbits.propagation.events.kinds import check_names, pairs_of
 from orbits.propagation.events.planes import check_direction, wanted
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class Event(Sought):
         if not fits:
             raise InputError(f"Event: bodies is {shown(self.bodies)}; expected the names of one or two bodies.")
         object.__setattr__(self, "bodies", tuple(bodies))
+        check_names(self, *self.bodies)
 
     @staticmethod
     def symbols(body: str) -> Any:
@@ -80,7 +82,7 @@ class Event(Sought):
         if len(rows) == 2:
             pairs_of(system, self.bodies[0], self.bodies[1], "Event")
         pair = (*rows, NOBODY, NOBODY)[:2]
-        own = Own(wanted((self.name, self.name), self.direction), [pair], _vectorised(self.function, system))
+        own = Own(self.name, wanted((self.name, self.name), self.direction), [pair], _vectorised(self.function, system))
         _try(self, own, system)
         return [own]
 
@@ -88,34 +90,55 @@ class Event(Sought):
 class Own(Bound):
     """A function of all states."""
 
-    def __init__(self, words: Any, pairs: Any, function: Callable[[Array, Array, Array], Any]) -> None:
+    def __init__(self, name: str, words: Any, pairs: Any, function: Callable[[Array, Array, Array], Any]) -> None:
         super().__init__(words, pairs)
-        self._function = function
+        self._name, self._function = name, function
 
     def bodies(self) -> None:
         """Return None: the function may depend on all bodies."""
         return
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
-        """Return the function, (m, 1)."""
-        found = np.array(self._function(t, np.ascontiguousarray(q), np.ascontiguousarray(v)), dtype=np.float64)
-        if found.shape != t.shape:
-            raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
-        return found[:, None]
+        """Return the function, (m, 1). Raises what it raises, and EventError for anything but real numbers."""
+        with calling(f"the function of {self._name!r}, between t = {t.min():.10g} and {t.max():.10g}"):
+            found = self.called(t, q, v)
+        try:
+            return _numbers(found, t)[:, None]
+        except ValueError as error:
+            between = f"{t.min():.10g} and {t.max():.10g}"
+            raise EventError(
+                f"Event {self._name!r} fails between t = {between}: {error}. Mend the function; all before stays "
+                "readable.",
+                time=float(t[0]),
+            ) from error
+
+    def called(self, t: Array, q: Array, v: Array) -> Any:
+        """Return what the function returns for copies of its arguments, which it may change."""
+        return self._function(t.copy(), np.array(q, order="C"), np.array(v, order="C"))
+
+
+def _numbers(found: Any, t: Array) -> Array:
+    """Return what a function returned as floats, (m,). Raises ValueError for anything but real numbers."""
+    found = np.asarray(found)
+    if found.shape != t.shape:
+        raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
+    if np.iscomplexobj(found):
+        raise ValueError("it returned complex numbers")
+    return np.array(found, dtype=np.float64)
 
 
 def _try(event: Event, own: Own, system: System) -> None:
     """Call the function with the state at the start, twice. Raises InputError if that fails."""
     _, q, v, _ = system.values
     try:
-        found = own.values(np.zeros(2), np.stack([q, q]), np.stack([v, v]), np.zeros(1, dtype=np.int64))
+        found = _numbers(own.called(np.zeros(2), np.stack([q, q]), np.stack([v, v])), np.zeros(2))
     except Exception as error:  # the function of a user may raise anything
         raise InputError(
             f"Event {event.name!r} fails at the start of the run: {type(error).__name__}: {error}. Expected a function "
             "of t (m,), and of q and v (m, bodies, 3), that returns (m,)."
         ) from error
     if not np.isfinite(found).all():
-        raise InputError(f"Event {event.name!r} is {found[0, 0]} at the start of the run; expected a finite number.")
+        raise InputError(f"Event {event.name!r} is {found[0]} at the start of the run; expected a finite number.")
 
 
 def _vectorised(function: Any, system: System) -> Callable[[Array, Array, Array], Any]:

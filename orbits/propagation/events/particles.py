@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import EventError, IntegrationError
+from orbits.errors import EventError, IntegrationError, with_unit
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks import Clock, Place
 from orbits.marching.marcher import Marcher
@@ -82,9 +82,9 @@ class Followed:
         count = sum(len(search.log.rows) for search in self._searches)
         if count > MOST_EVENTS:
             raise EventError(
-                f"there are more than {MOST_EVENTS:,} events of massless bodies by t = {time:.10g} "
-                f"{self._system.units.time}. Seek fewer (a bound, a direction, fewer bodies), or run in parts; all "
-                "before stays readable.",
+                f"there are more than {MOST_EVENTS:,} events of massless bodies by t = "
+                + with_unit(f"{time:.10g}", self._system.units.time)
+                + ". Seek fewer (a bound, a direction, fewer bodies), or run in parts; all before stays readable.",
                 time=time,
             )
         if first is not None:
@@ -134,9 +134,9 @@ class Followed:
             if lost:
                 return None
             names = " and ".join(self._system.names[k] for k in search.subjects)
-            unit = self._system.units.time
             raise EventError(
-                f"the events of {names} cannot be sought from t = {begun.time:.10g} to {time:.10g} {unit}".rstrip()
+                f"the events of {names} cannot be sought from t = {begun.time:.10g} to "
+                + with_unit(f"{time:.10g}", self._system.units.time)
                 + ": a step of its motion fails there. Use a smaller dt, or softening if bodies come very close, or "
                 "leave these events out; all before stays readable.",
                 time=begun.time,

@@ -11,6 +11,7 @@ from orbits import checks
 from orbits.body_names import index_of
 from orbits.elements.frames import checked_frame, default_frame, from_frame
 from orbits.errors import InputError, shown
+from orbits.kernels.event_search import HEIGHT
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole, dot
 from orbits.propagation.events.kinds import check_names, pairs_of, primary_of
 from orbits.units import quantity_from_text
@@ -38,10 +39,7 @@ class NodeCrossing(Sought):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_names(self, self.body, self.primary)
-        check_direction(self)
-        if self.frame is not None:
-            checked_frame(self.frame)
+        check_crossing(self, self.body, self.primary)
 
     def bound(self, system: System) -> list[Bound]:
         """Return the height above the plane, which rises through zero at ascending nodes."""
@@ -73,13 +71,10 @@ class PlaneCrossing(Sought):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_names(self, self.body, self.about)
-        check_direction(self)
+        check_crossing(self, self.body, self.about)
         object.__setattr__(self, "normal", tuple(checks.direction(self.normal, "PlaneCrossing", width=3).tolist()))
         offset = quantity_from_text(self.offset, "PlaneCrossing.offset", "a distance, such as 0.1 * u.au")
         object.__setattr__(self, "offset", offset)
-        if self.frame is not None:
-            checked_frame(self.frame)
 
     def bound(self, system: System) -> list[Bound]:
         """Return the height above the plane."""
@@ -105,10 +100,22 @@ class Height(Bound):
             found[row] = dot(q[:, a] if b == NOBODY else q[:, a] - q[:, b], self._normal) - self._offset
         return found.T
 
+    def of_pairs(self) -> tuple[int, Array]:
+        """Return the kind of function, the normal and the offset."""
+        return HEIGHT, np.array([*self._normal, self._offset])
+
 
 def axes_of(units: UnitSystem, frame: str | None) -> Array:
     """Return the axes x, y and z of a frame, a row each, in the axes of a system."""
     return from_frame(np.eye(3), default_frame(units) if frame is None else frame)
+
+
+def check_crossing(event: Any, *names: Any) -> None:
+    """Raise InputError for names, a direction, or a frame that cannot be."""
+    check_names(event, *names)
+    check_direction(event)
+    if event.frame is not None:
+        checked_frame(event.frame)
 
 
 def check_direction(event: Any) -> None:

@@ -10,10 +10,13 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import EventError, InputError, shown
+from orbits.errors import EventError, InputError, shown, with_unit
 from orbits.marching.motion import Collected, Motion
-from orbits.propagation.events.base import NOBODY, Bound, Happening, Sought, Touching
+from orbits.propagation.acting import OfTwo
+from orbits.propagation.events.base import NOBODY, Action, Bound, Happening, Sought, Touching
+from orbits.propagation.events.functions import Raised, description
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
+from orbits.propagation.events.meaning import are_clear, in_every_step
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
@@ -40,6 +43,19 @@ Array = NDArray[np.float64]
 
 STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
+
+ROUND_OFF = (
+    "where its function is nothing but round-off, as for apsides of a circular orbit, nodes of one in the plane, or an "
+    "element that stays at the value; such zeros mean nothing, and are left out."
+)
+EVERY_STEP = (
+    "in every one of many steps: its function changes faster than the steps, and zeros are missed if there is more "
+    "than one extremum between two checks. Give a shorter dt, or seek something else."
+)
+"""What is said of events that mean nothing, and of those that happen in every step."""
+
+ENOUGH = 0.25
+"""The share of these steps from which on a block is searched as it is, not copied first."""
 
 SAME = 1e-9
 """Events that act on one body at once are less than this fraction of a step apart."""
@@ -87,8 +103,9 @@ class Seeking:
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
         if self.touching and len(self.touching) < len(self._bounds):
             raise InputError(
-                f"events = {shown(events)}: collisions, after which the bodies may be others, are sought alone; leave "
-                "out the other events, or seek them in a run without collisions."
+                f"events = {shown(events)}: collisions are sought alone, as bodies may be gone after them that other "
+                "events need. Leave out the others, and seek them in a second run, without collisions and until the "
+                "first one (run.events.time[0])."
             )
         self.act = any(not isinstance(event.then, str) for event in self.events)
         groups = by_particles(self._bounds, self._of, system, self.act)
@@ -111,8 +128,11 @@ class Seeking:
         for k in numbers:
             bodies = self._bounds[k].bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
-        self._collected = Collected(max(1, min(STEPS, NUMBERS // (30 * len(system)))))
+        most = max(1, min(STEPS, NUMBERS // (30 * len(system))))
+        self._collected, self._enough = Collected(most), ENOUGH * most
         self._first = True
+        self._remarks: dict[int, str] = {}
+        self._longest = 0.0
         self.log = Log(self._direction)
 
     def follow(self, system: System) -> None:
@@ -147,8 +167,7 @@ class Seeking:
         return described(
             {
                 "kind": type(event).__name__,
-                "given": _plain(event.given()) if event.stored else None,
-                "then": event.then if isinstance(event.then, str) else repr(event.then),
+                **_given(event),
                 "words": [bound.words for of, bound in zip(self._of, self._bounds, strict=True) if of is event],
             }
             for event in self.events
@@ -189,9 +208,9 @@ class Seeking:
             if found is not None:
                 marcher.go_back(found.steps)
             return found
-        if not self._collected.takes(motion):
+        if len(motion) >= self._enough or not self._collected.takes(motion):
             self.flush()
-            if not self._collected.takes(motion):
+            if len(motion) >= self._enough or not self._collected.takes(motion):
                 self._seek(motion, True)
         return None
 
@@ -274,7 +293,11 @@ class Seeking:
         if not len(motion):
             return None
         stretch = Stretch(motion, self._there, self._needed)
-        return self._take(*self._found(stretch), stretch.times, firm, record, until)
+        try:
+            return self._take(*self._found(stretch), stretch.times, firm, record, until)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
 
     def _take(
         self,
@@ -316,6 +339,8 @@ class Seeking:
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
         bounds = [self._bounds[number] for number in self._numbers]
         answers = zeros_of(bounds, stretch, self._first)
+        lengths = np.diff(stretch.times)
+        self._longest = max(self._longest, float(np.abs(lengths).max()))
         for number, bound, (found, missing) in zip(self._numbers, bounds, answers, strict=True):
             if missing is not None and (failure is None or (missing.time - failure.time) * self._direction < 0.0):
                 failure = self._not_finite(number, missing)
@@ -323,6 +348,12 @@ class Seeking:
                 continue
             t, q, v = stretch.at(found.steps, found.fractions)
             kept = bound.keeps(t, q, v, found.columns)
+            clear = are_clear(bound, found, lengths, self._longest, t, q, v)
+            if (kept & ~clear).any():
+                self._remark(number, ROUND_OFF)
+            elif in_every_step(found.steps[kept], found.columns[kept], len(stretch)):
+                self._remark(number, EVERY_STEP)
+            kept &= clear
             pairs, figures = bound.pairs[found.columns], bound.figures(t, q, v, found.columns)
             numbers = np.full(len(t), number)
             rows.append(np.column_stack([t, numbers, found.rising, pairs, figures])[kept])
@@ -333,6 +364,15 @@ class Seeking:
             every, where = every[before], where[before]
         return every, where, failure
 
+    def _remark(self, number: int, what: str) -> None:
+        event, bound = self._of[number], self._bounds[number]
+        names = ", ".join(str(value) for value in event.given().values() if isinstance(value, str))
+        self._remarks[number] = f"{type(event).__name__}({names}): {_said(bound)} {what}"
+
+    def remarks(self) -> list[str]:
+        """Return what is to be said of events that mean nothing, or may be incomplete."""
+        return [said for search in (self, *self.particles) for _, said in sorted(search._remarks.items())]
+
     def note(self, row: Array) -> None:
         """List an event that the march found. Raises EventError if there are too many."""
         self._add(row, True)
@@ -340,7 +380,7 @@ class Seeking:
     def _add(self, row: Array, firm: bool) -> None:
         if self.log.full:
             often = np.bincount(self.log.rows[:, NUMBER].astype(int))
-            most, when = int(np.argmax(often)), f"t = {row[TIME]:.10g} {self._system.units.time}".rstrip()
+            most, when = int(np.argmax(often)), self._when(row[TIME])
             raise EventError(
                 f"there are more than {MOST_EVENTS:,} events by {when}, {often[most]:,} of them "
                 f"{_said(self._bounds[most])}. Seek fewer (a bound, a direction, fewer bodies), or run in parts; all "
@@ -361,14 +401,17 @@ class Seeking:
                 names = [self._system.names[k] for k in both]
                 kinds = [self._bounds[int(row[NUMBER])].words[int(row[RISING])] for row in (one, two)]
                 raise EventError(
-                    f"{kinds[0]!r} and {kinds[1]!r} both act on {names[0]} at t = {one[TIME]:.10g} "
-                    f"{self._system.units.time}; expected one at a time. Let one of them only record.",
+                    f"{kinds[0]!r} and {kinds[1]!r} both act on {names[0]} at {self._when(one[TIME])}; expected one at "
+                    "a time. Let one of them only record.",
                     time=float(one[TIME]),
                     bodies=names,
                 )
 
+    def _when(self, time: float) -> str:
+        return "t = " + with_unit(f"{time:.10g}", self._system.units.time)
+
     def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
-        when = f"t = {error.time:.10g} {self._system.units.time}".rstrip()
+        when = self._when(error.time)
         return EventError(
             f"the function of {_said(self._bounds[number])} is {error.value} at {when}; expected finite numbers. Mend "
             "the function; all before stays readable.",
@@ -380,9 +423,28 @@ def _said(bound: Bound) -> str:
     return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
 
 
-def _plain(given: dict[str, Any]) -> dict[str, Any]:
-    """Return fields as JSON can hold them: quantities as texts, with all their digits."""
-    return {
-        name: f"{value.value!r} {value.unit}" if isinstance(value, u.Quantity) else value
-        for name, value in given.items()
-    }
+def _given(event: Sought) -> dict[str, Any]:
+    """Return what an event was given, as an archive holds it: `given` is None if functions are only described."""
+    known: dict[str, Any] = {"given": None, "then": event.then}
+    if event.stored:
+        known["given"] = {name: _plain(value) for name, value in event.given().items()}
+    else:
+        known["of"] = {name: _told(value) for name, value in event.given().items()}
+    if isinstance(event.then, OfTwo):
+        known["then"] = repr(event.then)
+    elif isinstance(event.then, Action):
+        known |= {"then": "a function", "does": description(getattr(event.then, "function", event.then))}
+    return known
+
+
+def _told(value: Any) -> Any:
+    return description(value) if callable(value) or hasattr(value, "free_symbols") else _plain(value)
+
+
+def _plain(value: Any) -> Any:
+    """Return a field as JSON can hold it: quantities as texts, with all their digits."""
+    if isinstance(value, u.Quantity):
+        return f"{float(value.value)!r} {value.unit}" if value.isscalar else [_plain(x) for x in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value

@@ -42,6 +42,10 @@ class Seen(Sought):
                 raise InputError(
                     f"{what} of {shown(name)}; expected names, as in {what}('Venus', 'Sun', observer='Earth')."
                 )
+        names = self.body, self.other, self.observer
+        if len(set(names)) < 3:
+            twice = self.body if self.body in names[1:] else self.other
+            raise InputError(f"{what}: {twice!r} twice; expected three bodies.")
         checked_flag(self.apparent, f"{what}.apparent")
 
     def sight(self, system: System) -> Sight:

@@ -1,0 +1,293 @@
+"""The blocks of a march: so many steps of the massive bodies, and then of the particles that follow through them.
+
+A block begins with a copy of the state. If a step fails, a particle is lost or a condition is met, the block is marched
+again, from there, up to that step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import ConvergenceError, IntegrationError
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array, Form
+from orbits.kernels.dense import times_reached
+from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.marching import changing
+from orbits.marching.bound_loops import BoundLoops, numbers_of
+from orbits.marching.clocks import Clock
+from orbits.marching.failures import failure_of_bodies, last_good, meeting
+from orbits.marching.passage_list import PassageList
+from orbits.marching.retirement import Lost, Retired
+from orbits.marching.watcher import Watcher
+
+APART = 64
+"""The number of steps between the states that are kept of a run of which not all are; see `steps_apart`."""
+
+
+def steps_apart(integrator: Integrator, massive: NDArray[np.bool_]) -> int:
+    """Return the number of steps between the states that are kept of a run, for dense output: 1 if partial steps lead
+    on from each. With massless particles, and for methods whose states are costly to see, a march does.
+    """
+    return 1 if massive.all() and not integrator.follows_kepler else APART
+
+
+class Blocks:
+    """The methods of `Marcher` that march a block of steps, and those that return to the beginning of one."""
+
+    if TYPE_CHECKING:  # set by `Marcher`
+        lagrangian: Lagrangian
+        integrator: Integrator
+        clock: Clock
+        parameters: Array
+        names: tuple[str, ...]
+        step: int
+        evaluations: int
+        particle_evaluations: int
+        block: int
+        met: tuple[int, int, int] | None
+        _arrived: bool
+        _apart: int
+        _backup: dict[str, Array]
+        _begun_lo: float
+        _block: tuple[int, float]
+        _bodies: int
+        _counts: tuple[int, int]
+        _dense: bool
+        _form: Form
+        _keep: Callable[[Array, Array, Array], None] | None
+        _lengths: Array
+        _listed: tuple[Array, int]
+        _loops: BoundLoops
+        _massive: NDArray[np.intp]
+        _nothing: Array
+        _overflowed: bool
+        _particles: NDArray[np.intp]
+        _passages: PassageList
+        _retire: bool
+        _retired: Retired
+        _start: float
+        _state: dict[str, Array]
+        _stopped: bool
+        _watcher: Watcher
+
+        @property
+        def time(self) -> float: ...
+        def state(self) -> tuple[Array, Array]: ...
+        def _time_of(self, step: int) -> float: ...
+
+    def advance(self, steps: int) -> None:
+        """March on by `steps` >= 0 steps, or by those before the place that it approaches.
+
+        Raises ConvergenceError or SingularityError; the state is then that before the step that failed.
+        """
+        self._stopped = self._arrived = False
+        while steps > 0 and not (self._stopped or self._arrived):
+            steps -= self._one_block(min(steps, self.block))
+
+    def _one_block(self, most: int) -> int:
+        """March on by a block of at most `most` steps, and return their number. Raises what `advance` raises."""
+        self._back_up()
+        before = self.step
+        try:
+            failure = self._advance_block(min(most, self._most()))
+            self._pass_on(self.step - before)
+        except BaseException:  # an interrupt: return to the state after the last complete block
+            self._replay(0)
+            self.step = before
+            raise
+        if failure is not None:
+            raise failure
+        return self.step - before
+
+    def _most(self) -> int:
+        """Return the number of steps up to the next state that is kept, if not all are."""
+        return self.block if self._keep is None or self._apart == 1 else APART - self.step % APART
+
+    def _advance_block(self, count: int) -> IntegrationError | None:
+        """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
+        failure: IntegrationError | None = None
+        try:
+            count = self._march_block(self._state, self.clock, count)
+        except IntegrationError as error:
+            failure = error
+        if failure is not None:
+            # Explicit methods look at the end of a block only; an iteration tells which step did not converge.
+            known = isinstance(failure, ConvergenceError)
+            count = failure.step - self.step if known else last_good(self._can_be_taken, count)
+            self._replay(count)
+        lost, reached, begun = self._retired.lost(), {}, self.step
+        if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
+            within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
+            count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
+            self._replay(count)
+        if self._overflowed and count > 1:  # more passages than the list of a block holds: repeat in shorter blocks
+            self._replay(0)
+            self.block = count // 2
+            return None
+        if self._stop(count):
+            beyond = lost is not None and self.step > begun + lost.steps
+            return self._lose(lost, reached, begun + lost.steps) if lost is not None and beyond else None
+        self.step += count
+        if lost is not None:
+            return self._lose(lost, reached, begun + lost.steps)
+        if failure is None:
+            return None
+        try:  # to find the number and the time of the step that failed
+            self._march_block(self._copied(), self.clock, 1)
+        except IntegrationError as error:
+            return error
+        return failure
+
+    def keep_steps(
+        self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
+    ) -> None:
+        """Call `keep` after each block with times, (k, 2), each as the sum of two numbers, and q and v, (k, n, 3), in
+        the order of the caller: at the ends of all its steps, or of every `APART`-th; see `steps_apart`.
+
+        take_back : called with a number of states passed last that are no longer of the run; see `go_back`
+        """
+        self._keep, self._take_back = keep, take_back
+
+    def _pass_on(self, count: int) -> None:
+        """Pass the states at the ends of the `count` steps of the last block to what keeps them."""
+        if self._keep is None or not count:
+            return
+        times = np.zeros((count + 1, 2))
+        if self.clock.changes:
+            times[0] = self._backup["clock"][[changing.TIME, changing.TIME_LO]]
+        else:
+            times[0, 0] = self._time_of(self.step - count)
+        times_reached(self._loops.lengths(count), times)
+        if self._apart == 1:
+            n = self._bodies
+            states = self._watcher.recorded(count)[1:, :, : 3 * n].reshape(count, 2, 3, n).transpose(1, 0, 3, 2)
+            self._keep(times[1:], *states)
+        elif self.step % APART == 0:
+            q, v = self.state()
+            self._keep(times[-1:], q[None], v[None])
+
+    def _reached(self, lost: Lost) -> dict[str, Array]:
+        """Return where lost particles have got to by steps of their own, within a step of the bodies."""
+        if not self.clock.changes:
+            return {}
+        reached = {f"particle_{name}": lost.particles for name in ("q", "q_lo", "v", "v_lo")}
+        state = {name: self._state[name][:, which] for name, which in reached.items()}
+        return {**state, "particle_clock": self._state["particle_clock"][lost.particles]}
+
+    def _lose(self, lost: Lost, reached: Mapping[str, Array], step: int) -> IntegrationError | None:
+        """Retire particles after `step` steps, where they have got to; or return the error for the first one, if
+        `retire` is not set.
+        """
+        if not self._retire:
+            return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
+        self._retired.add(lost, step)
+        for name, values in reached.items():
+            if name == "particle_clock":
+                self._state[name][lost.particles] = values
+            else:
+                self._state[name][:, lost.particles] = values
+        return None
+
+    def _stop(self, count: int) -> bool:
+        """Return whether a condition was met in the block of `count` steps just marched; if so, go back to that
+        step.
+        """
+        found = self._watcher.met(count)
+        if found is None:
+            return False
+        self._stopped, (steps, self.met) = True, found
+        if steps < count:
+            self._replay(steps)
+        self.step += steps
+        return True
+
+    def _back_up(self) -> None:
+        """Copy the state at the beginning of a block."""
+        if self._backup:
+            for name, array in self._state.items():
+                self._backup[name][...] = array
+        else:
+            self._backup = {name: array.copy() for name, array in self._state.items()}
+        self._counts = self.evaluations, self.particle_evaluations
+        self._listed = self._passages.passages, self._passages.left_out
+
+    def _can_be_taken(self, steps: int) -> bool:
+        """Return whether `steps` steps of the block that has just failed can be taken, after taking them."""
+        try:
+            self._replay(steps)
+        except IntegrationError:
+            return False
+        return True
+
+    def _replay(self, count: int) -> None:
+        """March `count` steps from the state at the beginning of the block."""
+        for name, array in self._state.items():
+            np.copyto(array, self._backup[name])
+        self.evaluations, self.particle_evaluations = self._counts
+        self._passages.passages, self._passages.left_out = self._listed
+        self._retired.begin()
+        self._arrived, self._block = False, (0, self.time)
+        if count:
+            self._march_block(self._state, self.clock, count)
+
+    def _copied(self) -> dict[str, Array]:
+        """Return a copy of the state, which is marched without observers."""
+        return {name: array.copy() for name, array in self._state.items() if name != "approaches"}
+
+    def _march_block(self, state: dict[str, Array], clock: Clock, count: int, *, goes_on: bool = False) -> int:
+        """March `count` steps, or those before the goal of the clock; return their number.
+
+        goes_on : without the particles that were lost in the block before
+        """
+        usual = clock == self.clock
+        now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
+        bound = self._loops.bound(clock, now)
+        begun_lo = float(now[changing.TIME_LO]) if self.clock.changes else 0.0
+        record = state.get("approaches")  # a copy has none, and is marched without observers
+        path = self._nothing if record is None else self._watcher.path(count)
+        status, done, body, evaluations = self._loops.march(state, bound, path, count)
+        self.evaluations += evaluations
+        if status == BEYOND:
+            status, count, self._arrived = OK, done, True
+        if status in (NOT_CONVERGED, TOO_SHORT):
+            raise self._failure(status, done, self._meeting(state, None if status == TOO_SHORT else body), now)
+        if status != OK:
+            # The state is invalid; the bodies that met are found in the previous state, if the block is a single step.
+            lost = np.flatnonzero(~np.isfinite(state["q"][: 3 * self._bodies] + state["v"][: 3 * self._bodies]))
+            before = self._state if state is not self._state else self._backup
+            body = int(lost[0]) % self._bodies if lost.size else 0
+            raise self._failure(status, 0, self._meeting(before, body) if count == 1 else [])
+        if record is not None:
+            self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
+            if self._dense and self.clock.changes:  # copies of the state use the same room
+                self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
+        if record is not None and count:
+            self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
+            self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
+        if self._loops.tasks:
+            if not goes_on:
+                self._retired.begin()
+            watcher = None if record is None else self._watcher
+            self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
+        if record is not None and count:
+            self._overflowed = self._passages.overflows(self._watcher.lists)
+            self._passages.add(self._watcher.lists)
+        return count
+
+    def _meeting(self, state: dict[str, Array], body: int | None = None) -> list[int]:
+        """Return two massive bodies, the lighter one first: `body` and its nearest neighbour, or the closest pair."""
+        pair = meeting(state["q"][: 3 * self._bodies].reshape(3, -1), body)
+        return [int(self._massive[b]) for b in sorted(pair, key=lambda b: self.parameters[1 + b])]
+
+    def _failure(self, status: int, done: int, bodies: list[int], now: Array | None = None) -> IntegrationError:
+        names = [self.names[b] if self.names else f"body {b}" for b in bodies]
+        step = self.step + done
+        time = self._time_of(step) if now is None or not self.clock.changes else float(now[changing.TIME])
+        momenta = SEPARABLE not in self.lagrangian.traits
+        return failure_of_bodies(status, step, time, self.clock, self.integrator, names, momenta=momenta)

@@ -1,0 +1,127 @@
+"""What `orbits info` and `orbits resume` say of the run in an archive: as text, and as a record for JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from orbits.body_names import few
+from orbits.errors import with_unit
+from orbits.export import MOST_ROWS, headed, text_table
+
+if TYPE_CHECKING:
+    from orbits.trajectory import Trajectory
+
+CONSERVED = ("energy", "angular_momentum", "linear_momentum", "centre_of_mass")
+
+
+def record(file: Path, run: Trajectory) -> dict[str, Any]:
+    """Return what is in an archive, for JSON."""
+    drift = run.drift() if len(run) else None
+    ended = None if run.archive is None else run.archive.ended
+    found = {
+        "file": str(file),
+        "bodies": len(run.names),
+        "massive": int(run.system.massive.sum()),
+        "names": list(run.names),
+        "epoch": None if run.system.epoch is None else run.system.epoch.isot,
+        "time_unit": str(run.system.units.time),
+        "integrator": run.integrator.label,
+        "dt": None if run.clock.changes else abs(run.step),
+        "samples": len(run),
+        "complete": run.complete,
+        "from": float(run.times[0]) if len(run) else None,
+        "to": float(run.times[-1]) if len(run) else None,
+        "reached": run.reached,
+        "end": None if run.archive is None else run.archive.grid.end,
+        "ended": {"how": ended.how, "why": ended.why} if ended is not None and ended.how else None,
+        "dense_states": None if run.kept is None else len(run.kept),
+        "sought": [{key: event[key] for key in ("kind", "given", "then")} for event in _sought(run)],
+        "events": run.events.to_records(),
+        "legs": [
+            {"time": float(leg.time.value), "names": list(leg.names), "gm": leg.gm.value.tolist()} for leg in run.legs
+        ],
+        "largest_relative_change": {n: _known(getattr(drift, n).max_fraction) for n in CONSERVED} if drift else None,
+        "retired": run.retired.to_records(),
+    }
+    if run.system.forces:
+        found["work"] = [
+            {"force": effect.force.kind, "work": float(effect.work[-1].value), "energy_unit": str(effect.work.unit)}
+            for effect in (run.work() if len(run) else ())
+        ]
+    return found
+
+
+def text(file: Path, run: Trajectory) -> str:
+    """Return what is in an archive, in paragraphs: the run and how it ended, its bodies, events and drift."""
+    first = [str(run), *_endings(run)]
+    if run.kept is not None:
+        first.append(f"dense output from {len(run.kept):,} states: run.at(times) answers at once")
+    parts = ["\n".join(first), str(run.system)]
+    if len(run.legs) > 1:
+        parts.append(_legs(run))
+    if len(run.retired):
+        parts.append(str(run.retired))
+    if sought := _sought(run):
+        parts.append("\n".join(["sought: " + "\n        ".join(map(_said, sought)), str(run.events)]))
+    if len(run):
+        parts.append("\n".join([str(run.drift()), *map(str, run.work())]))
+    if not run.complete:
+        functions = any(event["given"] is None or "does" in event for event in sought)
+        python = f"orbits.resume({str(file)!r}, events=[...]), in Python: an archive cannot hold functions"
+        parts.append(f"not complete: go on with  {python if functions else f'orbits resume {file}'}")
+    return "\n\n".join(parts)
+
+
+def _endings(run: Trajectory) -> list[str]:
+    """Return how a run was ended, if it did not simply come to its end."""
+    ended = None if run.archive is None else run.archive.ended
+    if ended is None or not ended.how:
+        return []
+    when = f"t = {with_unit(f'{run.reached:.10g}', run.system.units.time)}"
+    words = {"interrupted": f"interrupted by {ended.why} at {when}", "failed": f"failed after {when}: {ended.why}"}
+    return [words.get(ended.how, f"{ended.how}: {ended.why}")]
+
+
+def _sought(run: Trajectory) -> list[dict[str, Any]]:
+    """Return the events that were sought, as the archive describes them."""
+    known = "" if run.archive is None else run.archive.events_text
+    found: list[dict[str, Any]] = json.loads(known) if known else []
+    return found
+
+
+def _said(event: Mapping[str, Any]) -> str:
+    """Return what was sought in words: Pericentre(body='p', primary='star'), then stop."""
+    given = event["given"] if event["given"] is not None else event.get("of", {})
+    fields = [f"{name}={_field(value)}" for name, value in given.items() if value not in (None, [], 0)]
+    then = str(event["then"] if "does" not in event else event["does"]["name"])
+    return f"{event['kind']}({', '.join(fields)})" + (f", then {then}" if then != "record" else "")
+
+
+def _field(value: Any) -> str:
+    return str(value["name"]) if isinstance(value, dict) and "name" in value else repr(value)
+
+
+def _legs(run: Trajectory) -> str:
+    """Return a table of the parts of a run in which bodies, masses and radii stay the same."""
+    legs, before, rows = run.legs, None, []
+    for leg in legs[:MOST_ROWS]:
+        what = ""
+        if before is not None:
+            known = dict(zip(before.names, before.gm.value, strict=True))
+            gone = [name for name in before.names if name not in leg.names]
+            other = [name for name, gm in zip(leg.names, leg.gm.value, strict=True) if gm != known.get(name)]
+            parts = [f"{few(names)} {how}" for names, how in ((gone, "gone"), (other, "of another mass")) if names]
+            what = ", ".join(parts) or "other radii"
+        rows.append([what, f"{leg.time.value:.10g}", f"{len(leg.names):,}"])
+        before = leg
+    head = ["change", headed("from t", run.system.units.time), "bodies"]
+    return text_table(f"{len(legs):,} legs, with other bodies, masses or radii", head, rows, len(legs) - len(rows))
+
+
+def _known(figure: float) -> float | None:
+    """Return a figure, None for what is not conserved: JSON has no NaN."""
+    return None if math.isnan(figure) else figure
