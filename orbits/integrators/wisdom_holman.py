@@ -239,7 +239,7 @@ class WisdomHolman(Integrator):
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
     are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
 
-    Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 15 times
+    Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Raises InputError
