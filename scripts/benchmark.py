@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_light_bodies, part_precision
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
+from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
 
 import orbits
@@ -38,6 +39,7 @@ BY_HAND = "## How close to the machine"
 
 PARTS = {
     "ten_bodies": part_ten_bodies,
+    "planets": part_planets,
     "adaptive": part_adaptive,
     "light_bodies": part_light_bodies,
     "crossers": part_crossers,

@@ -29,20 +29,20 @@ from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
+from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
 from orbits.kernels.jacobi import (
-    ROWS,
-    STATE_ROWS,
-    displace,
+    advance_planets,
     enter_planets,
     finish_velocities,
-    interact,
     kick_planets,
     leave_planets,
-    modify,
     move_planets,
     number_planets,
     prepare_room,
     show_planets,
+    step_lazy,
+    step_modified,
+    step_plain,
 )
 from orbits.kernels.jacobi_particles import (
     AWAY,
@@ -137,14 +137,22 @@ def begin(method, model, t, h, state, storage):
     _kick_of_a_step(method.coefficients, storage.carry, storage.scratch, model.parameters.shape[0] - 2)
 
 
-@kernel
+@kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step: half a kick, Kepler motions, half a kick."""
     coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
-    half = coefficients[0, HALF]
-    move_planets(planets, room, coefficients[0, WHOLE], half)
-    _kick_of_a_step(coefficients, planets, room, model.parameters.shape[0] - 2)
-    finish_velocities(planets, room, half)
+    if room.shape[0] < 2 * ROWS:
+        if coefficients[0, LAZY] != 0.0:
+            step_lazy(planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
+        elif coefficients[0, SHIFT] != 0.0:
+            step_modified(planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
+        else:
+            step_plain(planets, room, coefficients[0, WHOLE])
+    else:
+        half = coefficients[0, HALF]
+        advance_planets(planets, room, coefficients[0, WHOLE], half)
+        _kick_of_a_step(coefficients, planets, room, model.parameters.shape[0] - 2)
+        finish_velocities(planets, room, half)
     return OK, 0, 1
 
 
@@ -176,7 +184,7 @@ def step_among_particles(method, model, t, h, state, storage):
     """As `step`, with the table after it: of the planets to the same bits."""
     coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
     strength, half, after = model.parameters, coefficients[0, HALF], table_rows(model.parameters.shape[0] - 2)
-    move_planets(planets, room, coefficients[0, WHOLE], half)
+    advance_planets(planets, room, coefficients[0, WHOLE], half)
     _kick_among_particles(coefficients, strength, planets, room, storage.stages, after)
     finish_velocities(planets, room, half)
     tabulate_centres(strength, planets, room, storage.stages, after)
@@ -369,7 +377,7 @@ class WisdomHolman(Integrator):
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
     are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
 
-    Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 15 times
+    Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of

@@ -42,7 +42,7 @@ MANY = 1e18
 
 
 @kernel(inline=True)
-def _estimate(h, before, now, first, second):
+def estimate(h, before, now, first, second):
     """Return the least squared distance between two samples that are h apart, by two secants; `before` < 0 <= `now`.
 
     first, second : relative positions and velocities, six numbers each
@@ -61,7 +61,7 @@ def _estimate(h, before, now, first, second):
 
 
 @kernel(inline=True)
-def _is_near_or_fast(passage_angle, h, reach, d2, first, second):
+def is_near_or_fast(passage_angle, h, reach, d2, first, second):
     """Return for eight pairs whether the passage may have to be listed, from the velocities at two samples and an
     estimate of the least squared distance.
     """
@@ -157,7 +157,7 @@ def search(context, track, h, steps, j, row, valid):
         turned = valid * (before < 0.0) * (now >= 0.0)
         if any_lane(turned):
             many = steps_between(watch, h, last, k)
-            d2 = _estimate(h * many, before * many, now * many, (x0, y0, z0, u0, v0, w0), (x, y, z, u, v, w))
+            d2 = estimate(h * many, before * many, now * many, (x0, y0, z0, u0, v0, w0), (x, y, z, u, v, w))
             if row < n:
                 nearest = record[DISTANCE2, OTHER, j]
                 if row <= dominant < row + WIDTH:
@@ -167,7 +167,7 @@ def search(context, track, h, steps, j, row, valid):
                 known = load(record[DISTANCE2, column], row)
             else:
                 known = full(watch.annuli[j, REACH] * watch.annuli[j, REACH])
-            wanted = (SLACK * d2 < known) + _is_near_or_fast(
+            wanted = (SLACK * d2 < known) + is_near_or_fast(
                 watch.passage_angle, h, reach, d2, (u0, v0, w0), (u, v, w)
             )
             if k - last > 1 and dominant < 0:

@@ -16,8 +16,8 @@ pull of the dominant body, 1e-16 of it, is part of the interaction too.
 Arrays are (rows, 8). `planets`, the state, has for each register of eight planets 12 rows: r' and its velocity, then
 their low parts; then two rows of the centre of mass, its position and velocity and their low parts, with the number of
 the dominant body in lane 6, and in lane 7 whether the planets have been numbered, 1 or `IN_ORDER`; then a row of the
-body in each lane, -1 for none, for each register. `room` has for each register the rows named below, and then eight of
-the unit matrix.
+body in each lane, -1 for none, for each register. `room` has for each register the rows named in
+`orbits.kernels.interaction`, and then eight of the unit matrix.
 
 Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 376.
 """
@@ -25,38 +25,44 @@ Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 3
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
+from orbits.kernels.interaction import (
+    ATTRACTING,
+    CENTRAL,
+    CHANGE,
+    FORCE,
+    IN_ORDER,
+    INNER,
+    MASS,
+    MOVED,
+    OUTER,
+    PLACE,
+    REST,
+    ROWS,
+    SHARE,
+    SHIFTED,
+    STATE_ROWS,
+    change_along,
+    interaction,
+    load_three,
+    masses_of,
+    store_three,
+)
 from orbits.kernels.kepler import kepler_increments
 from orbits.kernels.lanes import (
     WIDTH,
-    exact_mul,
     exact_sub,
     fma,
     full,
     lane,
     load,
-    rsqrt_cubed,
     store,
     store_some,
     sums_after,
-    sums_before,
-    total,
+    turned,
     unit,
 )
+from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_product, two_sum
-
-STATE_ROWS, ROWS = 12, 22
-"""Rows of a register in `planets` and in `room`."""
-
-FORCE, PLACE, SHIFTED, CHANGE, MOVED = 0, 3, 6, 9, 18
-"""Rows of `room`: the interaction; u; r' displaced along the interaction, or the displacement; the change of velocity
-by the Kepler motion and the kick before it; the displacement of u."""
-
-IN_ORDER = 2.0
-"""The planets are numbered as the bodies, and the dominant body is the first."""
-
-ATTRACTING, MASS, SHARE, OUTER, INNER, CENTRAL, REST = 12, 13, 14, 15, 16, 17, 21
-"""Rows of `room`: M_i; m_i; w_i; M_i / M_(i-1); 1 / M_(i-1); m_0 / M_(i-1); what rounding takes from the product of the
-first and the last, with which the dominant body attracts; all 0 in lanes without a planet."""
 
 
 @kernel
@@ -94,85 +100,6 @@ def _rest(central, gm, all_in, share):
     return exact_sub(fma(gm, share, exact_sub(central, product)), lost)
 
 
-@kernel(inline=True, exact=True)
-def difference(a, b, c, d):
-    """Return a b - c d, which is exactly 0 for equal products."""
-    return exact_sub(exact_mul(a, b), exact_mul(c, d))
-
-
-@kernel
-def interact(planets, room, count, shifted):
-    """Write the interaction of `count` planets into the rows FORCE; shifted : whether at the displaced positions."""
-    registers = room.shape[0] // ROWS
-    bx, by, bz = 0.0, 0.0, 0.0
-    for register in range(registers):
-        first = ROWS * register
-        x, y, z = _coordinates(planets, room, register, shifted)
-        share = load(room, first + SHARE)
-        wx, wy, wz = share * x, share * y, share * z
-        store(room, first + PLACE, x + (bx + sums_before(wx)))
-        store(room, first + PLACE + 1, y + (by + sums_before(wy)))
-        store(room, first + PLACE + 2, z + (bz + sums_before(wz)))
-        if registers > 1:
-            bx, by, bz = bx + total(wx), by + total(wy), bz + total(wz)
-    # From outside inwards, for the sums over the planets further out.
-    bx, by, bz = 0.0, 0.0, 0.0
-    for k in range(registers):
-        register = registers - 1 - k
-        first = ROWS * register
-        ux, uy, uz = load(room, first + PLACE), load(room, first + PLACE + 1), load(room, first + PLACE + 2)
-        fx, fy, fz = full(0.0), full(0.0), full(0.0)
-        for source in range(registers):
-            other = ROWS * source
-            # At distance 1 from itself, in the direction 0, a body feels nothing of itself.
-            own = 1.0 if source == register else 0.0
-            for slot in range(min(WIDTH, count - WIDTH * source)):
-                dx = room[other + PLACE, slot] - ux
-                dy = room[other + PLACE + 1, slot] - uy
-                dz = room[other + PLACE + 2, slot] - uz
-                apart = fma(full(own), load(room, ROWS * registers + slot), dx * dx)
-                w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, apart))) * room[other + MASS, slot]
-                fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
-        x, y, z = _coordinates(planets, room, register, shifted)
-        near = rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
-        pull = load(room, first + CENTRAL) * near
-        kepler = rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
-        outer, inner, mass = load(room, first + OUTER), load(room, first + INNER), load(room, first + MASS)
-        attracting, rest = load(room, first + ATTRACTING), load(room, first + REST) * near
-        # m_0 = (m_0 / M_(i-1)) / (1 / M_(i-1)); lanes without a planet have mass 0.
-        central = room[CENTRAL, 0] / room[INNER, 0]
-        sx, sy, sz = (
-            mass * fma(-central * near, ux, fx),
-            mass * fma(-central * near, uy, fy),
-            mass * fma(-central * near, uz, fz),
-        )
-        gx, gy, gz = (
-            fma(inner, bx + sums_after(sx), -rest * ux),
-            fma(inner, by + sums_after(sy), -rest * uy),
-            fma(inner, bz + sums_after(sz), -rest * uz),
-        )
-        store(room, first + FORCE, _whole(outer, fx, gx, attracting, x, kepler, ux, pull))
-        store(room, first + FORCE + 1, _whole(outer, fy, gy, attracting, y, kepler, uy, pull))
-        store(room, first + FORCE + 2, _whole(outer, fz, gz, attracting, z, kepler, uz, pull))
-        if registers > 1:
-            bx, by, bz = bx + total(sx), by + total(sy), bz + total(sz)
-
-
-@kernel(inline=True)
-def _whole(outer, own, further, attracting, x, kepler, u, pull):
-    """Return a component of the interaction from its three parts."""
-    return fma(attracting, difference(x, kepler, u, pull), fma(outer, own, further))
-
-
-@kernel(inline=True)
-def _coordinates(planets, room, register, shifted):
-    """Return r' of a register, or the displaced one."""
-    first, other = STATE_ROWS * register, ROWS * register + SHIFTED
-    if shifted:
-        return load(room, other), load(room, other + 1), load(room, other + 2)
-    return load(planets, first), load(planets, first + 1), load(planets, first + 2)
-
-
 @kernel
 def kick_planets(planets, room, h):
     """Advance the velocities by h times the interaction."""
@@ -186,122 +113,111 @@ def kick_planets(planets, room, h):
 
 
 @kernel
-def displace(planets, room, shift):
-    """Write r' displaced by `shift` times the interaction."""
-    for register in range(room.shape[0] // ROWS):
-        first, other = STATE_ROWS * register, ROWS * register
-        for k in range(3):
-            store(room, other + SHIFTED + k, fma(full(shift), load(room, other + FORCE + k), load(planets, first + k)))
-
-
-@kernel
-def modify(planets, room, count, shift):
-    """Add `shift` times the derivative of the interaction along itself to the rows FORCE.
-
-    The sum is the acceleration by the potential V - shift/2 sum of m'_i |r''_i|^2, with the masses m'_i of Jacobi's
-    coordinates. `interact` must have been called.
-    """
-    registers = room.shape[0] // ROWS
-    bx, by, bz = 0.0, 0.0, 0.0
-    for register in range(registers):
-        first = ROWS * register
-        x, y, z = (
-            shift * load(room, first + FORCE),
-            shift * load(room, first + FORCE + 1),
-            shift * load(room, first + FORCE + 2),
-        )
-        store(room, first + SHIFTED, x)
-        store(room, first + SHIFTED + 1, y)
-        store(room, first + SHIFTED + 2, z)
-        share = load(room, first + SHARE)
-        wx, wy, wz = share * x, share * y, share * z
-        store(room, first + MOVED, x + (bx + sums_before(wx)))
-        store(room, first + MOVED + 1, y + (by + sums_before(wy)))
-        store(room, first + MOVED + 2, z + (bz + sums_before(wz)))
-        if registers > 1:
-            bx, by, bz = bx + total(wx), by + total(wy), bz + total(wz)
-    bx, by, bz = 0.0, 0.0, 0.0
-    for k in range(registers):
-        register = registers - 1 - k
-        first = ROWS * register
-        ux, uy, uz = load(room, first + PLACE), load(room, first + PLACE + 1), load(room, first + PLACE + 2)
-        ex, ey, ez = load(room, first + MOVED), load(room, first + MOVED + 1), load(room, first + MOVED + 2)
-        fx, fy, fz = full(0.0), full(0.0), full(0.0)
-        for source in range(registers):
-            other, own = ROWS * source, 1.0 if source == register else 0.0
-            for slot in range(min(WIDTH, count - WIDTH * source)):
-                dx = room[other + PLACE, slot] - ux
-                dy = room[other + PLACE + 1, slot] - uy
-                dz = room[other + PLACE + 2, slot] - uz
-                r2 = fma(dz, dz, fma(dy, dy, fma(full(own), load(room, ROWS * registers + slot), dx * dx)))
-                tx, ty, tz = tide(
-                    dx, dy, dz, r2, room[other + MOVED, slot] - ex,
-                    room[other + MOVED + 1, slot] - ey, room[other + MOVED + 2, slot] - ez,
-                )  # fmt: skip
-                mass = room[other + MASS, slot]
-                fx, fy, fz = fma(mass, tx, fx), fma(mass, ty, fy), fma(mass, tz, fz)
-        x, y, z = _coordinates(planets, room, register, False)
-        sx, sy, sz = load(room, first + SHIFTED), load(room, first + SHIFTED + 1), load(room, first + SHIFTED + 2)
-        kx, ky, kz = tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
-        cx, cy, cz = tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
-        outer, inner, mass = load(room, first + OUTER), load(room, first + INNER), load(room, first + MASS)
-        attracting, pull = load(room, first + ATTRACTING), load(room, first + CENTRAL)
-        central = room[CENTRAL, 0] / room[INNER, 0]
-        gx, gy, gz = (
-            mass * fma(-central, cx, fx),
-            mass * fma(-central, cy, fy),
-            mass * fma(-central, cz, fz),
-        )
-        _add(room, first + FORCE, fma(attracting, kx - pull * cx, fma(outer, fx, inner * (bx + sums_after(gx)))))
-        _add(room, first + FORCE + 1, fma(attracting, ky - pull * cy, fma(outer, fy, inner * (by + sums_after(gy)))))
-        _add(room, first + FORCE + 2, fma(attracting, kz - pull * cz, fma(outer, fz, inner * (bz + sums_after(gz)))))
-        if registers > 1:
-            bx, by, bz = bx + total(gx), by + total(gy), bz + total(gz)
-
-
-@kernel(inline=True)
-def tide(x, y, z, r2, ex, ey, ez):
-    """Return the change of (x, y, z) / r^3 with (x, y, z) along (ex, ey, ez); r2 : r^2."""
-    w = rsqrt_cubed(r2)
-    near = w * r2  # 1/r
-    along = -3.0 * fma(x, ex, fma(y, ey, z * ez)) * near * near
-    return w * fma(along, x, ex), w * fma(along, y, ey), w * fma(along, z, ez)
-
-
-@kernel(inline=True)
-def _add(room, row, change):
-    store(room, row, load(room, row) + change)
-
-
-@kernel
 def move_planets(planets, room, h, kick):
-    """Advance the planets on their Kepler orbits by h, from velocities changed by `kick` times the interaction.
+    """Advance the planets on their Kepler orbits by h, of any length, from velocities changed by `kick` times the
+    interaction.
 
     The velocities are not changed: the rows CHANGE receive the change, that by the kick included.
     """
+    _move(planets, room, h, kick, False)
+
+
+@kernel
+def advance_planets(planets, room, h, kick):
+    """The same, to the same accuracy, fast for steps that are short beside the orbits."""
+    _move(planets, room, h, kick, True)
+
+
+@kernel(inline=True)
+def _move(planets, room, h, kick, short):
     registers = room.shape[0] // ROWS
     for register in range(registers):
         first, other = STATE_ROWS * register, ROWS * register
-        x, y, z = load(planets, first), load(planets, first + 1), load(planets, first + 2)
-        kx, ky, kz = (
-            kick * load(room, other + FORCE),
-            kick * load(room, other + FORCE + 1),
-            kick * load(room, other + FORCE + 2),
-        )
-        vx, vy, vz = load(planets, first + 3) + kx, load(planets, first + 4) + ky, load(planets, first + 5) + kz
+        x, y, z = load_three(planets, first)
+        ax, ay, az = load_three(room, other + FORCE)
+        vx, vy, vz = _kicked(load_three(planets, first + 3), kick, ax, ay, az)
         attracting = load(room, other + ATTRACTING)
-        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, attracting, full(h))
+        if short:
+            dx, dy, dz, dvx, dvy, dvz = short_increments(x, y, z, vx, vy, vz, attracting, full(h))
+        else:
+            dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, attracting, full(h))
         _advance(planets, first, dx)
         _advance(planets, first + 1, dy)
         _advance(planets, first + 2, dz)
-        store(room, other + CHANGE, dvx + kx)
-        store(room, other + CHANGE + 1, dvy + ky)
-        store(room, other + CHANGE + 2, dvz + kz)
+        store_three(room, other + CHANGE, _kicked((dvx, dvy, dvz), kick, ax, ay, az))
+    _move_centre(planets, registers, h)
+
+
+@kernel(inline=True)
+def _kicked(v, kick, ax, ay, az):
+    return fma(full(kick), ax, v[0]), fma(full(kick), ay, v[1]), fma(full(kick), az, v[2])
+
+
+@kernel(inline=True)
+def _move_centre(planets, registers, h):
+    """Advance the centre of mass: its position is in lanes 0 ... 2, its velocity in the next three."""
     centre = STATE_ROWS * registers
-    for k in range(3):
-        planets[centre, k], planets[centre + 1, k] = add_product(
-            planets[centre, k], planets[centre + 1, k], h, planets[centre, 3 + k], planets[centre + 1, 3 + k]
-        )
+    there, rest = load(planets, centre), load(planets, centre + 1)
+    h = h * (unit(0) + unit(1) + unit(2))
+    there, rest = add_product(there, rest, h, turned(there, 3), turned(rest, 3))
+    store(planets, centre, there)
+    store(planets, centre + 1, rest)
+
+
+@kernel
+def step_plain(planets, room, h):
+    """Take a step of planets that fit into one register: half a kick, Kepler motions, half a kick.
+
+    The same as `advance_planets`, the interaction for the kick and `finish_velocities`, to the last bit, but that all
+    stays in registers, in two thirds of the time. The rows FORCE have the interaction of the kick before, and receive
+    that of this one.
+    """
+    _step(planets, room, h, 0.0, False, False)
+
+
+@kernel
+def step_modified(planets, room, h, shift):
+    """The same with the modified kick, changed by `shift` times its derivative along itself."""
+    _step(planets, room, h, shift, True, False)
+
+
+@kernel
+def step_lazy(planets, room, h, shift):
+    """The same with the lazy kick, by the interaction at places displaced by `shift` times the interaction."""
+    _step(planets, room, h, shift, False, True)
+
+
+@kernel(inline=True)
+def _step(planets, room, h, shift, modified, lazy):
+    x, y, z = load_three(planets, 0)
+    u, v, w = load_three(planets, 3)
+    masses, force, kick = masses_of(room, 0), load_three(room, FORCE), 0.5 * h
+    vx, vy, vz = _kicked((u, v, w), kick, force[0], force[1], force[2])
+    dx, dy, dz, dvx, dvy, dvz = short_increments(x, y, z, vx, vy, vz, masses.attracting, full(h))
+    change = _kicked((dvx, dvy, dvz), kick, force[0], force[1], force[2])
+    x, x_lo = accumulate(x, load(planets, 6), dx)
+    y, y_lo = accumulate(y, load(planets, 7), dy)
+    z, z_lo = accumulate(z, load(planets, 8), dz)
+    force, place, pairs = interaction(x, y, z, masses)
+    if lazy:
+        there = _kicked((x, y, z), shift, force[0], force[1], force[2])
+        store_three(room, SHIFTED, there)
+        force, place, _ = interaction(there[0], there[1], there[2], masses)
+    if modified:
+        force, shifted, moved = change_along(force, pairs, shift, masses)
+        store_three(room, SHIFTED, shifted)
+        store_three(room, MOVED, moved)
+    change = _kicked(change, kick, force[0], force[1], force[2])
+    u, u_lo = accumulate(u, load(planets, 9), change[0])
+    v, v_lo = accumulate(v, load(planets, 10), change[1])
+    w, w_lo = accumulate(w, load(planets, 11), change[2])
+    store_three(planets, 0, (x, y, z))
+    store_three(planets, 3, (u, v, w))
+    store_three(planets, 6, (x_lo, y_lo, z_lo))
+    store_three(planets, 9, (u_lo, v_lo, w_lo))
+    store_three(room, PLACE, place)
+    store_three(room, FORCE, force)
+    _move_centre(planets, 1, h)
 
 
 @kernel(inline=True)
@@ -433,21 +349,30 @@ def show_planets(strength, planets, room, q, p):
     n = strength.shape[0] - 1
     registers = room.shape[0] // ROWS
     centre = STATE_ROWS * registers
-    sun = int(planets[centre, 6])
-    for component in range(6):
-        x = q if component < 3 else p
-        axis = component % 3 * n
-        inside = planets[centre, component]
-        for j in range(registers):
-            register = registers - 1 - j
-            own = load(planets, STATE_ROWS * register + component)
-            weighted = load(room, ROWS * register + SHARE) * own
-            place = own + (inside - (weighted + sums_after(weighted)))
-            inside = inside - total(weighted)
-            count = n - 1 - WIDTH * register
-            if planets[centre, 7] == IN_ORDER:
-                store_some(x, axis + 1 + WIDTH * register, place, count)
-            else:
-                for k in range(min(WIDTH, count)):
-                    x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
-        x[axis + sun] = inside
+    in_order = planets[centre, 7] == IN_ORDER
+    for k in range(3):
+        _show_component(planets, room, registers, n, in_order, k, q, k * n)
+        _show_component(planets, room, registers, n, in_order, 3 + k, p, k * n)
+
+
+@kernel(inline=True)
+def _show_component(planets, room, registers, n, in_order, component, x, axis):
+    """Write a component of positions or velocities, n elements of x from `axis` on."""
+    centre = STATE_ROWS * registers
+    inside = planets[centre, component]
+    for j in range(registers):
+        register = registers - 1 - j
+        own = load(planets, STATE_ROWS * register + component)
+        weighted = load(room, ROWS * register + SHARE) * own
+        outwards = weighted + sums_after(weighted)
+        place = own + (inside - outwards)
+        inside = inside - lane(outwards, 0)
+        count = n - 1 - WIDTH * register
+        if not in_order:
+            for k in range(min(WIDTH, count)):
+                x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
+        elif count >= WIDTH:
+            store(x, axis + 1 + WIDTH * register, place)
+        else:
+            store_some(x, axis + 1 + WIDTH * register, place, count)
+    x[axis + int(planets[centre, 6])] = inside

@@ -28,7 +28,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.jacobi import (
+from orbits.kernels.interaction import (
     ATTRACTING,
     FORCE,
     MASS,
@@ -39,12 +39,10 @@ from orbits.kernels.jacobi import (
     SHIFTED,
     STATE_ROWS,
     difference,
-    finish_velocities,
     interact,
-    kick_planets,
-    move_planets,
     tide,
 )
+from orbits.kernels.jacobi import finish_velocities, kick_planets, move_planets
 from orbits.kernels.lanes import (
     WIDTH,
     fma,

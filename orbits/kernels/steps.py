@@ -17,7 +17,7 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         copies: outputs do not change the run
     show(method, model, state, storage)
         the same as `leave` to the accuracy that observers of each step need, and fast: called before each step that is
-        recorded, and at the end of a block
+        recorded, with rows of the record instead of the state, and at the end of a block
     prepare(method, h, before, storage)
         for clocks that change h: writes the coefficients of a step of h that follows one of `before`
     signal(method, model, h, state, storage) -> float
@@ -43,6 +43,7 @@ from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, kernel_of
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.paths import record_strip
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """The status of a step."""
@@ -189,6 +190,29 @@ def _show(method, model, state, storage):
     if compiled is None:
         return lambda method, model, state, storage: None
     return lambda method, model, state, storage: compiled(method, model, state, storage)
+
+
+def record(method, model, state, storage, path, row):
+    """Write what observers see into a row of `path`, (rows * 2 * padded,); see `orbits.kernels.paths`."""
+    raise NotImplementedError("record() is for compiled code only")
+
+
+@overload(record, jit_options=OPTIONS)
+def _record(method, model, state, storage, path, row):
+    compiled = _kernel(method, "show")
+    if compiled is None:
+        return lambda method, model, state, storage, path, row: record_strip(
+            path, row, state.q, state.p, storage.share.start, storage.share.stop
+        )
+
+    def show_in_path(method, model, state, storage, path, row):
+        if path.shape[0] > 0:
+            width = state.q.shape[0]
+            first = 2 * row * width
+            q, p = path[first : first + width], path[first + width : first + 2 * width]
+            compiled(method, model, State(q, state.q_lo, p, state.p_lo), storage)
+
+    return show_in_path
 
 
 def prepare(method, h, before, storage):

@@ -43,6 +43,7 @@ from orbits.kernels.steps import (
     lanes_of,
     leave,
     leave_particles,
+    record,
     show,
     step_particles,
 )
@@ -76,9 +77,7 @@ def march(
     evaluations, slot, left, row = 0, 0, 0, 0
     for k in range(steps):
         if left == 0:
-            if path.shape[0]:
-                show(method, model, state, Storage(carry, scratch, stages[slot], share))
-            record_strip(path, row, q, p, 0, size)
+            record(method, model, state, Storage(carry, scratch, stages[slot], share), path, row)
             left, row = every, row + 1
         left -= 1
         storage = Storage(carry, scratch, stages[slot], share)

@@ -16,6 +16,7 @@ from orbits.kernels.approach_search import follow_bodies, follow_particles, sear
 from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
+from orbits.kernels.planet_approaches import follow_planets
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.passage_list import BlockList
@@ -83,6 +84,7 @@ class Watcher:
     stops, energy_bound, radii : see `Marcher`
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
     tasks : the number of tasks that march particles at the same time
+    on_kepler_orbits : whether the steps resolve the pericentres of all bodies about the dominant one
 
     contexts, lists : of the massive bodies, then of each task
     """
@@ -102,6 +104,7 @@ class Watcher:
         times: Array,
         tasks: int = 0,
         radii: Array | None = None,
+        on_kepler_orbits: bool = False,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(0)
@@ -112,6 +115,8 @@ class Watcher:
         self._collide = radii is not None
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
+        few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
+        self._planets = on_kepler_orbits and few and self.dominant == 0
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
@@ -187,7 +192,7 @@ class Watcher:
         """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
         size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
-            self._path = np.empty(size)
+            self._path = np.zeros(size)
             self.contexts.enter(path=self._path)
         return self._path
 
@@ -197,7 +202,8 @@ class Watcher:
 
     def follow(self, h: float, steps: int) -> None:
         """Search for closest approaches among the massive bodies."""
-        follow_bodies(self.contexts.addresses[0], h, steps)
+        search_all = follow_planets if self._planets else follow_bodies
+        search_all(self.contexts.addresses[0], h, steps)
 
     def look(self, h: float, steps: int, q: Array, v: Array, parallel: Parallel | None = None) -> None:
         """Observe the massive bodies in the block of `steps` steps just marched, which ended at q and v.

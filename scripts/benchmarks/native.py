@@ -47,6 +47,35 @@ def peer(
     return seconds, end, int(simulated.steps_done)
 
 
+def planets(
+    name: str, options: dict[str, Any], gm: Array, q: Array, v: Array, dt: float, steps: int
+) -> tuple[float, Array]:
+    """Return (seconds, positions) of `steps` steps of one of REBOUND's maps on Kepler orbits.
+
+    options : attributes of the integrator; WHFast is not synchronized in between
+    """
+    import time
+
+    from orbits.regression.peers import simulation
+
+    simulated = simulation(PointMasses(gm, q, v))
+    simulated.integrator, simulated.dt = name, dt
+    for option, value in options.items():
+        setattr(simulated.integrator, option, value)
+    begun = time.perf_counter()
+    if name == "whfast512":  # it ends after whole bundles of steps
+        simulated.integrator.concatenate_steps = steps
+        simulated.integrate((steps - 0.5) * dt, exact_finish_time=0)
+    else:
+        simulated.integrator.safe_mode = 0
+        simulated.steps(steps)
+        simulated.synchronize()
+    seconds, end = time.perf_counter() - begun, np.empty_like(q)
+    assert abs(simulated.t - steps * dt) < 0.1 * dt
+    simulated.serialize_particle_data(xyz=end)
+    return seconds, end
+
+
 class Native:
     """A process that runs REBOUND as built for this processor; None from `start` where it cannot be built."""
 
@@ -70,13 +99,21 @@ class Native:
 
     def __call__(self, *arguments: Any) -> tuple[float, Array, int]:
         """Return what `peer` returns there."""
+        answer: tuple[float, Array, int] = self._ask("peer", *arguments)
+        return answer
+
+    def planets(self, *arguments: Any) -> tuple[float, Array]:
+        """Return what `planets` returns there."""
+        answer: tuple[float, Array] = self._ask("planets", *arguments)
+        return answer
+
+    def _ask(self, what: str, *arguments: Any) -> Any:
         requests, answers = self._process.stdin, self._process.stdout
         assert requests is not None
         assert answers is not None
-        pickle.dump(arguments, requests)
+        pickle.dump((what, arguments), requests)
         requests.flush()
-        answer: tuple[float, Array, int] = pickle.load(answers)
-        return answer
+        return pickle.load(answers)
 
     def close(self) -> None:
         """End the process."""
@@ -91,8 +128,8 @@ def serve() -> None:
     answers, sys.stdout = sys.stdout.buffer, sys.stderr
     while True:
         try:
-            arguments = pickle.load(sys.stdin.buffer)
+            what, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        pickle.dump(peer(*arguments), answers)
+        pickle.dump({"peer": peer, "planets": planets}[what](*arguments), answers)
         answers.flush()

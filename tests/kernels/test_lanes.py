@@ -373,6 +373,18 @@ def test_kernels_know_what_processor_they_are_compiled_for():
     assert all(isinstance(name, str) and name for name in cpu_features())
 
 
+def test_turned_lanes_go_round():
+    @kernel
+    def run(x, out):
+        L.store(out, 0, L.turned(L.load(x, 0), 1))
+        L.store(out, 8, L.turned(L.load(x, 0), 6))
+
+    x, out = np.arange(8.0), np.empty(16)
+    run(x, out)
+    assert out[:8].tolist() == np.roll(x, -1).tolist()
+    assert out[8:].tolist() == np.roll(x, -6).tolist()
+
+
 def test_sums_of_the_lanes_before_and_after_each_lane_leave_it_out():
     @kernel
     def run(x, out):

@@ -13,6 +13,7 @@ from orbits.kernels.lanes.arithmetic import (
     exact_mul,
     exact_sub,
     fma,
+    inverse_powers,
     maximum,
     minimum,
     rint,
@@ -31,6 +32,7 @@ from orbits.kernels.lanes.reductions import (
     sums_before,
     total,
     transposed,
+    turned,
 )
 from orbits.kernels.lanes.type import WIDTH, LanesType, lanes
 
@@ -44,6 +46,7 @@ __all__ = [
     "fma",
     "full",
     "get",
+    "inverse_powers",
     "lane",
     "lanes",
     "largest",
@@ -64,5 +67,6 @@ __all__ = [
     "sums_before",
     "total",
     "transposed",
+    "turned",
     "unit",
 ]

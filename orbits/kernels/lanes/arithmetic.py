@@ -234,6 +234,17 @@ def rsqrt_cubed(x):
 
 
 @kernel(inline=True)
+def inverse_powers(x):
+    """Return x^(-3/2), as `rsqrt_cubed`, and 1/x to 5e-12 of it."""
+    y = _rsqrt_estimate(x)
+    y2 = y * y
+    y3 = y2 * y
+    e = fma(-x, y2, 1.0)
+    series = fma(fma(fma(2.4609375, e, 2.1875), e, 1.875), e, 1.5)
+    return fma(y3 * e, series, y3), fma(y2 * e, 1.0 + e, y2)
+
+
+@kernel(inline=True)
 def rsqrt_cubed_pair(x, x_lo):
     """Return (x + x_lo)^(-3/2) as a sum of two numbers, the first of 51 bits, with an error of 3e-19 of it.
 

@@ -149,16 +149,31 @@ def _running(typing_name, doc, up):
                     indices = [i + step if i + step < WIDTH else WIDTH + i for i in range(WIDTH)]
                 return shuffle(builder, x, zero, indices)
 
-            x = moved(args[0], 1)
-            for step in (1, 2, 4):
-                x = builder.fadd(x, moved(x, step))
-            return x
+            # Of the three next to it, and of the four beyond: two moves deep.
+            x = args[0]
+            one, two, three = moved(x, 1), moved(x, 2), moved(x, 3)
+            pair = builder.fadd(one, two)
+            four = builder.fadd(builder.fadd(x, three), pair)
+            return builder.fadd(builder.fadd(pair, three), moved(four, 4))
 
         return lanes(value), codegen
 
     typing.__doc__ = doc
     typing.__name__ = typing_name
     return intrinsic(typing)
+
+
+@intrinsic(prefer_literal=True)
+def turned(typingctx, value, places):
+    """Return the lanes turned: lane i is lane i + places of `value`, counted round; places : a literal integer."""
+    if not isinstance(value, LanesType) or not isinstance(places, types.IntegerLiteral):
+        return None
+    count = places.literal_value
+
+    def codegen(context, builder, sig, args):
+        return shuffle(builder, args[0], args[0], [(i + count) % WIDTH for i in range(WIDTH)])
+
+    return lanes(value, places), codegen
 
 
 sums_before = _running("sums_before", "Return in each lane the sum of the lanes before it.", True)
