@@ -27,7 +27,7 @@ def info(path: Path) -> tuple[str, dict[str, Any]]:
 
 def test_info_says_what_was_sought_and_found_and_why_a_run_stopped(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
-    sky = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Mercury", "Venus"])
+    sky = orbits.System.solar_system("2026-02-01", bodies=["Sun", "Mercury", "Venus"])
     events = [orbits.Pericentre("Mercury"), orbits.FartherThan(0.46 * u.au, "Mercury", "Sun", then="stop")]
     orbits.propagate(sky, duration=1 * u.yr, samples=5, events=events, archive=path, dense=True).close()
     text, record = info(path)
@@ -76,7 +76,7 @@ def test_info_tells_how_to_go_on_with_functions(tmp_path: Path) -> None:
     assert "\nfailed after t = " in text
     assert ": RuntimeError: no fuel\n" in text
     assert "sought: Pericentre(body='ship'), then test_info_tells_how" not in text
-    assert "sought: Pericentre(body='ship'), then fails\nno events\n" in text
+    assert "sought: Pericentre(body='ship'), then fails\nno events; never: pericentre\n" in text
     assert f"orbits.resume('{path}', events=[...]), in Python" in text
     assert record["ended"] == {"how": "failed", "why": "RuntimeError: no fuel"}
 
