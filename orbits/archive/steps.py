@@ -147,7 +147,7 @@ class ArchivedSteps:
             times = np.empty((len(self), 2), dtype="<f8")
             if len(self):
                 self._storage.read_into(raw_bytes(times), self._places.t.offset)
-            lengths = np.diff(times[:, 0])
+            lengths = np.diff(times, axis=0).sum(axis=1)  # before a collision they are less than a float64 time shows
             if not (np.isfinite(times).all() and ((lengths > 0.0).all() or (lengths < 0.0).all())):
                 raise self._damage("its steps are not in the order of their times")
             self._times = np.asarray(times, dtype=np.float64)

@@ -86,6 +86,11 @@ def time_transformed(
     return _made(lagrangian, formula, g, monitor, (start, speed), energy, dt)
 
 
+def is_transformed(lagrangian: Lagrangian) -> bool:
+    """Return whether a Lagrangian is one of transformed time, as `time_transformed` makes it."""
+    return lagrangian.coordinates[-1:] == (TIME,) and ENERGY in lagrangian.parameters
+
+
 def _made(
     lagrangian: Lagrangian,
     formula: Formula,

@@ -132,9 +132,9 @@ def take_step(clock, method, model, k, state, storage):
 
 ADAPTIVE = Tag("adaptive-steps", {"step_of": step_of, "take_step": take_step})
 
-ROUND_OFF = 1e-9 ** (16 / 7)
-"""The error of a step of order 2s is about w^(2s / (s - 1)): the default tolerance of every method gives the error of
-1e-9 with 8 stages, which leaves only round-off."""
+DEFAULT = 1e-9
+"""The default tolerance with 8 stages, which leaves only round-off. The error of a step of order 2s is about
+w^(2s / (s - 1)): with fewer stages the default is the tolerance with the same error."""
 
 TIGHTEST, LOOSEST = 1e-12, 1e-3
 """Below the first, the error signal of close bodies is round-off, which no shorter step makes smaller; above the
@@ -162,7 +162,7 @@ class Adaptive(ChangingSteps):
     """
 
     tolerance: float | None = None
-    direction: float = field(default=1.0, init=False)
+    direction: float = field(default=1.0, init=False, repr=False)
 
     timing: ClassVar[Tag] = ADAPTIVE
     refined_by: ClassVar[str] = "tolerance"
@@ -204,7 +204,10 @@ class Adaptive(ChangingSteps):
     def tolerance_for(self, integrator: Any) -> float:
         """Return the tolerance of the steps of a method: the one given, or its default."""
         stages = integrator.stages
-        return ROUND_OFF ** ((stages - 1) / (2 * stages)) if self.tolerance is None else self.tolerance
+        if self.tolerance is not None:
+            return self.tolerance
+        power: float = 16 * (stages - 1) / (14 * stages)  # exactly 1 for 8 stages: the default is Adaptive(1e-9)
+        return DEFAULT**power
 
     def finer(self, integrator: Any, factor: float) -> Adaptive:
         """Return the clock of a tolerance that makes steps `factor` < 1 times as long.

@@ -99,18 +99,20 @@ def failure_of_bodies(
 
 
 def failure_of_coordinates(
-    status: int, step: int, time: float, where: str, integrator: Integrator, *, newton: bool
+    status: int, step: int, time: float, where: str, integrator: Integrator, *, newton: bool, transformed: bool
 ) -> IntegrationError:
     """Return the error for the coordinates of a Lagrangian.
 
     where : step, time and state, for the message
     newton : whether Newton's method was tried
+    transformed : whether the Lagrangian is one of transformed time
     """
+    monitor = " Or the monitor vanishes there, where time stands still: choose one that is positive all the way."
     if status == NOT_CONVERGED:
         tried = "neither by fixed point nor by Newton's method" if newton else "by fixed point"
         return ConvergenceError(
             f"{where}: the stages of {integrator.label} did not converge, {tried}; the result would not be "
-            "symplectic. Use a smaller dt.",
+            "symplectic. Use a smaller dt." + transformed * monitor,
             step=step,
             time=time,
         )
@@ -123,7 +125,7 @@ def failure_of_coordinates(
         )
     return SingularityError(
         f"{where}: the state is no longer finite; the motion met a singularity, or dt is far too long. Use a "
-        "smaller dt.",
+        "smaller dt." + transformed * monitor,
         step=step,
         time=time,
     )

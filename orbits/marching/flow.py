@@ -23,6 +23,7 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR, OK
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian, show
 from orbits.lagrangians.symmetry import Symmetry
+from orbits.lagrangians.transforming import is_transformed
 from orbits.marching import driver
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_for
@@ -215,11 +216,15 @@ class Flow:
             self._record(q, p, done, last_q, last_p)
             q, p = last_q[0], last_p[0]
         time = self.t + done * self.dt
+        transformed = is_transformed(self.lagrangian)
+        clock = "tau" if transformed else "t"
         where = (
-            f"'{self.lagrangian.name}', step {done + 1} (t = {time:.10g}, dt = {self.dt:.6g}), "
+            f"'{self.lagrangian.name}', step {done + 1} ({clock} = {time:.10g}, d{clock} = {self.dt:.6g}), "
             f"at q = {show(q)}, p = {show(p)}"
         )
-        error = failure_of_coordinates(status, done, time, where, self.integrator, newton=self._has_canonical)
+        error = failure_of_coordinates(
+            status, done, time, where, self.integrator, newton=self._has_canonical, transformed=transformed
+        )
         error.trajectory = before
         raise error
 

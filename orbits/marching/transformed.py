@@ -109,7 +109,7 @@ class TimeTransformed(ChangingSteps):
     """
 
     step: float = 0.3
-    direction: float = field(default=1.0, init=False)
+    direction: float = field(default=1.0, init=False, repr=False)
 
     timing: ClassVar[Tag] = TRANSFORMED
     refined_by: ClassVar[str] = "step of transformed time"

@@ -127,3 +127,13 @@ def test_a_plain_step_far_too_long_is_an_error_of_the_step():
     q, v = start.example.q, start.example.v
     with pytest.raises(ConvergenceError, match="Newton's method fails"):
         plain_step(start, orbits.Gauss(stages=8).tableau, q, start.momentum(q, v), 4.2)
+
+
+def test_a_monitor_that_vanishes_on_the_way_is_said_where_time_stands_still():
+    vx, vy = sympy.symbols("vx vy")
+    spring = orbits.Lagrangian.from_sympy((vx**2 + vy**2 - x**2 - 4 * y**2) / 2, q=[x, y], v=[vx, vy])
+    start = {"q": [1.0, 0.0], "v": [0.0, 0.5]}
+    stands = time_transformed(spring, monitor=x + 0.5, **start)
+    with pytest.raises(ConvergenceError, match=r"dtau = 0\.1.*the monitor vanishes there, where time stands") as caught:
+        orbits.march(stands, orbits.Gauss(stages=8), dt=0.1, steps=400)
+    assert caught.value.trajectory.q[-1, 0] > -0.5

@@ -140,6 +140,17 @@ def test_a_collision_ends_the_run_and_keeps_what_was_before():
     assert caught.value.trajectory.times.tolist() == [0.0, 1.0, 2.0]
 
 
+def test_the_file_of_a_dense_run_that_a_collision_ended_answers_for_any_time(tmp_path):
+    # The last steps are so short that neighbouring times are the same float64 number, and differ in their second one.
+    start = system([1.0, 1.0, 1e-3], [[1, 0, 0], [-1, 0, 0], [0, 50, 0]], np.zeros((3, 3)))
+    with pytest.raises(SingularityError):
+        propagate(start, 5.0, samples=51, archive=tmp_path / "run.h5", dense=True)
+    run = orbits.Trajectory.open(tmp_path / "run.h5")
+    short = propagate(start, 2.0, samples=[1.03])
+    assert np.abs((run.at(1.03).q - short.q[0]).value).max() < 1e-14
+    run.close()
+
+
 def test_a_softened_collision_is_passed_through():
     start = system([1.0, 1.0], [[-1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), softening=1e-3)
     run = propagate(start, 10.0)
@@ -341,6 +352,14 @@ def test_a_run_without_dt_says_how_its_steps_were_chosen():
     fixed = propagate(start, 1.0, dt=0.125, samples=2).to_table().meta
     assert fixed["dt"] == 0.125
     assert "steps" not in fixed
+
+
+def test_the_default_tolerance_can_be_given_for_the_same_bits():
+    start = system(*three_bodies())
+    given, default = (propagate(start, 3.0, dt=clock, samples=4) for clock in (orbits.Adaptive(tolerance=1e-9), None))
+    assert np.array_equal(given.q, default.q)
+    assert repr(orbits.Adaptive(tolerance=1e-9)) == "Adaptive(tolerance=1e-09)"
+    assert repr(orbits.TimeTransformed(step=0.3)) == "TimeTransformed(step=0.3)"
 
 
 @pytest.mark.parametrize("dt", [orbits.Adaptive, "adaptive", " Adaptive "], ids=str)

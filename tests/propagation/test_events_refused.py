@@ -215,6 +215,21 @@ def test_what_happens_in_every_step_is_said():
     assert len(run.events) > 1000
 
 
+@pytest.mark.parametrize(("rate", "said"), [(60.0, True), (1.0, False)])
+def test_what_acts_in_every_step_is_said_too(rate, said, recwarn):
+    seen = []
+    wave = orbits.Event(lambda t, q, v: np.sin(rate * t), name="wave", then=lambda t, system: seen.append(t))
+    orbits.propagate(pair(), duration=30.0, events=wave)
+    warnings = [str(w.message) for w in recwarn if issubclass(w.category, orbits.EventWarning)]
+    assert len(seen) > 8
+    assert any("'wave' in every one of many steps" in text for text in warnings) == said
+
+
+def test_a_condition_that_is_no_event_is_refused_with_its_place():
+    with pytest.raises(orbits.InputError, match="EnergyErrorAbove ends a run after a whole step: give it as stop="):
+        orbits.propagate(pair(), duration=1.0, events=[orbits.EnergyErrorAbove(1e-9)])
+
+
 def test_a_warning_about_events_that_is_raised_keeps_the_run():
     import warnings
 

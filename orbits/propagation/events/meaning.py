@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from orbits.propagation.events.base import Array, Bound, Whole
 from orbits.propagation.events.search import Zeros
+from orbits.trajectory.events import BODY, OTHER, TIME
 
 SHIFT = 1e-9
 """How far bodies are moved, as a fraction of their positions and velocities, to see what a function makes of it."""
@@ -55,6 +56,16 @@ def _moved(bound: Bound, t: Array, q: Array, v: Array, columns: Whole, direction
     with np.errstate(all="ignore"):
         change = np.abs(bound.at(t, near_q, near_v, columns))
     return np.where(np.isfinite(change), change, 0.0)
+
+
+def in_rapid_succession(rows: Array, length: float) -> bool:
+    """Return whether many events of one pair follow each other in less than a time; rows of one function."""
+    for pair in np.unique(rows[:, BODY : OTHER + 1], axis=0):
+        times = rows[(rows[:, BODY : OTHER + 1] == pair).all(axis=1), TIME]
+        soon = np.abs(np.diff(np.sort(times))) < length
+        if len(soon) >= MANY and (np.convolve(soon, np.ones(MANY), "valid") == MANY).any():
+            return True
+    return False
 
 
 def in_every_step(steps: Whole, columns: Whole, count: int) -> bool:

@@ -16,7 +16,7 @@ from orbits.propagation.acting import OfTwo
 from orbits.propagation.events.base import NOBODY, Action, Bound, Happening, Sought, Touching
 from orbits.propagation.events.functions import Raised, description
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
-from orbits.propagation.events.meaning import are_clear, in_every_step
+from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession
 from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
@@ -86,9 +86,12 @@ class Seeking:
     def __init__(self, system: System, events: Sought | Sequence[Sought], direction: float) -> None:
         given = [events] if isinstance(events, Sought) else events
         if not isinstance(given, list | tuple) or not all(isinstance(event, Sought) for event in given):
+            names = [type(event).__name__ for event in (given if isinstance(given, list | tuple) else [given])]
+            ends = next((name for name in names if name in ("EnergyErrorAbove", "WallTimeOver")), "")
             raise InputError(
                 f"events = {shown(events)}; expected events such as orbits.CloseApproach('Apophis', 'Earth') or "
                 "orbits.Pericentre('Halley'), one or a list of them."
+                + (f" {ends} ends a run after a whole step: give it as stop=..." if ends else "")
             )
         self._system, self._direction = system, direction
         self.events: tuple[Sought, ...] = tuple(given)
@@ -371,6 +374,11 @@ class Seeking:
 
     def remarks(self) -> list[str]:
         """Return what is to be said of events that mean nothing, or may be incomplete."""
+        for number in self._numbers:
+            # What acts ends a stretch of the march, in which it is therefore found but once.
+            rows = self.log.rows[self.log.rows[:, NUMBER] == number]
+            if not isinstance(self._of[number].then, str) and in_rapid_succession(rows, 0.5 * self._longest):
+                self._remark(number, EVERY_STEP)
         return [said for search in (self, *self.particles) for _, said in sorted(search._remarks.items())]
 
     def note(self, row: Array) -> None:
