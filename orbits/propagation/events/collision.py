@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from orbits.body_names import index_of
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.propagation.acting import Bounce, Merge
 from orbits.propagation.events.base import RECORD, STOP, Bound, Sought, Touching
 from orbits.propagation.events.kinds import check_names
@@ -38,8 +38,10 @@ class Collision(Sought):
         super().__post_init__()
         check_names(self, self.body, self.other)
         if not (self.then in (RECORD, STOP) or isinstance(self.then, Merge | Bounce)):
+            given = shown(getattr(self.then, "function", self.then))
             raise InputError(
-                f"Collision(then={self.then!r}); expected 'record', 'stop', orbits.Merge() or orbits.Bounce(...)."
+                f"Collision(then={given}); expected 'record', 'stop', orbits.Merge() or orbits.Bounce(...). A function "
+                "of your own acts at other events, such as orbits.CloserThan(..., then=function)."
             )
 
     def bound(self, system: System) -> list[Bound]:
