@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ArchiveError, EventError, InputError, StorageError
+from orbits.errors import ArchiveError, EventError, InputError, IntegrationError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
 from orbits.marching import changing as clocks
@@ -23,9 +23,12 @@ from orbits.marching.changing import ending
 from orbits.marching.clocks import Clock, ConstantSteps, Place
 from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
+from orbits.marching.motion import Motion
 from orbits.marching.retirement import Retirement
 from orbits.propagation.acting import State
 from orbits.propagation.collisions import Collisions, rows_of_change
+from orbits.propagation.events.left import Left
+from orbits.propagation.events.particles import stretches
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.impact import Impact, Step, impacts
 from orbits.propagation.marchers import WORK, bound
@@ -33,7 +36,7 @@ from orbits.propagation.own_impacts import alone, own_impacts
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.trajectory import changes
-from orbits.trajectory.changes import CHANGES, COUNTS, Changes, checked_rows, no_changes, of_bodies
+from orbits.trajectory.changes import CHANGES, COUNTS, Bodies, Changes, checked_rows, no_changes, of_bodies
 from orbits.trajectory.events import BODY, OTHER, TIME
 
 Array = NDArray[np.float64]
@@ -48,12 +51,15 @@ ROOM = 8192
 class Ahead(NamedTuple):
     """A step: the marches where it begins and ends, the time at which it ends, and the collisions in it, in the order
     of time.
+
+    passed : the motion in whole steps before it in which no events were sought
     """
 
     start: Marcher
     after: Marcher
     end: float
     impacts: list[Impact]
+    passed: tuple[Motion, ...] = ()
 
 
 class ChangingMarch:
@@ -193,7 +199,7 @@ class ChangingMarch:
         time, direction = self._time_of(place), self.clock.direction
         if self._ahead is None or (self._ahead.end - time) * direction <= 0.0:
             # Several steps, if they become shorter than the one that the clock tried and did not take.
-            self._ahead = self._next_step(self._marcher if self._ahead is None else self._ahead.after)
+            self._ahead = self._next_step(self._marcher, ()) if self._ahead is None else self._step_after(self._ahead)
         self._take(self._ahead, time)
 
     def _march(self, place: Place) -> None:
@@ -201,16 +207,27 @@ class ChangingMarch:
         marcher, begun = self._marcher, self._marcher.step
         before = {} if self._collisions is None else marcher.checkpoint()
         self._ahead = None
-        if self._grid >= 0:
-            marcher.advance(1)
-        else:
-            marcher.approach(place)
+        try:
+            if self._grid >= 0:
+                marcher.advance(1)
+            else:
+                marcher.approach(place)
+        except IntegrationError:
+            if self._seeks:
+                self._events.take(marcher.motion())  # the steps before the one that failed
+            raise
         marcher.block = min(2 * marcher.block, self._largest)
+        motion = marcher.motion() if self._seeks else None
         if marcher.met is not None:
             marcher.met = None
             start = self._again(before)
             start.advance(marcher.step - begun - 1)
-            self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher)), marcher.time)
+            passed = () if motion is None else (motion.first(len(motion) - 1),)
+            self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher), passed), marcher.time)
+            if motion is not None and self.ended is not None:
+                marcher.restore(start.checkpoint())  # a run that is resumed finds what comes later in this step
+        if motion is not None and marcher is self._marcher and self.ended is None:
+            self._events.take(motion)
 
     def change(self, kind: str, time: float, q: Array, v: Array, before: System, after: System) -> None:
         """Go on with changed bodies from a time in the step that begins where the march is.
@@ -277,14 +294,17 @@ class ChangingMarch:
     def _time_of(self, place: Place) -> float:
         return place.rest if self.clock.changes else float(self.clock.time(place.steps)) + place.rest
 
-    def _next_step(self, marcher: Marcher) -> Ahead:
-        """Search the next step of a march, on copies."""
+    def _step_after(self, ahead: Ahead) -> Ahead:
+        return self._next_step(ahead.after, (*ahead.passed, ahead.after.motion()) if self._seeks else ())
+
+    def _next_step(self, marcher: Marcher, passed: tuple[Motion, ...]) -> Ahead:
+        """Search the next step of a march, on copies; passed : the motion in those before it."""
         now = marcher.checkpoint()
         after = self._again(now, seek=True)
         after.advance(1)
         end = after.time if after.step > marcher.step else self.clock.direction * math.inf  # nothing attracts
         start = marcher if after.met is None else self._again(now)
-        return Ahead(start, after, end, self._impacts(start, after) if after.met is not None else [])
+        return Ahead(start, after, end, self._impacts(start, after) if after.met is not None else [], passed)
 
     def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:
         """Return the collisions in the step between two states of a march, in the order of time."""
@@ -338,12 +358,13 @@ class ChangingMarch:
             if (impact.time - until) * self.clock.direction > 0.0:
                 return
             if not self._is_known(impact):
-                self._collide(ahead.start, impact)
+                self._collide(ahead, impact)
                 if marcher is not self._marcher or self.ended is not None:
                     return
 
-    def _collide(self, start: Marcher, impact: Impact) -> None:
-        """Let two bodies collide in the step that begins where the march `start` is."""
+    def _collide(self, ahead: Ahead, impact: Impact) -> None:
+        """Let two bodies collide in a step."""
+        start = ahead.start
         q, v = self._whole(self._partial(start, impact.time), start.time)
         before = State(self.bodies.gm, self.bodies.radii, q, v)
         assert self._collisions is not None
@@ -353,8 +374,11 @@ class ChangingMarch:
             self._events.note(row)
         if done.ends:
             self.ended = done.found[-1], before
+            self._seek_up_to(ahead, impact.time, q, v)
         if not len(done.rows):
             return
+        if done.vanished is None:
+            self._seek_up_to(ahead, impact.time, q, v)
         self.rows = np.concatenate([self.rows, done.rows])
         self.bodies = self.changes().bodies_after(len(self.rows))
         if done.vanished is not None:  # massless: nothing else changes by a bit
@@ -363,8 +387,43 @@ class ChangingMarch:
                 for march in (self._marcher, start):
                     march.retire(int(numbers[body]), IMPACT, start.step, impact.time, q[body], v[body])
             return
+        if self._seeks:
+            self._events.go_through(impact.time, (q, v), (done.after.q, done.after.v), self._left(self.bodies, impact.time))
         self._work = self._work + start.accounts()
         self._begin_leg(start, impact.time, done.after)
+
+    @property
+    def _seeks(self) -> bool:
+        """Whether other events are sought along the march, from collision to collision."""
+        return self._collisions is not None and bool(self._events)
+
+    def _seek_up_to(self, ahead: Ahead, time: float, q: Array, v: Array) -> None:
+        """Seek events up to a collision, in a step; q, v : of all bodies there, (n, 3)."""
+        if not self._seeks:
+            return
+        for motion in ahead.passed:
+            self._events.take(motion)
+        self._events.flush()
+        if not (time - ahead.start.time) * self.clock.direction > 0.0:
+            return
+        there = self._present_massive()
+        for motion, ends in stretches(*ahead.start.towards(time)):
+            if ends:  # so that no zero falls between the motion before the collision and that after it
+                motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
+            self._events.search(motion)
+
+    def _left(self, bodies: Bodies, time: float) -> Left:
+        return Left(bodies, self._massive & ~bodies.present, time)
+
+    def follow_events(self) -> None:
+        """Seek the events of the bodies that are there now, in a run that is resumed."""
+        if self._seeks:
+            known, direction = self.changes(), self.clock.direction
+            of_massive = self._massive[self.rows[:, changes.BODY].astype(int)]
+            for time in (np.unique(self.rows[of_massive, changes.TIME] * direction) * direction).tolist():
+                self._events.go_on_with(self._left(known.bodies_at(time), time))
+        elif self._events.interrupts:
+            self._events.follow(self.now)
 
     def _begin_leg(self, start: Marcher, time: float, state: State) -> None:
         """Go on from a changed state at a time in the step that begins where the march `start` is."""
@@ -392,6 +451,8 @@ class ChangingMarch:
     def _reach_grid(self) -> None:
         """Go on with whole steps from the end of the partial step with which a leg began."""
         old, step = self._marcher, self._grid + 1
+        if self._seeks:
+            self._events.flush()
         self._work = self._work + old.accounts()
         self._grid = -1
         q, v = old.state()

@@ -112,6 +112,12 @@ class RunEnds:
         reason = " and ".join(names) + ": " * bool(names) + happening.kind
         self.note(system, marcher, time, state, reason, happening.event)
 
+    def after(self, marcher: March) -> Found | None:
+        """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
+        if self.events.touching:  # the march itself seeks them, from collision to collision
+            return None
+        return self.events.after(of_this_leg(marcher))
+
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
         if isinstance(marcher, ChangingMarch):
@@ -380,9 +386,9 @@ def _sample(
             try:
                 marcher.approach(place)
             except IntegrationError:
-                watch.events.after(of_this_leg(marcher))  # the steps before the one that failed
+                watch.after(marcher)  # the steps before the one that failed
                 raise
-            found = watch.events.after(of_this_leg(marcher))
+            found = watch.after(marcher)
             bar.update(marcher.time)
             if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
                 return False

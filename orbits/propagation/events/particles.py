@@ -149,19 +149,19 @@ class Followed:
         state = begun.q[there], begun.v[there]
         march = bound(system, self._integrator, self._clock, threads=1, state=state, start=begun.time, dense=True)
         if self._clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
-            for motion, ends in _stretches(*march.towards(time - begun.time)):
+            for motion, ends in stretches(*march.towards(time - begun.time)):
                 times = motion.times + begun.time
                 yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), ends
             return
         place = self._clock.place(time - begun.time)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
-        for motion, ends in _stretches(march, place):
+        for motion, ends in stretches(march, place):
             yield motion, ends and not rest
         if rest:
-            yield from _stretches(*march.towards(time))
+            yield from stretches(*march.towards(time))
 
 
-def _stretches(march: Marcher, place: Place) -> Iterator[tuple[Motion, bool]]:
+def stretches(march: Marcher, place: Place) -> Iterator[tuple[Motion, bool]]:
     """Yield the motion up to a place, block by block, and whether each is the last one. Raises what `approach` raises,
     after the steps before the one that failed.
     """

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from orbits.errors import EventError, InputError, shown, with_unit
 from orbits.marching.motion import Collected, Motion
 from orbits.propagation.acting import OfTwo
-from orbits.propagation.events.base import NOBODY, Action, Bound, Happening, Sought, Touching
+from orbits.propagation.events.base import NOBODY, STOP, Action, Bound, Happening, Sought, Touching
 from orbits.propagation.events.functions import Raised, description
+from orbits.propagation.events.left import Left, bounds_left, sides_of
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.meaning import are_clear, in_every_step
-from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
+from orbits.propagation.events.search import NotFiniteError, Stretch, Zeros, zeros_of
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
     BODY,
@@ -101,14 +102,15 @@ class Seeking:
             self._bounds += bounds
             self._of += [event] * len(bounds)
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
-        if self.touching and len(self.touching) < len(self._bounds):
-            raise InputError(
-                f"events = {shown(events)}: collisions are sought alone, as bodies may be gone after them that other "
-                "events need. Leave out the others, and seek them in a second run, without collisions and until the "
-                "first one (run.events.time[0])."
-            )
+        for event in self.events:
+            if self.touching and event.interrupts and not event.collides:
+                raise InputError(
+                    f"{type(event).__name__}(then={shown(event.then)}) beside collisions; expected then='record', as "
+                    "other events are only recorded in a run whose bodies collide. Leave out its then=..., or seek it "
+                    "in a run without collisions, until the first one (run.events.time[0])."
+                )
         self.act = any(not isinstance(event.then, str) for event in self.events)
-        groups = by_particles(self._bounds, self._of, system, self.act)
+        groups = by_particles(self._bounds, self._of, system, self.act or bool(self.touching))
         self.particles: list[Seeking] = []
         for particles, numbers in groups.items():
             if particles:
@@ -120,20 +122,85 @@ class Seeking:
 
     def _narrow(self, numbers: list[int], particles: tuple[int, ...]) -> None:
         """Seek the zeros of some of the functions, on the motion of the bodies with mass and of these particles."""
+        numbers = [k for k in numbers if k not in self.touching]
         self._numbers, self.subjects, system = numbers, particles, self._system
         self._there = system.massive.copy()
         self._there[list(particles)] = True
-        self.interrupts = not self.touching and any(self._of[k].interrupts for k in numbers)
-        self._needed = np.zeros(len(system), dtype=bool)
-        for k in numbers:
-            bodies = self._bounds[k].bodies()
-            self._needed[slice(None) if bodies is None else bodies] = True
-        most = max(1, min(STEPS, NUMBERS // (30 * len(system))))
-        self._collected, self._enough = Collected(most), ENOUGH * most
+        self.interrupts = any(self._of[k].interrupts for k in numbers)
+        self._begin_leg()
         self._first = True
         self._remarks: dict[int, str] = {}
         self._longest = 0.0
         self.log = Log(self._direction)
+
+    def _begin_leg(self) -> None:
+        """Make room for the motion of these bodies, and see which of them matter."""
+        self._needed = np.zeros(len(self._system), dtype=bool)
+        for k in self._numbers:
+            bodies = self._bounds[k].bodies()
+            self._needed[slice(None) if bodies is None else bodies] = True
+        most = max(1, min(STEPS, NUMBERS // (30 * len(self._system))))
+        self._collected, self._enough = Collected(most), ENOUGH * most
+
+    def go_on_with(self, left: Left) -> None:
+        """Seek the events of the bodies that are left after collisions; those of bodies that are gone are over."""
+        self.flush()
+        if not self:
+            return
+        self._there = self._system.massive & ~left.gone
+        try:
+            for number, bound, over in bounds_left(self._system, self.events, self._bounds, left):
+                self._bounds[number] = bound
+                if number in self._numbers and over is not None:
+                    self._remark(number, over)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
+        self._numbers = [k for k in self._numbers if len(self._bounds[k].pairs)]
+        self._begin_leg()
+
+    def go_through(self, time: float, before: tuple[Array, Array], after: tuple[Array, Array], left: Left) -> None:
+        """Go on after a collision, as `go_on_with`; functions whose sign is another one then are zero there.
+
+        before, after : q and v of all bodies, (n, 3), at that time
+        """
+        former = list(self._bounds)
+        self.go_on_with(left)
+        try:
+            for number in self._numbers:
+                self._jump(number, former[number], time, before, after)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
+
+    def _jump(
+        self, number: int, former: Bound, time: float, before: tuple[Array, Array], after: tuple[Array, Array]
+    ) -> None:
+        """List the zeros of a function at a collision: of the columns whose sign is another one after it."""
+        bound, t = self._bounds[number], np.array([time])
+        g, g_after, columns = sides_of(bound, former, t, before, after)
+        if not np.isfinite(g_after).all():
+            value = g_after[~np.isfinite(g_after)][0]
+            raise self._not_finite(number, NotFiniteError(time, float(value)))
+        rising = (g < 0.0) != (self._direction < 0.0)
+        wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
+        which = np.flatnonzero(((g >= 0.0) != (g_after >= 0.0)) & wanted)
+        if not len(which):
+            return
+        columns, rising, sizes = columns[which], rising[which], np.abs(g_after - g)[which]
+        nothing = np.zeros(len(which), dtype=np.int64)
+        there = np.full(len(which), time), *(np.repeat(x[None], len(which), axis=0) for x in after)
+        kept = bound.keeps(*there, columns)
+        zeros = Zeros(nothing, np.zeros(len(which)), columns, rising, sizes)
+        longest = max(self._longest, np.finfo(np.float64).tiny)
+        clear = are_clear(bound, zeros, np.array([longest]), longest, *there)
+        if (kept & ~clear).any():
+            self._remark(number, ROUND_OFF)
+        numbers, figures = np.full(len(which), number), bound.figures(*there, columns)
+        rows = np.column_stack([there[0], numbers, rising, bound.pairs[columns], figures])
+        for row in rows[kept & clear]:
+            if not self.log.has(row, ROUNDED * abs(time)):
+                self._add(row, True)
 
     def follow(self, system: System) -> None:
         """Seek the events among bodies whose masses or radii have changed; `system` is otherwise that of the start."""
@@ -142,7 +209,7 @@ class Seeking:
 
     def __bool__(self) -> bool:
         """Whether there are functions whose zeros are sought on the motion of the bodies with mass."""
-        return len(self._numbers) > len(self.touching)
+        return bool(self._numbers)
 
     def check(self, marcher: Marcher) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
@@ -188,6 +255,11 @@ class Seeking:
         if self.events:
             self.log.restore(checkpoint, len(self._bounds), len(self._system), path)
             self._first = not begun
+            if self.touching:  # the march may list a collision before it comes to events that are earlier in its step
+                ends = np.array([event.then == STOP for event in self._of])[self.log.rows[:, NUMBER].astype(int)]
+                self.log.forget()
+                if ends.any():
+                    self.log.pass_by(float(self.log.rows[ends, TIME][-1]))
         if self.particles:
             rows = rows_of_particles(checkpoint, len(self._bounds), len(self._system), path)
             for search in self.particles:
@@ -208,11 +280,20 @@ class Seeking:
             if found is not None:
                 marcher.go_back(found.steps)
             return found
-        if len(motion) >= self._enough or not self._collected.takes(motion):
+        self.take(motion)
+        return None
+
+    def take(self, motion: Motion) -> None:
+        """Take whole steps, in which events are only recorded."""
+        if self and (len(motion) >= self._enough or not self._collected.takes(motion)):
             self.flush()
             if len(motion) >= self._enough or not self._collected.takes(motion):
                 self._seek(motion, True)
-        return None
+
+    def search(self, motion: Motion) -> None:
+        """Seek events that are only recorded in the next stretch of the march, at once."""
+        self.flush()
+        self._seek(motion, True)
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
