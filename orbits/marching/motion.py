@@ -40,10 +40,6 @@ class Motion:
         """Return the motion within other steps of the march."""
         return Motion(self._form, times, lengths, path, kicks if len(self.kicks) else self.kicks, self._partial)
 
-    def first(self, steps: int) -> Motion:
-        """Return the motion within the first steps of these."""
-        return self.with_steps(self.times[: steps + 1], self.path[: steps + 1], self.kicks[:steps], self.lengths[:steps])
-
     def at(self, steps: ArrayLike, fractions: ArrayLike) -> tuple[Array, Array]:
         """Return q and v, (m, n, 3), at fractions of steps, both (m,).
 

@@ -222,7 +222,7 @@ class ChangingMarch:
             marcher.met = None
             start = self._again(before)
             start.advance(marcher.step - begun - 1)
-            passed = () if motion is None else (motion.first(len(motion) - 1),)
+            passed = () if motion is None else (_but_last(motion),)
             self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher), passed), marcher.time)
             if motion is not None and self.ended is not None:
                 marcher.restore(start.checkpoint())  # a run that is resumed finds what comes later in this step
@@ -388,7 +388,8 @@ class ChangingMarch:
                     march.retire(int(numbers[body]), IMPACT, start.step, impact.time, q[body], v[body])
             return
         if self._seeks:
-            self._events.go_through(impact.time, (q, v), (done.after.q, done.after.v), self._left(self.bodies, impact.time))
+            left = self._left(self.bodies, impact.time)
+            self._events.go_through(impact.time, (q, v), (done.after.q, done.after.v), left)
         self._work = self._work + start.accounts()
         self._begin_leg(start, impact.time, done.after)
 
@@ -613,6 +614,11 @@ def march_of_run(
     march_on = ChangingMarch(system, integrator, clock, threads, events)
     events.check(march_on.current)
     return march_on
+
+
+def _but_last(motion: Motion) -> Motion:
+    """Return the motion in all steps but the last one."""
+    return motion.with_steps(motion.times[:-1], motion.path[:-1], motion.kicks[:-1], motion.lengths[:-1])
 
 
 def _radii(system: System) -> Array:

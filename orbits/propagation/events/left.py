@@ -48,7 +48,7 @@ def bounds_left(
             try:
                 own = event.bound(now)
             except InputError:  # as the ejection of the last body
-                own = [_without(bound, np.ones(len(system), dtype=bool)) for bound in own]
+                own = [_over(bound) for bound in own]
         for bound in own:
             over = None
             if not event.collides:
@@ -62,7 +62,7 @@ def bounds_left(
                         f"is not sought after t = {when}, as its function is not finite without {names}. Positions and "
                         "velocities of bodies that are gone are NaN; np.nanmin, np.nansum and the like pass over them."
                     )
-                    bound = _without(bound, np.ones(len(system), dtype=bool))
+                    bound = _over(bound)
             yield number, bound, over
             number += 1
 
@@ -75,24 +75,32 @@ def sides_of(bound: Bound, former: Bound, t: Array, before: State, after: State)
     places = {tuple(sorted(pair)): k for k, pair in enumerate(former.pairs.tolist())}
     pairs = [tuple(sorted(pair)) for pair in bound.pairs.tolist()]
     columns = np.array([k for k, pair in enumerate(pairs) if pair in places], dtype=np.int64)
-    g = former.values(t, *(x[None] for x in before), np.array([places[pairs[k]] for k in columns], dtype=np.int64))
-    return g[0], bound.values(t, *(x[None] for x in after), columns)[0], columns
+    own = np.array([places[pairs[k]] for k in columns], dtype=np.int64)
+    (q, v), (q1, v1) = (before[0][None], before[1][None]), (after[0][None], after[1][None])
+    return former.values(t, q, v, own)[0], bound.values(t, q1, v1, columns)[0], columns
 
 
 def _without(bound: Bound, gone: NDArray[np.bool_]) -> Bound:
     """Return a function without the columns of bodies that are gone."""
-    needed, shown = bound.bodies(), np.unique(bound.pairs)
-    hidden = [] if needed is None else np.setdiff1d(needed, shown)
-    # `NOBODY` is the last place.
-    concerned = np.append(gone, False)[bound.pairs].any(axis=1) | bool(gone[hidden].any() if len(hidden) else False)
-    if not concerned.any():
-        return bound
-    left = copy(bound)
-    left.pairs = bound.pairs[~concerned]
-    return left
+    needed = bound.bodies()
+    if needed is not None and gone[np.setdiff1d(needed, bound.pairs)].any():  # of all columns, such as an observer
+        return _over(bound)
+    concerned = np.asarray(np.append(gone, False)[bound.pairs].any(axis=1))  # `NOBODY` is the last place
+    return _of_columns(bound, ~concerned) if concerned.any() else bound
+
+
+def _over(bound: Bound) -> Bound:
+    """Return a function without columns."""
+    return _of_columns(bound, np.zeros(len(bound.pairs), dtype=bool))
+
+
+def _of_columns(bound: Bound, which: NDArray[np.bool_]) -> Bound:
+    some = copy(bound)
+    some.pairs = bound.pairs[which]
+    return some
 
 
 def _is_finite(bound: Bound, system: System, left: Left) -> bool:
-    states = [np.where(left.gone[:, None], np.nan, x)[None] for x in (system.values.q, system.values.v)]
-    found = bound.values(np.array([left.time]), *states, np.arange(len(bound.pairs)))
+    q, v = (np.where(left.gone[:, None], np.nan, x)[None] for x in (system.values.q, system.values.v))
+    found = bound.values(np.array([left.time]), q, v, np.arange(len(bound.pairs)))
     return bool(np.isfinite(found).all())

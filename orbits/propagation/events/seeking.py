@@ -189,15 +189,15 @@ class Seeking:
             return
         columns, rising, sizes = columns[which], rising[which], np.abs(g_after - g)[which]
         nothing = np.zeros(len(which), dtype=np.int64)
-        there = np.full(len(which), time), *(np.repeat(x[None], len(which), axis=0) for x in after)
-        kept = bound.keeps(*there, columns)
+        t, (q, v) = np.full(len(which), time), (np.repeat(x[None], len(which), axis=0) for x in after)
+        kept = bound.keeps(t, q, v, columns)
         zeros = Zeros(nothing, np.zeros(len(which)), columns, rising, sizes)
         longest = max(self._longest, np.finfo(np.float64).tiny)
-        clear = are_clear(bound, zeros, np.array([longest]), longest, *there)
+        clear = are_clear(bound, zeros, np.array([longest]), longest, t, q, v)
         if (kept & ~clear).any():
             self._remark(number, ROUND_OFF)
-        numbers, figures = np.full(len(which), number), bound.figures(*there, columns)
-        rows = np.column_stack([there[0], numbers, rising, bound.pairs[columns], figures])
+        numbers, figures = np.full(len(which), number), bound.figures(t, q, v, columns)
+        rows = np.column_stack([t, numbers, rising, bound.pairs[columns], figures])
         for row in rows[kept & clear]:
             if not self.log.has(row, ROUNDED * abs(time)):
                 self._add(row, True)

@@ -1,0 +1,219 @@
+"""Events of other kinds in runs whose bodies collide: found in each leg on its own motion, none twice, none lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits import Bounce, CloseApproach, CloserThan, Collision, Event, Merge, Pericentre, PlaneCrossing
+from orbits.errors import EventError, EventWarning, InputError
+
+D = orbits.DIMENSIONLESS
+MERGE = Collision(then=Merge())
+STEPS = pytest.mark.parametrize("dt", [None, 0.02], ids=["adaptive", "constant"])
+FALL = 2.5295467297684264  # when a and b touch
+
+
+def three(side: float = 0.0) -> orbits.System:
+    """Two bodies that fall onto one another, or with `side` past one another, and a planet about them."""
+    q = [[-1, 0, 0], [1, 0, 0], [0, 5, 0.1]]
+    v = [[0, -side, 0], [0, side, 0], [0.6, 0, 0.02]]
+    return orbits.System(["a", "b", "p"], [1.0, 0.5, 1e-3], q, v, radii=[0.1, 0.1, 0.01], units=D).barycentric()
+
+
+def disc(count: int = 40) -> orbits.System:
+    """A star and a disc of bodies with inflated radii, on orbits that are not round."""
+    rng = np.random.default_rng(3)
+    angles = {name: rng.uniform(0.0, 2.0 * np.pi, count) for name in ("pomega", "Omega")}
+    angles["l"] = 2.0 * np.pi * rng.permutation(count) / count
+    system = orbits.System.from_elements({"star": {"gm": 1.0, "radius": 0.01}}, units=D)
+    return system.add(
+        [f"p{i}" for i in range(count)],
+        primary="star",
+        gm=rng.uniform(0.5e-7, 1.5e-7, count),
+        radius=0.012,
+        a=rng.uniform(0.9, 1.1, count),
+        e=rng.uniform(0.02, 0.05, count),
+        inc=rng.uniform(0.005, 0.01, count),
+        **angles,
+    ).barycentric()
+
+
+def propagate(system: orbits.System, events: Any, **options: Any) -> orbits.Trajectory:
+    return orbits.propagate(system, events=events, check_step=False, progress=False, **options)
+
+
+def rows(run: orbits.Trajectory) -> list[tuple[str, str | None, str | None, float]]:
+    return [(e.kind, e.body, e.other, float(e.time.value)) for e in run.events]
+
+
+SOUGHT = [
+    MERGE,
+    Pericentre(),
+    CloseApproach(within=0.05),
+    orbits.NodeCrossing(primary="star"),
+    orbits.Conjunction("p1", "p2", observer="star"),
+]
+
+
+def test_the_events_of_each_leg_are_those_of_a_run_of_the_bodies_that_are_left() -> None:
+    """The run is cut at its mergers, and each part is a run of its own, without collisions, from the bodies there."""
+    run = propagate(disc(), SOUGHT, duration=10.0, samples=9)
+    mergers = [e for e in run.events if e.kind == "merger"]
+    assert len(mergers) >= 5
+    begins = [0.0, *(float(e.time.value) for e in mergers)]
+    found = []
+    for begin, end in zip(begins, [*begins[1:], 10.0], strict=True):
+        left = run.at([begin])[0]
+        events = [event for event in SOUGHT[1:] if {event.body, getattr(event, "other", None)} <= {*left.names, None}]
+        part = propagate(left, events, duration=end - begin, samples=2)
+        found += [(kind, body, other, begin + t) for kind, body, other, t in rows(part)]
+    here = [row for row in rows(run) if row[0] != "merger" and row[3] not in begins]
+    assert len(here) > 150
+    assert [row[:3] for row in here] == [row[:3] for row in found]
+    # Merged bodies are kicked by one another soon, and the order of steps is another one: 2e-12 was seen.
+    assert np.abs(np.array([row[3] for row in here]) - [row[3] for row in found]).max() < 1e-10
+    times = run.events.time.value
+    assert (np.diff(times) >= 0.0).all()
+
+
+@STEPS
+@pytest.mark.parametrize("samples", [[3.0], [FALL - 1e-3, FALL - 1e-5, FALL + 1e-5, FALL + 1e-3]])
+@pytest.mark.parametrize("apart", [-1e-3, -1e-6, -1e-12, 0.0, 1e-12, 1e-9, 1e-6, 1e-3])
+def test_a_zero_near_a_collision_is_found_once(apart: float, dt: float | None, samples: list[float]) -> None:
+    at = FALL + apart
+    clock = Event(lambda t, q, v: t - at, name="clock")
+    run = propagate(three(), [clock, MERGE], dt=dt, duration=3.0, samples=samples)
+    kinds = run.events.kind.tolist()
+    assert kinds.count("clock") == kinds.count("merger") == 1
+    # The time of a function of time alone, to its last digits.
+    assert abs(run.events.time.value[kinds.index("clock")] - at) < 1e-14
+    order = np.sign(kinds.index("clock") - kinds.index("merger"))
+    assert abs(apart) < 1e-11 or order == np.sign(apart)
+
+
+@STEPS
+@pytest.mark.parametrize("then", [Merge(), Bounce(0.9), "record"], ids=str)
+def test_events_that_record_change_no_bit_of_a_run_with_collisions(dt: float | None, then: Any) -> None:
+    options: dict[str, Any] = {"dt": dt, "duration": 4.0, "samples": 17}
+    alone = propagate(three(0.15), Collision(then=then), **options)
+    beside = propagate(three(0.15), [Pericentre("p", "a"), CloseApproach(), Collision(then=then)], **options)
+    assert np.array_equal(alone.q, beside.q, equal_nan=True)
+    assert np.array_equal(alone.v, beside.v, equal_nan=True)
+    words = {"merger", "bounce", "collision"}
+    assert [t for *_, t in rows(alone)] == [row[3] for row in rows(beside) if row[0] in words]
+
+
+@STEPS
+def test_nothing_more_is_said_of_a_body_that_is_gone(dt: float | None) -> None:
+    seen = orbits.Conjunction("a", "p", observer="b")
+    events = [MERGE, CloserThan(1.9, "a", "b"), seen, PlaneCrossing("p"), orbits.Ejection(0.1)]
+    run = propagate(three(), events, dt=dt, duration=60.0)
+    gone = run.events.kind.tolist().index("merger")
+    assert "b" in {e.body for e in run.events[: gone + 1]} | {e.other for e in run.events[: gone + 1]}
+    after = run.events[gone + 1 :]
+    assert len(after) >= 1
+    assert {name for e in after for name in (e.body, e.other)} <= {"a", "p", None}
+
+
+@STEPS
+def test_a_function_that_needs_a_body_that_is_gone_is_over_and_a_warning_says_so(dt: float | None) -> None:
+    def height(t: Any, q: Any, v: Any) -> Any:
+        return q[:, :, 1].sum(axis=1) * np.cos(3.0 * t + 0.1)
+
+    def height_of_those_there(t: Any, q: Any, v: Any) -> Any:
+        return np.nansum(q[:, :, 1], axis=1) * np.cos(3.0 * t + 0.1)
+
+    events = [MERGE, Event(height, name="all"), Event(height_of_those_there, name="there")]
+    with pytest.warns(EventWarning, match=r"'all' is not sought after t = 2\.529546\d+, as its function is not finite"):
+        run = propagate(three(), events, dt=dt, duration=8.0)
+    times = {name: run.events.time.value[run.events.kind == name] for name in ("all", "there")}
+    assert len(times["all"]) == 2
+    assert times["all"].max() < FALL
+    assert np.array_equal(times["all"], times["there"][:2])
+    assert np.abs(times["there"] - ((np.arange(8) + 0.5) * np.pi - 0.1) / 3.0).max() < 1e-13
+
+
+def test_a_sign_that_changes_through_a_collision_is_an_event_at_its_time() -> None:
+    bounce = Collision(then=Bounce(1.0))
+    run = propagate(three(), [bounce, CloseApproach("a", "b")], duration=4.0)
+    assert [e.kind for e in run.events] == ["bounce", "close approach"]
+    assert run.events.time[0] == run.events.time[1]
+    assert run.events.distance.value[1] == pytest.approx(0.2, rel=1e-13)
+    backwards = propagate(three(), [bounce, CloseApproach("a", "b")], duration=-4.0)
+    assert [e.kind for e in backwards.events] == ["bounce", "close approach"]
+
+
+class Halted(Exception):
+    """Ends a run from within."""
+
+
+@STEPS
+@pytest.mark.parametrize("at", [1.0, 2.4, 2.53, 2.6, 5.0])
+def test_a_run_killed_anywhere_goes_on_to_the_same_bits_and_the_same_table(
+    dt: float | None, at: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import orbits.propagation.sample_store as stores
+
+    samples = [0.5, 1.0, 2.4, 2.525, 2.5294, 2.5296, 2.53, 2.535, 2.6, 3.0, 5.0, 60.0]
+    events = [MERGE, Pericentre("p", "a"), CloserThan(1.0, "a", "b"), CloseApproach(), PlaneCrossing("p", [1.0, 0, 0])]
+    options: dict[str, Any] = {"dt": dt, "duration": 60.0, "samples": samples}
+    whole = propagate(three(), events, **options)
+    path = tmp_path / "run.h5"
+
+    def halt(t: u.Quantity, state: orbits.System) -> None:
+        if t.value >= at:
+            raise Halted
+
+    with monkeypatch.context() as patch:
+        patch.setattr(stores, "FIRST_COMMIT_SECONDS", 0.0)  # a commit after each block
+        patch.setattr(stores, "COMMIT_SHARE", 0.0)
+        with pytest.raises(Halted):
+            propagate(three(), events, archive=path, callback=halt, **options)
+    resumed = orbits.resume(path)
+    assert np.array_equal(resumed.events._rows, whole.events._rows, equal_nan=True)
+    assert np.array_equal(resumed.q, whole.q, equal_nan=True)
+    assert np.array_equal(resumed.v, whole.v, equal_nan=True)
+    resumed.close()
+    opened = orbits.Trajectory.open(path)
+    assert rows(opened) == rows(whole)
+    assert opened.events._words == whole.events._words
+    opened.close()
+
+
+@STEPS
+def test_a_run_that_ends_at_a_collision_has_the_events_before_it_and_resumed_those_after_it(
+    dt: float | None, tmp_path: Path
+) -> None:
+    fall = float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
+    clocks = [Event(lambda t, q, v, at=fall + d: t - at, name=f"{d:g}") for d in (-1e-3, -1e-6, 1e-6, 1e-3)]
+    events = [CloserThan(1.0, "a", "b"), *clocks]
+    options: dict[str, Any] = {"dt": dt, "duration": 3.0, "samples": 5}
+    path = tmp_path / "run.h5"
+    stopped = propagate(three(0.15), [Collision(then="stop"), *events], archive=path, **options)
+    assert stopped.events.kind.tolist() == ["closer than 1", "-0.001", "-1e-06", "collision"]
+    assert stopped.stopped.time.value == fall
+    stopped.close()
+    passed = propagate(three(0.15), [Collision(), *events], **options)
+    resumed = orbits.resume(path, events=[Collision(then="stop"), *events])
+    assert rows(resumed) == rows(passed)
+    assert np.array_equal(resumed.q, passed.q)
+    resumed.close()
+
+
+def test_a_function_that_fails_after_a_collision_keeps_what_was_found_before() -> None:
+    fails = Event(lambda t, q, v: np.where(t > FALL + 1e-4, np.nan, 1.0), name="x")
+    with pytest.raises(EventError, match=r"'x' is nan at t = 2\.5") as caught:
+        propagate(three(), [MERGE, CloserThan(1.0, "a", "b"), fails], duration=4.0)
+    assert caught.value.trajectory.events.kind.tolist() == ["closer than 1", "merger"]
+
+
+def test_events_of_massless_bodies_beside_collisions_are_refused() -> None:
+    system = three().add("grain", q=[3, 0, 0], v=[0, 0.7, 0], gm=0.0)
+    with pytest.raises(InputError, match="grain is a massless particle, whose events are not sought in a run whose"):
+        propagate(system, [MERGE, Pericentre("grain", "a")], duration=1.0)
