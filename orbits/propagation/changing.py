@@ -29,7 +29,7 @@ from orbits.propagation.acting import State
 from orbits.propagation.collisions import Collisions, rows_of_change
 from orbits.propagation.events.left import Left
 from orbits.propagation.events.particles import stretches
-from orbits.propagation.events.seeking import Seeking
+from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.impact import Impact, Step, impacts
 from orbits.propagation.marchers import WORK, bound
 from orbits.propagation.own_impacts import alone, own_impacts
@@ -68,6 +68,7 @@ class ChangingMarch:
     system : at the start; events : of the run, where collisions are listed
 
     rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
+    found : the event that interrupts the march before the next collision, or None
     ended : the row of the collision that ended the march, and the bodies there, or None
     changed : whether a leg of other masses or velocities has begun
     """
@@ -81,6 +82,7 @@ class ChangingMarch:
         self._massive = system.massive
         self.rows: Array = no_changes()
         self.ended: tuple[Array, State] | None = None
+        self.found: Found | None = None
         self.changed = False
         self._work = np.zeros((len(system.forces), 7))
         self._steps = 0  # of earlier legs, in archives of versions that counted those of each leg
@@ -153,6 +155,10 @@ class ChangingMarch:
         """Return (q, v), each (n, 3); NaN for bodies that are gone."""
         return self._whole(self._marcher.state(), self.time)
 
+    def state_after(self, offset: float) -> tuple[Array, Array]:
+        """Return (q, v) after a partial step of `offset`; computed on a copy, without changing the march."""
+        return self._whole(self._marcher.state_after(offset), self.time + offset)
+
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced, without changing the march."""
         self._settle()
@@ -214,20 +220,28 @@ class ChangingMarch:
                 marcher.approach(place)
         except IntegrationError:
             if self._seeks:
-                self._events.take(marcher.motion())  # the steps before the one that failed
+                self._events.after(marcher)  # the steps before the one that failed
             raise
         marcher.block = min(2 * marcher.block, self._largest)
+        met, marcher.met = marcher.met, None
+        if met is None:
+            self.found = self._events.after(marcher) if self._seeks else None
+            return
         motion = marcher.motion() if self._seeks else None
-        if marcher.met is not None:
-            marcher.met = None
-            start = self._again(before)
-            start.advance(marcher.step - begun - 1)
-            passed = () if motion is None else (_but_last(motion),)
-            self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher), passed), marcher.time)
-            if motion is not None and self.ended is not None:
-                marcher.restore(start.checkpoint())  # a run that is resumed finds what comes later in this step
-        if motion is not None and marcher is self._marcher and self.ended is None:
-            self._events.take(motion)
+        if motion is not None:
+            self.found = self._events.take(_part(motion, slice(0, len(motion) - 1)))
+            if self.found is not None:
+                marcher.go_back(self.found.steps)
+                return
+        start = self._again(before)
+        start.advance(marcher.step - begun - 1)
+        self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher)), marcher.time)
+        if motion is None or marcher is not self._marcher:
+            return
+        if self.ended is None and self.found is None:
+            self.found = self._events.take(_part(motion, slice(len(motion) - 1, len(motion))))
+        if self.ended is not None or self.found is not None:
+            marcher.restore(start.checkpoint())  # a run that is resumed finds what comes later in this step
 
     def change(self, kind: str, time: float, q: Array, v: Array, before: System, after: System) -> None:
         """Go on with changed bodies from a time in the step that begins where the march is.
@@ -359,7 +373,7 @@ class ChangingMarch:
                 return
             if not self._is_known(impact):
                 self._collide(ahead, impact)
-                if marcher is not self._marcher or self.ended is not None:
+                if marcher is not self._marcher or self.ended is not None or self.found is not None:
                     return
 
     def _collide(self, ahead: Ahead, impact: Impact) -> None:
@@ -369,16 +383,21 @@ class ChangingMarch:
         before = State(self.bodies.gm, self.bodies.radii, q, v)
         assert self._collisions is not None
         known = self._collisions.events(self._events.log.rows)
-        done = self._collisions.act(self.system, self.bodies, before, impact, known, self.clock.direction)
+        try:
+            done = self._collisions.act(self.system, self.bodies, before, impact, known, self.clock.direction)
+        except IntegrationError:
+            self._seek_up_to(ahead, impact.time, q, v)
+            raise
+        if done.ends or (len(done.rows) and done.vanished is None):
+            self.found = self._seek_up_to(ahead, impact.time, q, v)
+            if self.found is not None:
+                return
         for row in done.found:
             self._events.note(row)
         if done.ends:
             self.ended = done.found[-1], before
-            self._seek_up_to(ahead, impact.time, q, v)
         if not len(done.rows):
             return
-        if done.vanished is None:
-            self._seek_up_to(ahead, impact.time, q, v)
         self.rows = np.concatenate([self.rows, done.rows])
         self.bodies = self.changes().bodies_after(len(self.rows))
         if done.vanished is not None:  # massless: nothing else changes by a bit
@@ -389,7 +408,7 @@ class ChangingMarch:
             return
         if self._seeks:
             left = self._left(self.bodies, impact.time)
-            self._events.go_through(impact.time, (q, v), (done.after.q, done.after.v), left)
+            self.found = self._events.go_through(impact.time, (q, v), (done.after.q, done.after.v), left)
         self._work = self._work + start.accounts()
         self._begin_leg(start, impact.time, done.after)
 
@@ -398,20 +417,28 @@ class ChangingMarch:
         """Whether other events are sought along the march, from collision to collision."""
         return self._collisions is not None and bool(self._events)
 
-    def _seek_up_to(self, ahead: Ahead, time: float, q: Array, v: Array) -> None:
-        """Seek events up to a collision, in a step; q, v : of all bodies there, (n, 3)."""
+    def _seek_up_to(self, ahead: Ahead, time: float, q: Array, v: Array) -> Found | None:
+        """Seek events up to a collision, in a step; return the first one that interrupts the run, if any.
+
+        q, v : of all bodies there, (n, 3)
+        """
         if not self._seeks:
-            return
+            return None
         for motion in ahead.passed:
-            self._events.take(motion)
+            found = self._events.take(motion)
+            if found is not None:
+                return found
         self._events.flush()
         if not (time - ahead.start.time) * self.clock.direction > 0.0:
-            return
+            return None
         there = self._present_massive()
         for motion, ends in stretches(*ahead.start.towards(time)):
             if ends:  # so that no zero falls between the motion before the collision and that after it
                 motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
-            self._events.search(motion)
+            found = self._events.search(motion)
+            if found is not None:
+                return found
+        return None
 
     def _left(self, bodies: Bodies, time: float) -> Left:
         return Left(bodies, self._massive & ~bodies.present, time)
@@ -616,9 +643,10 @@ def march_of_run(
     return march_on
 
 
-def _but_last(motion: Motion) -> Motion:
-    """Return the motion in all steps but the last one."""
-    return motion.with_steps(motion.times[:-1], motion.path[:-1], motion.kicks[:-1], motion.lengths[:-1])
+def _part(motion: Motion, steps: slice) -> Motion:
+    """Return the motion in some of the steps."""
+    ends = slice(steps.start, steps.stop + 1)
+    return motion.with_steps(motion.times[ends], motion.path[ends], motion.kicks[steps], motion.lengths[steps])
 
 
 def _radii(system: System) -> Array:

@@ -87,8 +87,9 @@ class RunEnds:
         """Return whether an event ends the run, and note it; others that interrupt it act."""
         if found is None:
             return False
-        state = of_this_leg(marcher).state_after(found.time - marcher.time)
-        happening = self.events.happening(found, state)
+        state = marcher.state_after(found.time - marcher.time)
+        at = _moved(system, marcher, found.time, *state) if self.events.touching else None
+        happening = self.events.happening(found, state, at)
         then = happening.event.then
         if not isinstance(then, str):
             try:
@@ -101,6 +102,7 @@ class RunEnds:
             if changed is not None and isinstance(marcher, ChangingMarch):
                 self.events.follow(marcher.now)
             return False
+        self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
         self.end_at(system, marcher, happening, found.time, state)
         return True
 
@@ -114,8 +116,8 @@ class RunEnds:
 
     def after(self, marcher: March) -> Found | None:
         """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
-        if self.events.touching:  # the march itself seeks them, from collision to collision
-            return None
+        if isinstance(marcher, ChangingMarch) and self.events.touching:
+            return marcher.found  # it seeks them itself, from collision to collision
         return self.events.after(of_this_leg(marcher))
 
     def ahead(self, marcher: March, time: float) -> Found | None:

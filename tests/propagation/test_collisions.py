@@ -320,7 +320,7 @@ def test_radii_that_are_missing_or_overlap_are_refused(change: dict[str, object]
 def test_unsound_collisions_are_refused() -> None:
     system = pair()
     for events, message in [
-        ([MERGE, orbits.CloseApproach("a", "b", then="stop")], "other events are only recorded in a run whose bodies"),
+        ([MERGE, orbits.CloseApproach("a", "b", then=lambda t, s: s)], "only collisions act in a run whose bodies"),
         (orbits.CloseApproach("a", "b", then=Merge()), "only bodies that collide can do that"),
         (Collision("a", "A"), "twice; expected two bodies"),
     ]:

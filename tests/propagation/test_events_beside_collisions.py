@@ -206,6 +206,61 @@ def test_a_run_that_ends_at_a_collision_has_the_events_before_it_and_resumed_tho
     resumed.close()
 
 
+def of_clock(at: float, then: str = "stop") -> Event:
+    return Event(lambda t, q, v: t - at, name="clock", then=then)
+
+
+@STEPS
+@pytest.mark.parametrize("then", [Merge(), Bounce(0.9), "record", "stop"], ids=str)
+@pytest.mark.parametrize("apart", [-0.3, -1e-3, -1e-6, 1e-6, 1e-3, 0.2])
+@pytest.mark.parametrize("samples", [[3.0], [2.53, 3.0]], ids=len)
+def test_a_run_that_an_event_stops_near_a_collision_ends_there_and_goes_on_to_the_same(
+    dt: float | None, then: Any, apart: float, samples: list[float], tmp_path: Path
+) -> None:
+    options: dict[str, Any] = {"dt": dt, "duration": 3.0, "samples": samples}
+    fall = float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
+    beside = [CloserThan(1.0, "a", "b"), CloseApproach("p"), PlaneCrossing("a")]
+    path = tmp_path / "run.h5"
+    events = [Collision(then=then), *beside, of_clock(fall + apart)]
+    stopped = propagate(three(0.15), events, archive=path, **options)
+    through = Collision(then="record" if then == "stop" else then)
+    recorded = propagate(three(0.15), [through, *beside, of_clock(fall + apart, "record")], **options)
+    if then == "stop" and apart > 0.0:
+        assert stopped.events.kind[-1] == "collision"
+        stopped.close()
+        stopped = orbits.resume(path, events=events)
+    assert stopped.events.kind[-1] == "clock"
+    assert abs(stopped.events.time.value[-1] - fall - apart) < 2e-14
+    assert rows(stopped) == rows(recorded)[: len(stopped.events)]
+    at = stopped.stopped
+    if at is not None:
+        assert at.time == stopped.events.time[-1]
+        assert at.system.names == (("a", "p") if then == Merge() and apart > 0.0 else ("a", "b", "p"))
+        assert np.abs(at.system.q.value - recorded.at([at.time.value])[0].q.value).max() < 1e-13
+    stopped.close()
+    if then == "stop":
+        return
+    resumed = orbits.resume(path, events=events)
+    assert rows(resumed) == rows(recorded)
+    assert np.array_equal(resumed.q, recorded.q, equal_nan=True)
+    resumed.close()
+
+
+@STEPS
+def test_a_sign_that_changes_through_a_collision_may_stop_the_run(dt: float | None, tmp_path: Path) -> None:
+    events = [Collision(then=Bounce(1.0)), CloseApproach("a", "b", then="stop"), CloserThan(0.5, "a", "b")]
+    path = tmp_path / "run.h5"
+    run = propagate(three(), events, dt=dt, duration=20.0, archive=path)
+    assert run.events.kind.tolist() == ["closer than 0.5", "bounce", "close approach"]
+    assert run.stopped.time == run.events.time[-1]
+    run.close()
+    whole = propagate(three(), [events[0], CloseApproach("a", "b"), events[2]], dt=dt, duration=20.0)
+    resumed = orbits.resume(path)
+    assert rows(resumed) == rows(whole)[: len(resumed.events)]
+    assert len(resumed.events) > 3
+    resumed.close()
+
+
 def test_a_function_that_fails_after_a_collision_keeps_what_was_found_before() -> None:
     fails = Event(lambda t, q, v: np.where(t > FALL + 1e-4, np.nan, 1.0), name="x")
     with pytest.raises(EventError, match=r"'x' is nan at t = 2\.5") as caught:

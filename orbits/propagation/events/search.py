@@ -124,8 +124,8 @@ class Stretch:
         return bool(self.times[-1] < self.times[0])
 
     def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
-        """Return t (m,), q and v (m, n, 3) at the same fractions of these steps, roughly: of the bodies that matter, NaN
-        for those that do not move here, and anything for others.
+        """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly; NaN
+        for those that do not move here.
         """
         begin, length = self.times[:-1][steps], self._motion.lengths[steps]
         t = (begin[:, None] + fractions * length[:, None]).ravel()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -103,11 +103,11 @@ class Seeking:
             self._of += [event] * len(bounds)
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
         for event in self.events:
-            if self.touching and event.interrupts and not event.collides:
+            if self.touching and not isinstance(event.then, str) and not event.collides:
                 raise InputError(
-                    f"{type(event).__name__}(then={shown(event.then)}) beside collisions; expected then='record', as "
-                    "other events are only recorded in a run whose bodies collide. Leave out its then=..., or seek it "
-                    "in a run without collisions, until the first one (run.events.time[0])."
+                    f"{type(event).__name__}(then={shown(event.then)}) beside collisions; expected then='record' or "
+                    "then='stop', as only collisions act in a run whose bodies collide. Let it stop the run, change "
+                    "run.stopped.system, and go on from there; or seek it in a run without collisions."
                 )
         self.act = any(not isinstance(event.then, str) for event in self.events)
         groups = by_particles(self._bounds, self._of, system, self.act or bool(self.touching))
@@ -159,23 +159,28 @@ class Seeking:
         self._numbers = [k for k in self._numbers if len(self._bounds[k].pairs)]
         self._begin_leg()
 
-    def go_through(self, time: float, before: tuple[Array, Array], after: tuple[Array, Array], left: Left) -> None:
-        """Go on after a collision, as `go_on_with`; functions whose sign is another one then are zero there.
+    def go_through(
+        self, time: float, before: tuple[Array, Array], after: tuple[Array, Array], left: Left
+    ) -> Found | None:
+        """Go on after a collision, as `go_on_with`; functions whose sign is another one then are zero there. Return the
+        first that interrupts the run, if any.
 
         before, after : q and v of all bodies, (n, 3), at that time
         """
         former = list(self._bounds)
         self.go_on_with(left)
+        found: list[Found] = []
         try:
             for number in self._numbers:
-                self._jump(number, former[number], time, before, after)
+                found += self._jumps(number, former[number], time, before, after)
         except (EventError, Raised):
             self.log.broken = True
             raise
+        return next((one for one in found if self._of[one.number].interrupts), None)
 
-    def _jump(
+    def _jumps(
         self, number: int, former: Bound, time: float, before: tuple[Array, Array], after: tuple[Array, Array]
-    ) -> None:
+    ) -> Iterator[Found]:
         """List the zeros of a function at a collision: of the columns whose sign is another one after it."""
         bound, t = self._bounds[number], np.array([time])
         g, g_after, columns = sides_of(bound, former, t, before, after)
@@ -198,9 +203,10 @@ class Seeking:
             self._remark(number, ROUND_OFF)
         numbers, figures = np.full(len(which), number), bound.figures(t, q, v, columns)
         rows = np.column_stack([t, numbers, rising, bound.pairs[columns], figures])
-        for row in rows[kept & clear]:
-            if not self.log.has(row, ROUNDED * abs(time)):
-                self._add(row, True)
+        for k in np.flatnonzero(kept & clear):
+            if not self.log.has(rows[k], ROUNDED * abs(time)):
+                self._add(rows[k], True)
+                yield Found(number, int(columns[k]), bool(rising[k]), 0, time)
 
     def follow(self, system: System) -> None:
         """Seek the events among bodies whose masses or radii have changed; `system` is otherwise that of the start."""
@@ -274,26 +280,25 @@ class Seeking:
         """
         if not self:
             return None
-        motion = marcher.motion()
-        if self.interrupts:
-            found = self._seek(motion, True)
-            if found is not None:
-                marcher.go_back(found.steps)
-            return found
-        self.take(motion)
-        return None
+        found = self.take(marcher.motion())
+        if found is not None:
+            marcher.go_back(found.steps)
+        return found
 
-    def take(self, motion: Motion) -> None:
-        """Take whole steps, in which events are only recorded."""
-        if self and (len(motion) >= self._enough or not self._collected.takes(motion)):
+    def take(self, motion: Motion) -> Found | None:
+        """Take whole steps; return the first event that interrupts the run, if any: later ones are not listed."""
+        if not self or self.interrupts:
+            return self._seek(motion, True) if self else None
+        if len(motion) >= self._enough or not self._collected.takes(motion):
             self.flush()
             if len(motion) >= self._enough or not self._collected.takes(motion):
                 self._seek(motion, True)
+        return None
 
-    def search(self, motion: Motion) -> None:
-        """Seek events that are only recorded in the next stretch of the march, at once."""
+    def search(self, motion: Motion) -> Found | None:
+        """Seek events in the next stretch of the march at once; as `take`."""
         self.flush()
-        self._seek(motion, True)
+        return self._seek(motion, True)
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
@@ -359,11 +364,14 @@ class Seeking:
         """Return the event, as it was given, to which a function belongs."""
         return self._of[number]
 
-    def happening(self, found: Found, state: tuple[Array, Array]) -> Happening:
-        """Return an event that interrupts a run, with the bodies at its time; state : q and v of all, (n, 3)."""
+    def happening(self, found: Found, state: tuple[Array, Array], at: System | None = None) -> Happening:
+        """Return an event that interrupts a run, with the bodies at its time.
+
+        state : q and v of all, (n, 3); at : the bodies there, if they are not all those of the start
+        """
         system, bound = self._system, self._bounds[found.number]
         names = [None if k == NOBODY else system.names[k] for k in bound.pairs[found.column]]
-        at = moved(system, *state, found.time, absent(*state, system.massive))
+        at = moved(system, *state, found.time, absent(*state, system.massive)) if at is None else at
         kind = bound.words[found.rising] or ""
         return Happening(self._of[found.number], kind, u.Quantity(found.time, system.units.time), at, *names)
 
