@@ -622,8 +622,8 @@ def march_of_run(
         raise InputError(
             "stop=... with a distance or an energy is tested in steps of the same bodies, but events may change them. "
             + (
-                "End the run from callback=..., which has the state at each sample, or seek the collisions with "
-                "then='record', and in a run of their own."
+                "Seek an event with then='stop' instead, such as CloserThan, or end the run from callback=..., which "
+                "has the state at each sample."
                 if events.touching
                 else "Seek an event with then='stop' instead, such as CloserThan, or leave one of the two out."
             )

@@ -187,6 +187,53 @@ def test_a_run_killed_anywhere_goes_on_to_the_same_bits_and_the_same_table(
 
 
 @STEPS
+def test_a_collision_that_is_listed_before_the_events_of_its_step_hides_none_of_them_from_a_run_that_is_resumed(
+    dt: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before a sample the step that leads beyond it is searched for collisions, but not yet for other events."""
+    import orbits.propagation.sample_store as stores
+
+    fall = float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
+    events = [Collision(), *(PlaneCrossing("p", [0, 1, 0], offset=y, direction=-1) for y in heights(dt, fall))]
+    options: dict[str, Any] = {"dt": dt, "duration": 3.0, "samples": [fall + 1e-5, fall + 2e-5, 3.0]}
+    whole = propagate(three(0.15), events, **options)
+    assert len(whole.events) == 4
+    path = tmp_path / "run.h5"
+
+    def halt(t: u.Quantity, state: orbits.System) -> None:
+        if t.value > fall + 1.5e-5:
+            raise Halted
+
+    with monkeypatch.context() as patch:
+        patch.setattr(stores, "FIRST_COMMIT_SECONDS", 0.0)  # a commit after each block, and each sample
+        patch.setattr(stores, "COMMIT_SHARE", 0.0)
+        with pytest.raises(Halted):
+            propagate(three(0.15), events, archive=path, callback=halt, **options)
+    resumed = orbits.resume(path)
+    assert rows(resumed) == rows(whole)
+    resumed.close()
+
+
+def test_no_event_is_lost_in_steps_that_are_searched_ahead_of_a_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a step that the clock tried and did not take: here all up to the merger are searched in this way."""
+    from orbits.propagation.changing import ChangingMarch
+
+    options: dict[str, Any] = {"duration": 3.0, "samples": [3.0]}
+    events = [MERGE, CloserThan(1.5, "a", "b"), CloserThan(0.3, "a", "b"), CloseApproach("p")]
+    whole = propagate(three(), events, **options)
+    assert len(whole.events) == 5
+    usual = ChangingMarch._steps_before
+    monkeypatch.setattr(ChangingMarch, "_steps_before", lambda self, place: len(self.rows) > 0 and usual(self, place))
+    assert [row[:3] for row in rows(propagate(three(), events, **options))] == [row[:3] for row in rows(whole)]
+
+
+def heights(dt: float | None, fall: float) -> list[float]:
+    """Heights of the planet just before the fall, and just after it."""
+    times = [fall - 1e-4, fall - 1e-6, fall + 1e-4]
+    return propagate(three(0.15), (), dt=dt, duration=3.0, samples=times).q.value[:, 2, 1].tolist()
+
+
+@STEPS
 def test_a_run_that_ends_at_a_collision_has_the_events_before_it_and_resumed_those_after_it(
     dt: float | None, tmp_path: Path
 ) -> None:
