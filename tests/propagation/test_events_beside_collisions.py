@@ -315,6 +315,13 @@ def test_a_function_that_fails_after_a_collision_keeps_what_was_found_before() -
     assert caught.value.trajectory.events.kind.tolist() == ["closer than 1", "merger"]
 
 
+def test_events_go_on_after_a_body_with_a_term_of_its_own_is_gone() -> None:
+    flat = orbits.ZonalHarmonics("b", radius=0.05, J2=1e-3, pole=[0, 0, 1])
+    events = [MERGE, CloserThan(1.0, "a", "b"), CloseApproach("p")]
+    run = propagate(three().replaced(terms=[flat]), events, duration=4.0)
+    assert [e.kind for e in run.events] == ["close approach", "closer than 1", "merger", "close approach"]
+
+
 def test_events_of_massless_bodies_beside_collisions_are_refused() -> None:
     system = three().add("grain", q=[3, 0, 0], v=[0, 0.7, 0], gm=0.0)
     with pytest.raises(InputError, match="grain is a massless particle, whose events are not sought in a run whose"):

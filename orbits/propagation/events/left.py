@@ -39,7 +39,8 @@ def bounds_left(
     the start: a run that is resumed comes to the same answer.
     """
     gm = np.where(left.gone, 0.0, left.bodies.gm)
-    now = system.replaced(gm=gm, radii=None if system.radii is None else left.bodies.radii)
+    radii = None if system.radii is None else left.bodies.radii
+    now = system.replaced(gm=gm, radii=radii, terms=(), forces=())  # terms may be of bodies that are gone
     number = 0
     for event in events:
         size = len(event.bound(system)) if event.stored and not event.collides else 1
