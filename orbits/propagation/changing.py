@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ArchiveError, EventError, InputError, StorageError
+from orbits.errors import ArchiveError, EventError, InputError, IntegrationError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
 from orbits.marching import changing as clocks
@@ -23,17 +23,20 @@ from orbits.marching.changing import ending
 from orbits.marching.clocks import Clock, ConstantSteps, Place
 from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
+from orbits.marching.motion import Motion
 from orbits.marching.retirement import Retirement
 from orbits.propagation.acting import State
 from orbits.propagation.collisions import Collisions, rows_of_change
-from orbits.propagation.events.seeking import Seeking
+from orbits.propagation.events.left import Left
+from orbits.propagation.events.particles import stretches
+from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.impact import Impact, Step, impacts
 from orbits.propagation.marchers import WORK, bound
 from orbits.propagation.own_impacts import alone, own_impacts
 from orbits.propagation.stop_conditions import Conditions
 from orbits.system import System
 from orbits.trajectory import changes
-from orbits.trajectory.changes import CHANGES, COUNTS, Changes, checked_rows, no_changes, of_bodies
+from orbits.trajectory.changes import CHANGES, COUNTS, Bodies, Changes, checked_rows, no_changes, of_bodies
 from orbits.trajectory.events import BODY, OTHER, TIME
 
 Array = NDArray[np.float64]
@@ -48,12 +51,15 @@ ROOM = 8192
 class Ahead(NamedTuple):
     """A step: the marches where it begins and ends, the time at which it ends, and the collisions in it, in the order
     of time.
+
+    passed : the motion in whole steps before it in which no events were sought
     """
 
     start: Marcher
     after: Marcher
     end: float
     impacts: list[Impact]
+    passed: tuple[Motion, ...] = ()
 
 
 class ChangingMarch:
@@ -62,6 +68,7 @@ class ChangingMarch:
     system : at the start; events : of the run, where collisions are listed
 
     rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
+    found : the event that interrupts the march before the next collision, or None
     ended : the row of the collision that ended the march, and the bodies there, or None
     changed : whether a leg of other masses or velocities has begun
     """
@@ -75,6 +82,7 @@ class ChangingMarch:
         self._massive = system.massive
         self.rows: Array = no_changes()
         self.ended: tuple[Array, State] | None = None
+        self.found: Found | None = None
         self.changed = False
         self._work = np.zeros((len(system.forces), 7))
         self._steps = 0  # of earlier legs, in archives of versions that counted those of each leg
@@ -147,6 +155,10 @@ class ChangingMarch:
         """Return (q, v), each (n, 3); NaN for bodies that are gone."""
         return self._whole(self._marcher.state(), self.time)
 
+    def state_after(self, offset: float) -> tuple[Array, Array]:
+        """Return (q, v) after a partial step of `offset`; computed on a copy, without changing the march."""
+        return self._whole(self._marcher.state_after(offset), self.time + offset)
+
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced, without changing the march."""
         self._settle()
@@ -193,7 +205,7 @@ class ChangingMarch:
         time, direction = self._time_of(place), self.clock.direction
         if self._ahead is None or (self._ahead.end - time) * direction <= 0.0:
             # Several steps, if they become shorter than the one that the clock tried and did not take.
-            self._ahead = self._next_step(self._marcher if self._ahead is None else self._ahead.after)
+            self._ahead = self._next_step(self._marcher, ()) if self._ahead is None else self._step_after(self._ahead)
         self._take(self._ahead, time)
 
     def _march(self, place: Place) -> None:
@@ -201,16 +213,35 @@ class ChangingMarch:
         marcher, begun = self._marcher, self._marcher.step
         before = {} if self._collisions is None else marcher.checkpoint()
         self._ahead = None
-        if self._grid >= 0:
-            marcher.advance(1)
-        else:
-            marcher.approach(place)
+        try:
+            if self._grid >= 0:
+                marcher.advance(1)
+            else:
+                marcher.approach(place)
+        except IntegrationError:
+            if self._seeks:
+                self._events.after(marcher)  # the steps before the one that failed
+            raise
         marcher.block = min(2 * marcher.block, self._largest)
-        if marcher.met is not None:
-            marcher.met = None
-            start = self._again(before)
-            start.advance(marcher.step - begun - 1)
-            self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher)), marcher.time)
+        met, marcher.met = marcher.met, None
+        if met is None:
+            self.found = self._events.after(marcher) if self._seeks else None
+            return
+        motion = marcher.motion() if self._seeks else None
+        if motion is not None:
+            self.found = self._events.take(_part(motion, slice(0, len(motion) - 1)))
+            if self.found is not None:
+                marcher.go_back(self.found.steps)
+                return
+        start = self._again(before)
+        start.advance(marcher.step - begun - 1)
+        self._take(Ahead(start, marcher, marcher.time, self._impacts(start, marcher)), marcher.time)
+        if motion is None or marcher is not self._marcher:
+            return
+        if self.ended is None and self.found is None:
+            self.found = self._events.take(_part(motion, slice(len(motion) - 1, len(motion))))
+        if self.ended is not None or self.found is not None:
+            marcher.restore(start.checkpoint())  # a run that is resumed finds what comes later in this step
 
     def change(self, kind: str, time: float, q: Array, v: Array, before: System, after: System) -> None:
         """Go on with changed bodies from a time in the step that begins where the march is.
@@ -277,14 +308,17 @@ class ChangingMarch:
     def _time_of(self, place: Place) -> float:
         return place.rest if self.clock.changes else float(self.clock.time(place.steps)) + place.rest
 
-    def _next_step(self, marcher: Marcher) -> Ahead:
-        """Search the next step of a march, on copies."""
+    def _step_after(self, ahead: Ahead) -> Ahead:
+        return self._next_step(ahead.after, (*ahead.passed, ahead.after.motion()) if self._seeks else ())
+
+    def _next_step(self, marcher: Marcher, passed: tuple[Motion, ...]) -> Ahead:
+        """Search the next step of a march, on copies; passed : the motion in those before it."""
         now = marcher.checkpoint()
         after = self._again(now, seek=True)
         after.advance(1)
         end = after.time if after.step > marcher.step else self.clock.direction * math.inf  # nothing attracts
         start = marcher if after.met is None else self._again(now)
-        return Ahead(start, after, end, self._impacts(start, after) if after.met is not None else [])
+        return Ahead(start, after, end, self._impacts(start, after) if after.met is not None else [], passed)
 
     def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:
         """Return the collisions in the step between two states of a march, in the order of time."""
@@ -338,17 +372,26 @@ class ChangingMarch:
             if (impact.time - until) * self.clock.direction > 0.0:
                 return
             if not self._is_known(impact):
-                self._collide(ahead.start, impact)
-                if marcher is not self._marcher or self.ended is not None:
+                self._collide(ahead, impact)
+                if marcher is not self._marcher or self.ended is not None or self.found is not None:
                     return
 
-    def _collide(self, start: Marcher, impact: Impact) -> None:
-        """Let two bodies collide in the step that begins where the march `start` is."""
+    def _collide(self, ahead: Ahead, impact: Impact) -> None:
+        """Let two bodies collide in a step."""
+        start = ahead.start
         q, v = self._whole(self._partial(start, impact.time), start.time)
         before = State(self.bodies.gm, self.bodies.radii, q, v)
         assert self._collisions is not None
         known = self._collisions.events(self._events.log.rows)
-        done = self._collisions.act(self.system, self.bodies, before, impact, known, self.clock.direction)
+        try:
+            done = self._collisions.act(self.system, self.bodies, before, impact, known, self.clock.direction)
+        except IntegrationError:
+            self._seek_up_to(ahead, impact.time, q, v)
+            raise
+        if done.ends or (len(done.rows) and done.vanished is None):
+            self.found = self._seek_up_to(ahead, impact.time, q, v)
+            if self.found is not None:
+                return
         for row in done.found:
             self._events.note(row)
         if done.ends:
@@ -363,8 +406,52 @@ class ChangingMarch:
                 for march in (self._marcher, start):
                     march.retire(int(numbers[body]), IMPACT, start.step, impact.time, q[body], v[body])
             return
+        if self._seeks:
+            left = self._left(self.bodies, impact.time)
+            self.found = self._events.go_through(impact.time, (q, v), (done.after.q, done.after.v), left)
         self._work = self._work + start.accounts()
         self._begin_leg(start, impact.time, done.after)
+
+    @property
+    def _seeks(self) -> bool:
+        """Whether other events are sought along the march, from collision to collision."""
+        return self._collisions is not None and bool(self._events)
+
+    def _seek_up_to(self, ahead: Ahead, time: float, q: Array, v: Array) -> Found | None:
+        """Seek events up to a collision, in a step; return the first one that interrupts the run, if any.
+
+        q, v : of all bodies there, (n, 3)
+        """
+        if not self._seeks:
+            return None
+        for motion in ahead.passed:
+            found = self._events.take(motion)
+            if found is not None:
+                return found
+        self._events.flush()
+        if not (time - ahead.start.time) * self.clock.direction > 0.0:
+            return None
+        there = self._present_massive()
+        for motion, ends in stretches(*ahead.start.towards(time)):
+            if ends:  # so that no zero falls between the motion before the collision and that after it
+                motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
+            found = self._events.search(motion)
+            if found is not None:
+                return found
+        return None
+
+    def _left(self, bodies: Bodies, time: float) -> Left:
+        return Left(bodies, self._massive & ~bodies.present, time)
+
+    def follow_events(self) -> None:
+        """Seek the events of the bodies that are there now, in a run that is resumed."""
+        if self._seeks:
+            known, direction = self.changes(), self.clock.direction
+            of_massive = self._massive[self.rows[:, changes.BODY].astype(int)]
+            for time in (np.unique(self.rows[of_massive, changes.TIME] * direction) * direction).tolist():
+                self._events.go_on_with(self._left(known.bodies_at(time), time))
+        elif self._events.interrupts:
+            self._events.follow(self.now)
 
     def _begin_leg(self, start: Marcher, time: float, state: State) -> None:
         """Go on from a changed state at a time in the step that begins where the march `start` is."""
@@ -392,6 +479,8 @@ class ChangingMarch:
     def _reach_grid(self) -> None:
         """Go on with whole steps from the end of the partial step with which a leg began."""
         old, step = self._marcher, self._grid + 1
+        if self._seeks:
+            self._events.flush()
         self._work = self._work + old.accounts()
         self._grid = -1
         q, v = old.state()
@@ -533,8 +622,8 @@ def march_of_run(
         raise InputError(
             "stop=... with a distance or an energy is tested in steps of the same bodies, but events may change them. "
             + (
-                "End the run from callback=..., which has the state at each sample, or seek the collisions with "
-                "then='record', and in a run of their own."
+                "Seek an event with then='stop' instead, such as CloserThan, or end the run from callback=..., which "
+                "has the state at each sample."
                 if events.touching
                 else "Seek an event with then='stop' instead, such as CloserThan, or leave one of the two out."
             )
@@ -552,6 +641,12 @@ def march_of_run(
     march_on = ChangingMarch(system, integrator, clock, threads, events)
     events.check(march_on.current)
     return march_on
+
+
+def _part(motion: Motion, steps: slice) -> Motion:
+    """Return the motion in some of the steps."""
+    ends = slice(steps.start, steps.stop + 1)
+    return motion.with_steps(motion.times[ends], motion.path[ends], motion.kicks[steps], motion.lengths[steps])
 
 
 def _radii(system: System) -> Array:

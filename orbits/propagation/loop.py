@@ -87,8 +87,9 @@ class RunEnds:
         """Return whether an event ends the run, and note it; others that interrupt it act."""
         if found is None:
             return False
-        state = of_this_leg(marcher).state_after(found.time - marcher.time)
-        happening = self.events.happening(found, state)
+        state = marcher.state_after(found.time - marcher.time)
+        at = _moved(system, marcher, found.time, *state) if self.events.touching else None
+        happening = self.events.happening(found, state, at)
         then = happening.event.then
         if not isinstance(then, str):
             try:
@@ -101,6 +102,7 @@ class RunEnds:
             if changed is not None and isinstance(marcher, ChangingMarch):
                 self.events.follow(marcher.now)
             return False
+        self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
         self.end_at(system, marcher, happening, found.time, state)
         return True
 
@@ -111,6 +113,12 @@ class RunEnds:
         names = [name for name in (happening.body, happening.other) if name is not None]
         reason = " and ".join(names) + ": " * bool(names) + happening.kind
         self.note(system, marcher, time, state, reason, happening.event)
+
+    def after(self, marcher: March) -> Found | None:
+        """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
+        if isinstance(marcher, ChangingMarch) and self.events.touching:
+            return marcher.found  # it seeks them itself, from collision to collision
+        return self.events.after(of_this_leg(marcher))
 
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
@@ -380,9 +388,9 @@ def _sample(
             try:
                 marcher.approach(place)
             except IntegrationError:
-                watch.events.after(of_this_leg(marcher))  # the steps before the one that failed
+                watch.after(marcher)  # the steps before the one that failed
                 raise
-            found = watch.events.after(of_this_leg(marcher))
+            found = watch.after(marcher)
             bar.update(marcher.time)
             if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
                 return False

@@ -273,8 +273,8 @@ def resume(
         marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)
-        if seeking.interrupts and isinstance(marcher, ChangingMarch):
-            seeking.follow(marcher.now)
+        if isinstance(marcher, ChangingMarch):
+            marcher.follow_events()
         accounts = accounts_in(old, len(grid), len(system.forces))
         _check_place(marcher, grid, old.committed, path)
         changed_before = isinstance(marcher, ChangingMarch) and marcher.changed

@@ -133,7 +133,7 @@ def test_the_second_companion_has_rounding_errors_of_its_own_as_large_as_the_err
 
 
 def test_a_strict_tolerance_is_compared_with_a_looser_one_so_that_the_companion_can_still_be_marched():
-    clock = orbits.Adaptive(1e-13)
+    clock = orbits.Adaptive(1e-12)
     assert clock.finer(GAUSS, 0.7).tolerance > clock.tolerance
     assert orbits.Adaptive().finer(GAUSS, 0.7).tolerance == pytest.approx(1e-9 * 0.7**7)
     backwards = orbits.Adaptive().towards(-1.0)

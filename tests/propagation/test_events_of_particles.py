@@ -220,14 +220,14 @@ def test_a_retired_body_has_the_events_before_it_is_lost_and_none_after():
 
 
 def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(monkeypatch):
-    real = particles._stretches
+    real = particles.stretches
 
     def failing(march, place):
         if march.start > 10.0:
             raise orbits.ConvergenceError("the stages did not converge", step=1, time=0.0)
         return real(march, place)
 
-    monkeypatch.setattr(particles, "_stretches", failing)
+    monkeypatch.setattr(particles, "stretches", failing)
     with pytest.raises(orbits.EventError, match=r"of probe cannot be sought from t = 9 to 12: .*smaller dt") as error:
         sought(orbits.Pericentre("probe"), dt=0.02)
     run = error.value.trajectory

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError
-from orbits.trajectory.events import BROKEN, COLUMNS, MOST_EVENTS, TIME, is_possible, rows_in
+from orbits.trajectory.events import BROKEN, COLUMNS, MOST_EVENTS, NUMBER, OTHER, TIME, is_possible, rows_in
 
 Array = NDArray[np.float64]
 
@@ -56,11 +56,24 @@ class Log:
         """Return whether an event lies behind those that are known, by more than a time `apart`."""
         return time * self._direction > self._last + apart
 
+    def forget(self) -> None:
+        """Take no events as known: none are found again."""
+        self._last = -np.inf
+
+    def has(self, row: Array, apart: float) -> bool:
+        """Return whether an event is listed that differs from another by no more than a time `apart`, and figures."""
+        same = (self.rows[:, NUMBER : OTHER + 1] == row[NUMBER : OTHER + 1]).all(axis=1)
+        return bool((same & (np.abs(self.rows[:, TIME] - row[TIME]) <= apart)).any())
+
     def add(self, row: Array, firm: bool) -> None:
-        """Add a row, for which there must be room."""
+        """Add a row, for which there must be room, in the order of time."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        self._rows[self._count] = row
+        place = self._count
+        while place and (self._rows[place - 1, TIME] - row[TIME]) * self._direction > 0.0:
+            place -= 1
+        self._rows[place + 1 : self._count + 1] = self._rows[place : self._count].copy()
+        self._rows[place] = row
         self._count += 1
         if firm:
             self.firm = self._count

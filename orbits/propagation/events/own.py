@@ -42,7 +42,8 @@ class Event(Sought):
         the run goes on: the same bodies with other q, v, gm or radii
 
     Zeros are found if the function has at most one extremum between two of its checks, which are at both ends of each
-    step and at eight places between them. An archive holds what is found, but not the function.
+    step and at eight places between them. An archive holds what is found, but not the function. Bodies that are gone
+    after a collision are NaN; a function that is not finite then is not sought any more, and a warning says so.
     Raises InputError for a function that cannot be called, or that is not finite at the start of the run.
     """
 

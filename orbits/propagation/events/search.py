@@ -124,10 +124,14 @@ class Stretch:
         return bool(self.times[-1] < self.times[0])
 
     def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
-        """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly."""
+        """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly; NaN
+        for those that do not move here.
+        """
         begin, length = self.times[:-1][steps], self._motion.lengths[steps]
         t = (begin[:, None] + fractions * length[:, None]).ravel()
-        return t, *self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
+        q, v = self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
+        q[:, ~self._massive] = v[:, ~self._massive] = np.nan
+        return t, q, v
 
     def polynomials(self, steps: slice, fractions: Array) -> tuple[Array, tuple[Array, Array, Array, Array], int]:
         """Return the lengths of these steps, what `Motion.polynomials` returns, and the number of bodies there."""

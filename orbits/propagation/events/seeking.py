@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from orbits.errors import EventError, InputError, shown, with_unit
 from orbits.marching.motion import Collected, Motion
 from orbits.propagation.acting import OfTwo
-from orbits.propagation.events.base import NOBODY, Action, Bound, Happening, Sought, Touching
+from orbits.propagation.events.base import NOBODY, STOP, Action, Bound, Happening, Sought, Touching
 from orbits.propagation.events.functions import Raised, description
+from orbits.propagation.events.left import Left, bounds_left, sides_of
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession
-from orbits.propagation.events.search import NotFiniteError, Stretch, zeros_of
+from orbits.propagation.events.search import NotFiniteError, Stretch, Zeros, zeros_of
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
     BODY,
@@ -104,14 +105,15 @@ class Seeking:
             self._bounds += bounds
             self._of += [event] * len(bounds)
         self.touching = {k: bound for k, bound in enumerate(self._bounds) if isinstance(bound, Touching)}
-        if self.touching and len(self.touching) < len(self._bounds):
-            raise InputError(
-                f"events = {shown(events)}: collisions are sought alone, as bodies may be gone after them that other "
-                "events need. Leave out the others, and seek them in a second run, without collisions and until the "
-                "first one (run.events.time[0])."
-            )
+        for event in self.events:
+            if self.touching and not isinstance(event.then, str) and not event.collides:
+                raise InputError(
+                    f"{type(event).__name__}(then={shown(event.then)}) beside collisions; expected then='record' or "
+                    "then='stop', as only collisions act in a run whose bodies collide. Let it stop the run, change "
+                    "run.stopped.system, and go on from there; or seek it in a run without collisions."
+                )
         self.act = any(not isinstance(event.then, str) for event in self.events)
-        groups = by_particles(self._bounds, self._of, system, self.act)
+        groups = by_particles(self._bounds, self._of, system, self.act or bool(self.touching))
         self.particles: list[Seeking] = []
         for particles, numbers in groups.items():
             if particles:
@@ -123,20 +125,91 @@ class Seeking:
 
     def _narrow(self, numbers: list[int], particles: tuple[int, ...]) -> None:
         """Seek the zeros of some of the functions, on the motion of the bodies with mass and of these particles."""
+        numbers = [k for k in numbers if k not in self.touching]
         self._numbers, self.subjects, system = numbers, particles, self._system
         self._there = system.massive.copy()
         self._there[list(particles)] = True
-        self.interrupts = not self.touching and any(self._of[k].interrupts for k in numbers)
-        self._needed = np.zeros(len(system), dtype=bool)
-        for k in numbers:
-            bodies = self._bounds[k].bodies()
-            self._needed[slice(None) if bodies is None else bodies] = True
-        most = max(1, min(STEPS, NUMBERS // (30 * len(system))))
-        self._collected, self._enough = Collected(most), ENOUGH * most
+        self.interrupts = any(self._of[k].interrupts for k in numbers)
+        self._begin_leg()
         self._first = True
         self._remarks: dict[int, str] = {}
         self._longest = 0.0
         self.log = Log(self._direction)
+
+    def _begin_leg(self) -> None:
+        """Make room for the motion of these bodies, and see which of them matter."""
+        self._needed = np.zeros(len(self._system), dtype=bool)
+        for k in self._numbers:
+            bodies = self._bounds[k].bodies()
+            self._needed[slice(None) if bodies is None else bodies] = True
+        most = max(1, min(STEPS, NUMBERS // (30 * len(self._system))))
+        self._collected, self._enough = Collected(most), ENOUGH * most
+
+    def go_on_with(self, left: Left) -> None:
+        """Seek the events of the bodies that are left after collisions; those of bodies that are gone are over."""
+        self.flush()
+        if not self:
+            return
+        self._there = self._system.massive & ~left.gone
+        try:
+            for number, bound, over in bounds_left(self._system, self.events, self._bounds, left):
+                self._bounds[number] = bound
+                if number in self._numbers and over is not None:
+                    self._remark(number, over)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
+        self._numbers = [k for k in self._numbers if len(self._bounds[k].pairs)]
+        self._begin_leg()
+
+    def go_through(
+        self, time: float, before: tuple[Array, Array], after: tuple[Array, Array], left: Left
+    ) -> Found | None:
+        """Go on after a collision, as `go_on_with`; functions whose sign is another one then are zero there. Return the
+        first that interrupts the run, if any.
+
+        before, after : q and v of all bodies, (n, 3), at that time
+        """
+        former = list(self._bounds)
+        self.go_on_with(left)
+        found: list[Found] = []
+        try:
+            for number in self._numbers:
+                found += self._jumps(number, former[number], time, before, after)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
+        return next((one for one in found if self._of[one.number].interrupts), None)
+
+    def _jumps(
+        self, number: int, former: Bound, time: float, before: tuple[Array, Array], after: tuple[Array, Array]
+    ) -> Iterator[Found]:
+        """List the zeros of a function at a collision: of the columns whose sign is another one after it."""
+        bound, t = self._bounds[number], np.array([time])
+        g, g_after, columns = sides_of(bound, former, t, before, after)
+        if not np.isfinite(g_after).all():
+            value = g_after[~np.isfinite(g_after)][0]
+            raise self._not_finite(number, NotFiniteError(time, float(value)))
+        rising = (g < 0.0) != (self._direction < 0.0)
+        wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
+        which = np.flatnonzero(((g >= 0.0) != (g_after >= 0.0)) & wanted)
+        if not len(which):
+            return
+        columns, rising, sizes = columns[which], rising[which], np.abs(g_after - g)[which]
+        nothing = np.zeros(len(which), dtype=np.int64)
+        t, (q, v) = np.full(len(which), time), (np.repeat(x[None], len(which), axis=0) for x in after)
+        kept = bound.keeps(t, q, v, columns)
+        zeros = Zeros(nothing, np.zeros(len(which)), columns, rising, sizes)
+        longest = max(self._longest, np.finfo(np.float64).tiny)
+        clear = are_clear(bound, zeros, np.array([longest]), longest, t, q, v)
+        if (kept & ~clear).any():
+            self._remark(number, ROUND_OFF)
+        numbers, figures = np.full(len(which), number), bound.figures(t, q, v, columns)
+        rows = np.column_stack([t, numbers, rising, bound.pairs[columns], figures])
+        for k in np.flatnonzero(kept & clear):
+            if not self.log.has(rows[k], ROUNDED * abs(time)):
+                self._add(rows[k], True)
+                yield Found(number, int(columns[k]), bool(rising[k]), 0, time)
 
     def follow(self, system: System) -> None:
         """Seek the events among bodies whose masses or radii have changed; `system` is otherwise that of the start."""
@@ -145,7 +218,7 @@ class Seeking:
 
     def __bool__(self) -> bool:
         """Whether there are functions whose zeros are sought on the motion of the bodies with mass."""
-        return len(self._numbers) > len(self.touching)
+        return bool(self._numbers)
 
     def check(self, marcher: Marcher) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
@@ -191,6 +264,11 @@ class Seeking:
         if self.events:
             self.log.restore(checkpoint, len(self._bounds), len(self._system), path)
             self._first = not begun
+            if self.touching:  # the march may list a collision before it comes to events that are earlier in its step
+                ends = np.array([event.then == STOP for event in self._of])[self.log.rows[:, NUMBER].astype(int)]
+                self.log.forget()
+                if ends.any():
+                    self.log.pass_by(float(self.log.rows[ends, TIME][-1]))
         if self.particles:
             rows = rows_of_particles(checkpoint, len(self._bounds), len(self._system), path)
             for search in self.particles:
@@ -205,17 +283,25 @@ class Seeking:
         """
         if not self:
             return None
-        motion = marcher.motion()
-        if self.interrupts:
-            found = self._seek(motion, True)
-            if found is not None:
-                marcher.go_back(found.steps)
-            return found
+        found = self.take(marcher.motion())
+        if found is not None:
+            marcher.go_back(found.steps)
+        return found
+
+    def take(self, motion: Motion) -> Found | None:
+        """Take whole steps; return the first event that interrupts the run, if any: later ones are not listed."""
+        if not self or self.interrupts:
+            return self._seek(motion, True) if self else None
         if len(motion) >= self._enough or not self._collected.takes(motion):
             self.flush()
             if len(motion) >= self._enough or not self._collected.takes(motion):
                 self._seek(motion, True)
         return None
+
+    def search(self, motion: Motion) -> Found | None:
+        """Seek events in the next stretch of the march at once; as `take`."""
+        self.flush()
+        return self._seek(motion, True)
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
@@ -281,11 +367,14 @@ class Seeking:
         """Return the event, as it was given, to which a function belongs."""
         return self._of[number]
 
-    def happening(self, found: Found, state: tuple[Array, Array]) -> Happening:
-        """Return an event that interrupts a run, with the bodies at its time; state : q and v of all, (n, 3)."""
+    def happening(self, found: Found, state: tuple[Array, Array], at: System | None = None) -> Happening:
+        """Return an event that interrupts a run, with the bodies at its time.
+
+        state : q and v of all, (n, 3); at : the bodies there, if they are not all those of the start
+        """
         system, bound = self._system, self._bounds[found.number]
         names = [None if k == NOBODY else system.names[k] for k in bound.pairs[found.column]]
-        at = moved(system, *state, found.time, absent(*state, system.massive))
+        at = moved(system, *state, found.time, absent(*state, system.massive)) if at is None else at
         kind = bound.words[found.rising] or ""
         return Happening(self._of[found.number], kind, u.Quantity(found.time, system.units.time), at, *names)
 

@@ -41,8 +41,8 @@ def by_particles(
         if act:
             raise InputError(
                 f"{what}: {name} is a massless particle, whose events are not sought in a run whose bodies may be "
-                "changed by others (then=...). Give it a small mass, such as gm=1e-20, or seek its events in a run of "
-                "their own."
+                "changed by others (then=...) or collide. Give it a small mass, such as gm=1e-20, or seek its events "
+                "in a run of their own."
             )
     if len(groups) - (() in groups) > MOST_PARTICLES:
         raise InputError(
