@@ -31,6 +31,9 @@ def test_a_thousand_steps_forth_and_back_are_the_identity_if_and_only_if_the_met
     if SYMMETRIC in method.declares:
         assert found.ulps < 1000
         assert max(found.q, found.v) < 4e-13
+    elif method.follows_kepler:  # a corrector leaves 1e-6 with 60 steps of 0.8, but only 1e-14 with these
+        far = diagnostics.reversibility(*three_bodies(particles=2), method, 0.8, 60)
+        assert min(far.q, far.v) > 1e-8
     else:
         assert min(found.q, found.v) > 1e-5  # RK4, the most accurate of them: 3.4e-4
 
@@ -38,9 +41,13 @@ def test_a_thousand_steps_forth_and_back_are_the_identity_if_and_only_if_the_met
 @pytest.mark.parametrize("method", METHODS, ids=IDS)
 def test_the_step_is_symplectic_on_massive_bodies_and_on_fibres_if_and_only_if_declared(method):
     found = diagnostics.symplecticity(*three_bodies(particles=2), method, 0.15)
-    assert found.noise < 1e-13  # 2e-14 was reached; it is what the differences of the derivatives leave
+    # 2e-14 was reached; it is what the differences of the derivatives leave, after 33 stages of a corrector 1.4e-12.
+    assert found.noise < (5e-12 if method.follows_kepler else 1e-13)
     assert found.particles.shape == (2,)
-    if SYMPLECTIC in method.declares:
+    if method.follows_kepler:
+        assert found.massive < 2e-12  # 5.3e-13
+        assert found.particles.max() < 3e-13  # 7.5e-14
+    elif SYMPLECTIC in method.declares:
         assert found.massive < 5e-14  # 8e-15 at most was reached
         assert found.particles.max() < 5e-15  # 7e-16 at most was reached
     else:

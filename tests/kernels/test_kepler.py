@@ -12,6 +12,7 @@ from orbits.kernels.lanes import load, store
 from orbits.kernels.summation import accumulate
 
 from ..kepler_truth import distance, flow, judged
+from .kepler_starts import all_sorts, ellipses, energies, increments, needs_extended, start
 
 ECCENTRICITIES = [0.0, 1e-9, 0.1, 0.6, 0.9, 0.99, 0.9999, 1 - 2**-53, 1.0, 1 + 2**-52, 1.001, 1.5, 2.5, 10.0, 3000.0]
 # Fractions of the dynamical time at pericentre; from 1 on, for ellipses, sevenths of a period to 300 periods.
@@ -27,20 +28,6 @@ def one_by_one_source(state, gm, dt):
 
 
 one_by_one = kernel(one_by_one_source)
-
-
-@kernel
-def increments(state, gm, dt, out):
-    for p in range(0, state.shape[1], 8):
-        x, y, z = load(state[0], p), load(state[1], p), load(state[2], p)
-        u, v, w = load(state[3], p), load(state[4], p), load(state[5], p)
-        dx, dy, dz, du, dv, dw = kepler_increments(x, y, z, u, v, w, load(gm, p), load(dt, p))
-        store(out[0], p, dx)
-        store(out[1], p, dy)
-        store(out[2], p, dz)
-        store(out[3], p, du)
-        store(out[4], p, dv)
-        store(out[5], p, dw)
 
 
 @kernel
@@ -81,24 +68,6 @@ def moved(state, gm, dt):
     padded[:, :count], strength[:count], step[:count] = state, gm, dt
     kepler_flow(padded, strength, step)
     return padded[:, :count]
-
-
-def start(e, rng, anywhere=True):
-    """A state (6,) on a conic with GM 1 and pericentre distance 1, anywhere on it, turned at random."""
-    with mp.workdps(40):
-        e = mp.mpf(float(e))
-        if e < 1 and rng.integers(2):
-            E = mp.mpf(rng.uniform(-np.pi, np.pi))
-            f = 2 * mp.atan(mp.sqrt((1 + e) / (1 - e)) * mp.tan(E / 2))
-        elif e <= 1:
-            f = mp.mpf(rng.uniform(-3.1, 3.1))
-        else:
-            f = mp.acos(-1 / e) * mp.mpf(rng.uniform(-1, 1) * rng.choice([0.5, 0.9, 0.99999]))
-        r, root = (1 + e) / (1 + e * mp.cos(f)), mp.sqrt(1 + e)
-        q = np.array([float(r * mp.cos(f)), float(r * mp.sin(f)), 0.0])
-        v = np.array([float(-mp.sin(f) / root), float((e + mp.cos(f)) / root), 0.0])
-    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    return np.concatenate([turn @ q, turn @ v])
 
 
 def time(e, step, rng):
@@ -154,16 +123,6 @@ def test_flow_holds_for_any_conic_step_and_unit(e, exponent, scale, seed):
     error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], gm, dt, end[:3], end[3:])
     assert error_q <= BOUND * condition_q
     assert error_v <= BOUND * condition_v
-
-
-def all_sorts(count, seed):
-    """States of all conics with steps of all lengths, easy and hard ones side by side."""
-    rng = np.random.default_rng(seed)
-    e = rng.choice([0.0, 0.05, 0.3, 0.9, 0.9999, 1.0, 1.2, 30.0], count)
-    state = np.array([start(x, rng) for x in e]).T.copy()
-    dt = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(-9, 3, count)
-    gm = np.where(rng.random(count) < 0.05, 0.0, rng.uniform(0.5, 2.0, count))
-    return state, gm, dt
 
 
 def test_lanes_have_the_bits_of_numbers_and_do_not_feel_their_neighbours():
@@ -249,29 +208,6 @@ def test_no_step_of_any_orbit_hangs_or_leaves_it():
     assert np.isfinite(end).all()
     # Relative to the kinetic energy at pericentre, of which a rounding of the start is some 1e-16; 4e-14 was reached.
     assert np.max(np.abs(energies(end) - energies(state)) / ((1 + e) / 2)) <= 1e-13
-
-
-def energies(state):
-    return np.sum(state[3:] ** 2, axis=0) / 2 - 1 / np.sqrt(np.sum(state[:3] ** 2, axis=0))
-
-
-def ellipses(e, count, seed):
-    """Ellipses with GM 1 and a of 0.5 to 2, uniform in mean anomaly, turned at random, and their periods."""
-    rng = np.random.default_rng(seed)
-    M, a = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.5, 2.0, count)
-    E = M
-    for _ in range(60):
-        E = M + e * np.sin(E)
-    b, r = np.sqrt(1 - e * e), 1 - e * np.cos(E)
-    q, v = np.array([np.cos(E) - e, b * np.sin(E), 0 * E]), np.array([-np.sin(E) / r, b * np.cos(E) / r, 0 * E])
-    for i, j in ((0, 1), (1, 2)):
-        angle = rng.uniform(0, 2 * np.pi, count)
-        for x in (q, v):
-            x[i], x[j] = np.cos(angle) * x[i] - np.sin(angle) * x[j], np.sin(angle) * x[i] + np.cos(angle) * x[j]
-    return np.concatenate([q * a, v / np.sqrt(a)]), 2 * np.pi * a**1.5
-
-
-needs_extended = pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="energies need extended precision")
 
 
 @needs_extended

@@ -10,8 +10,8 @@ from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate
 
 from ..kepler_truth import distance, flow
-from .test_kepler import all_sorts, ellipses, energies, needs_extended, start
-from .test_kepler import increments as any_increments
+from .kepler_starts import all_sorts, ellipses, energies, needs_extended, start
+from .kepler_starts import increments as any_increments
 
 
 @kernel

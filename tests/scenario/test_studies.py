@@ -157,14 +157,14 @@ def test_eccentric_orbits_are_judged_from_either_end(monkeypatch):
     names = load("eccentric").experiment.__globals__
     monkeypatch.setitem(names, "ROTATIONS", 1)
     monkeypatch.setitem(names, "ORBITS", 10)
-    result = names["experiment"](lambda text: None)
+    result = names["experiment"](lambda text: None, names["STEPS"])
     assert all(check.ok for check in result.checks), result.checks
     assert len(result.checks) == 20
     assert len(result.tables[0].rows) == 10
     result.figures["eccentric"]()
     monkeypatch.setitem(names, "METHOD", orbits.Gauss(stages=3))
     monkeypatch.setitem(names, "ECCENTRICITIES", (0.5,))
-    few_stages = names["experiment"](lambda text: None).checks
+    few_stages = names["experiment"](lambda text: None, names["STEPS"]).checks
     assert [check.ok for check in few_stages if "fewer steps" in check.claim] == [False, False]
 
 
