@@ -41,14 +41,14 @@ def check_length(system: System, grid: TimeGrid) -> None:
     """
     shortest = dynamical_time(system)
     steps = abs(grid.end) / shortest
+    if not (steps > MOST_STEPS or PHASE * steps**1.5 >= LOST):
+        return
     length = with_unit(f"{grid.end:g}", system.units.time)
     if steps > MOST_STEPS:
         raise InputError(
             f"duration is {length}, about {steps:.1g} times the dynamical time of the bodies; at most 2^53 steps are "
             "possible. Use a shorter duration."
         )
-    if PHASE * steps**1.5 < LOST:
-        return
     period = fastest_passage_of(system, grid.end)[5]
     turns = abs(grid.end) / (period if 0.0 < period < math.inf else 2.0 * math.pi * shortest)
     phase = PHASE * turns**1.5
