@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -91,9 +92,9 @@ def part_light_bodies(repetitions: int) -> dict[str, Any]:
 
 
 def part_crossers(repetitions: int) -> dict[str, Any]:
-    """Fifty massless particles that cross Jupiter's orbit, among Sun, Jupiter and Saturn, for 2,000 years: seconds, and
-    the median and the largest position error after 100 years against 80-bit floats. One core; dt of the hybrid methods
-    is a twentieth of Jupiter's year.
+    """Fifty massless particles that cross Jupiter's orbit, among Sun, Jupiter and Saturn, for 2,000 years: seconds, how
+    many came to the end and how many were retired on the way, and the median and the largest position error after 100
+    years against 80-bit floats. One core; dt of the hybrid methods is a twentieth of Jupiter's year.
     """
     long, short = crossers(2000 * 365.25), crossers(100 * 365.25)
     truth = taylor(short.gm, short.q, short.v, short.span)
@@ -101,9 +102,12 @@ def part_crossers(repetitions: int) -> dict[str, Any]:
     seconds: dict[str, list[float]] = {}
     names = ("no dt", "ias15", "mercurius", "trace")
     errors: dict[str, Array] = {}
+    finished: dict[str, int] = {}
     for turn in range(max(1, min(repetitions, 3))):
         for name in names:
-            seconds.setdefault(name, []).append(_crossed(name, long)[0])
+            spent, end = _crossed(name, long)
+            seconds.setdefault(name, []).append(spent)
+            finished[name] = int(np.isfinite(end[3:]).all(axis=1).sum())
             if turn == 0 and truth is not None:
                 end = _crossed(name, short)[1]
                 errors[name] = np.linalg.norm((end - truth)[3:], axis=1) * short.unit
@@ -112,6 +116,7 @@ def part_crossers(repetitions: int) -> dict[str, Any]:
         ratios = [a / b for a, b in zip(seconds["ias15"], seconds[name], strict=True)]
         row: dict[str, Any] = {"method": name, "seconds": statistics.median(seconds[name])}
         row["times faster than IAS15"] = statistics.median(ratios)
+        row["finished"], row["retired"] = finished[name], len(long.gm) - 3 - finished[name]
         row["median km"] = None if off is None else float(np.nanmedian(off))
         row["largest km"] = None if off is None else float(np.nanmax(off))
         rows.append(row)
@@ -120,7 +125,9 @@ def part_crossers(repetitions: int) -> dict[str, Any]:
 
 def part_drift(repetitions: int) -> dict[str, Any]:
     """Two bodies with e = 0.9 without dt, from the apocentre: relative energy error at the end, mean and RMS over
-    rotated starts; a random walk has a mean near 0 and grows with the square root of time.
+    rotated starts; a random walk has a mean near 0 and grows with the square root of time. Over 24 starts, the mean
+    after 100,000 orbits is 2.8e-14, with a standard error of 1.0e-14: what the default tolerance leaves in seven
+    million steps. With a tolerance of 3e-10 it is 0.8e-14, with a standard error of 0.9e-14.
     """
     problem = next(p for p in problems() if p.name.startswith("e = 0.9,"))
     errors: dict[int, list[float]] = {}
@@ -147,30 +154,37 @@ def part_drift(repetitions: int) -> dict[str, Any]:
 
 
 def part_precision(repetitions: int) -> dict[str, Any]:
-    """Work and precision: time in ms and position error at the end, over the tolerances of each method; adaptive steps
-    of Gauss with 8 stages, IAS15 and heyoka's Taylor method (in its compact mode for more than three bodies).
+    """Work and precision: median time in ms and RMS position error at the end over six rotated starts, for tolerances
+    of each method; adaptive steps of Gauss with 8 stages, IAS15 and heyoka's Taylor method (in its compact mode for
+    more than three bodies).
     """
     rows = []
     for problem in _curves():
-        truth = truth_of(problem, problem.q, problem.v)
-        if truth is None:
+        starts = [rotated(problem.q, problem.v, rotation) for rotation in rotations(6)]
+        truths = [truth_of(problem, start.q, start.v) for start in starts]
+        if truths[0] is None:
             continue
         series = _heyoka(problem)
         for k in range(8):
             row: dict[str, Any] = {"problem": problem.name}
             tolerance, epsilon, order = 10.0 ** (-3 - k), 10.0 ** (-6 - k), 10.0 ** (-2 - 2 * k)
-            runs = {
-                f"tolerance {tolerance:g}": lambda problem=problem, x=tolerance: ours(problem, problem.q, problem.v, x),
-                f"epsilon {epsilon:g}": lambda problem=problem, x=epsilon: ias15(
-                    problem.gm, problem.q, problem.v, problem.span, x
+            runs: dict[str, Callable[[Array, Array], Any]] = {
+                f"tolerance {tolerance:g}": lambda q, v, problem=problem, x=tolerance: ours(problem, q, v, x),
+                f"epsilon {epsilon:g}": lambda q, v, problem=problem, x=epsilon: ias15(
+                    problem.gm, q, v, problem.span, x
                 ),
             }
             if series is not None and k in (3, 5, 7):
-                runs[f"heyoka {order:g}"] = lambda x=order, series=series: series(x)
+                runs[f"heyoka {order:g}"] = lambda q, v, x=order, series=series: series(x, q, v)
             for name, run in runs.items():
-                spent, end, *_ = min((run() for _ in range(max(1, min(repetitions, 5)))), key=_first)
+                spent, squares = [], []
+                for start, truth in zip(starts, truths, strict=True):
+                    taken = (run(start.q, start.v) for _ in range(max(1, min(repetitions, 3))))
+                    seconds, end, *_ = min(taken, key=_first)
+                    spent.append(seconds)
+                    squares.append(_off(problem, end, truth) ** 2)
                 kind, value = name.split()
-                row |= {kind: value, f"{kind} ms": 1e3 * spent, f"{kind} error": _off(problem, end, truth)}
+                row |= {kind: value, f"{kind} ms": 1e3 * statistics.median(spent), f"{kind} error": _rms(squares)}
             rows.append(row)
     return {"rows": rows, "picture": draw}
 
@@ -190,7 +204,7 @@ def _heyoka(problem: Problem) -> Any:
         return None
     model = hy.model.nbody(len(problem.gm), masses=list(problem.gm), Gconst=1.0)
 
-    def run(tolerance: float) -> tuple[float, Array]:
+    def run(tolerance: float, q: Array, v: Array) -> tuple[float, Array]:
         if tolerance not in known:
             start = np.zeros(6 * len(problem.gm))
             known[tolerance] = hy.taylor_adaptive(
@@ -198,7 +212,7 @@ def _heyoka(problem: Problem) -> Any:
             )
         series = known[tolerance]
         series.time = 0.0
-        series.state[:] = np.hstack([problem.q, problem.v]).ravel()
+        series.state[:] = np.hstack([q, v]).ravel()
         begun = time.perf_counter()
         series.propagate_until(problem.span)
         return time.perf_counter() - begun, series.state.reshape(-1, 6)[:, :3].copy()
