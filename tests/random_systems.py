@@ -122,7 +122,7 @@ def ways_of(rng, case: Random) -> Iterator[tuple[Any, Any]]:
     elif pick == 3:
         yield orbits.Composition(order=int(rng.choice([4, 6, 8]))), period / rng.uniform(15, 60)
     elif pick == 4:
-        yield orbits.Gauss(), orbits.Adaptive(10 ** rng.uniform(-7, -2))
+        yield orbits.Gauss(), orbits.Adaptive(10 ** rng.uniform(-7, -3))
     else:
         yield orbits.Gauss(stages=int(rng.integers(3, 8))), orbits.Adaptive()
 

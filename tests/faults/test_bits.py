@@ -77,6 +77,8 @@ def test_threads_orders_and_samples_do_not_change_a_bit_of_any_method(method):
     """Eight runs of each of six systems: one massive body to eleven, particles that fill lanes and some that do not."""
     rng = np.random.default_rng(2)
     for massive, particles in ((1, 8), (2, 3), (3, 17), (5, 64), (8, 100), (11, 333)):
+        if massive == 1 and method.follows_kepler:
+            continue  # refused: it needs planets
         assert differences(rng, method, massive, particles) == [], (massive, particles)
 
 
