@@ -103,6 +103,7 @@ class _ListsPeers(TyperCommand):
     """`compare`; its help gets the list of peers when it is shown, as the module that has them is slow to load."""
 
     def get_params(self, ctx: Any) -> Any:
+        """Return the options, that of the peers with its help."""
         from orbits.regression.peers import PEERS
 
         params = super().get_params(ctx)

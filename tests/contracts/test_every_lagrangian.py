@@ -41,15 +41,15 @@ def test_a_certificate_confirms_what_is_declared_and_refutes_what_is_not(name, m
     """Bounds stand beside each measurement in `orbits.certificate.measuring`."""
     L = lagrangians()[name]
     certificate = orbits.certify(L, method, L.example.dt)
-    if method.follows_kepler:  # explicit, and symmetric but for the corrector, which may leave less than 1000 bounds
+    if method.follows_kepler:  # explicit: it has no equations to solve
         assert certificate.ok, certificate.table()
-        return
-    assert certificate.ok == method.variational, certificate.table()
-    assert certificate["step solves its equations"].holds
+    else:
+        assert certificate.ok == method.variational, certificate.table()
+        assert certificate["step solves its equations"].holds
     for finding in certificate.findings:
         if finding.declared:
             assert finding.holds, certificate.table()
-    if name in LINEAR:
+    if name in LINEAR or method.follows_kepler:  # a corrector leaves a map that is almost symmetric
         return
     failing = {
         SYMPLECTIC: ["symplecticity", "area of a loop"],
