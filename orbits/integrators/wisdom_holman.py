@@ -27,6 +27,7 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.dominant import registers, require_dominant
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
@@ -75,9 +76,6 @@ kick, and 1 for the latter. The other rows are the corrector: a Kepler motion an
 KERNELS = "modified-kick", "lazy", "standard"
 
 ENCOUNTERS = "warn", "retire"
-
-DOMINANT = 0.9
-"""Fraction of the total mass that the dominant body must have."""
 
 
 @kernel
@@ -299,7 +297,7 @@ class KeplerSplitting(Form):
 
     def carry_rows(self, size: int) -> int:
         """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * _registers(size) + 2
+        return (STATE_ROWS + 1) * registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The tables before and after a step, and workspace; see `orbits.kernels.jacobi_particles`. None are kept
@@ -308,7 +306,7 @@ class KeplerSplitting(Form):
         if not self.among_particles:
             return 1, padded(size)
         planets = size // 3 - 1
-        return 2 * (3 * (planets + 1) + planets) + 3 * _registers(size), WIDTH
+        return 2 * (3 * (planets + 1) + planets) + 3 * registers(size), WIDTH
 
     @property
     def particle_carry_rows(self) -> int:
@@ -317,26 +315,14 @@ class KeplerSplitting(Form):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
-        return ROWS * _registers(size) + WIDTH, WIDTH
+        return ROWS * registers(size) + WIDTH, WIDTH
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""
-        gm = parameters[1:]
-        if parameters[0] > 0.0:
-            raise InputError(
-                "a Wisdom–Holman step moves the planets on Kepler orbits about point masses; got a softening. Use "
-                "softening = 0, or a method such as Gauss(stages=8)."
-            )
-        if len(gm) < 2 or not gm.max() > DOMINANT * gm.sum():
-            share = gm.max() / gm.sum()
-            got = "a single body" if len(gm) < 2 else f"the heaviest of {len(gm)} bodies has {100 * share:.3g} %"
-            raise InputError(
-                f"a Wisdom–Holman step needs a body that dominates the others, with more than {100 * DOMINANT:.0f} % "
-                f"of the mass; got {got}. Use a method such as Gauss(stages=8)."
-            )
+        require_dominant(parameters)
 
 
 def outwards(gm: Array, q: Array, v: Array) -> list[int]:
@@ -347,13 +333,8 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
     form = KeplerSplitting("standard", 0)
     planets = np.zeros((form.carry_rows(q.size), WIDTH))
     number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
-    first = STATE_ROWS * _registers(q.size)
+    first = STATE_ROWS * registers(q.size)
     return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
-
-
-def _registers(size: int) -> int:
-    """Return the number of registers of eight planets of `size` coordinates of bodies."""
-    return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)
 
 
 @dataclass(frozen=True)
