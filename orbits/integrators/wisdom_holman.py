@@ -27,6 +27,7 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
 from orbits.integrators.dominant import registers, require_dominant
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
@@ -74,6 +75,8 @@ HALF, WHOLE, SHIFT, LAZY = 0, 1, 2, 3
 kick, and 1 for the latter. The other rows are the corrector: a Kepler motion and a kick each."""
 
 KERNELS = "modified-kick", "lazy", "standard"
+
+COORDINATES = "jacobi", "democratic-heliocentric"
 
 ENCOUNTERS = "warn", "retire"
 
@@ -252,12 +255,13 @@ def stretch(method, unit, factor):
 class KeplerSplitting(Form):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
 
-    kernel : the kick, and corrector : its order; see `WisdomHolman`
+    kernel : the kick, corrector : its order, and corrector2 : whether there is a second one; see `WisdomHolman`
     among_particles : whether the planets leave tables for massless particles
     """
 
     kernel: str
     corrector: int
+    corrector2: bool = False
     among_particles: bool = False
 
     kernels: ClassVar[Mapping[str, Any]] = {
@@ -288,7 +292,7 @@ class KeplerSplitting(Form):
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
-        stages = h * corrector_lengths(self.corrector) if self.corrector else np.zeros((0, 2))
+        stages = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
         rows = np.zeros((1 + len(stages), WIDTH))
         rows[0, [HALF, WHOLE, LAZY]] = h / 2, h, self.kernel == "lazy"
         rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
@@ -341,10 +345,16 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
 class WisdomHolman(Integrator):
     """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
 
-    coordinates : "jacobi"
+    coordinates : "jacobi", in which the interaction is small; or "democratic-heliocentric", in which the order of the
+        planets plays no part, but the error is larger, by far for planets close to the dominant body, and has no
+        corrector: for comparison with programs that use these
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
-        the same approximately, by the interaction at displaced positions; or "standard", by the interaction
-    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
+        the same approximately, by the interaction at displaced positions; or "standard", by the interaction. By default
+        the modified kick, and "standard", the only one, in democratic heliocentric coordinates
+    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel. By default
+        17, and 0, the only one, in democratic heliocentric coordinates
+    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
+        oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
@@ -369,8 +379,9 @@ class WisdomHolman(Integrator):
     """
 
     coordinates: str = "jacobi"
-    kernel: str = "modified-kick"
-    corrector: int = 17
+    kernel: str | None = None
+    corrector: int | None = None
+    corrector2: bool = option(False)
     encounters: str = option("warn")
 
     name: ClassVar[str] = "wisdom-holman"
@@ -382,13 +393,22 @@ class WisdomHolman(Integrator):
     )
 
     def __post_init__(self) -> None:
-        if self.coordinates != "jacobi":
-            raise InputError(f"coordinates is {shown(self.coordinates)}; expected 'jacobi'")
+        if self.coordinates not in COORDINATES:
+            known = " or ".join(map(repr, COORDINATES))
+            raise InputError(f"coordinates is {shown(self.coordinates)}; expected {known}")
+        if self.kernel is None:
+            object.__setattr__(self, "kernel", "standard" if self._heliocentric else KERNELS[0])
+        if self.corrector is None:
+            object.__setattr__(self, "corrector", 0 if self._heliocentric else 17)
         if self.kernel not in KERNELS:
             raise InputError(f"kernel is {shown(self.kernel)}; expected {', '.join(map(repr, KERNELS))}")
         if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
+        if not isinstance(self.corrector2, bool):
+            raise InputError(f"corrector2 is {shown(self.corrector2)}; expected True or False")
+        if self._heliocentric:
+            self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
             known = " or ".join(map(repr, ENCOUNTERS))
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
@@ -398,6 +418,25 @@ class WisdomHolman(Integrator):
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "
                 "without one; use corrector=17, or kernel='standard'"
             )
+        if self.corrector2 and self.kernel == "standard":
+            raise InputError(
+                "corrector2=True removes oscillations that are hidden by the larger error of kernel='standard'; use "
+                "kernel='modified-kick' or 'lazy'"
+            )
+
+    @property
+    def _heliocentric(self) -> bool:
+        return self.coordinates == "democratic-heliocentric"
+
+    def _require_neither_kernel_nor_corrector(self) -> None:
+        """Raise InputError for what is made for Jacobi coordinates."""
+        for name, fits in (("kernel", "standard"), ("corrector", 0), ("corrector2", False)):
+            if getattr(self, name) != fits:
+                raise InputError(
+                    f"{name}={getattr(self, name)!r} is made for Jacobi coordinates, and does not fit "
+                    f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
+                    f"together; leave it away, or use coordinates='jacobi'"
+                )
 
     @property
     def retires_in_encounters(self) -> bool:
@@ -407,7 +446,7 @@ class WisdomHolman(Integrator):
     @property
     def order(self) -> int:
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
-        return 2 if self.kernel == "standard" or self.corrector < 5 else 4
+        return 2 if self.kernel == "standard" or self.corrector in (0, 3) else 4
 
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
@@ -418,18 +457,20 @@ class WisdomHolman(Integrator):
 
     @property
     def variational(self) -> bool:  # type: ignore[override]
-        """Whether the step is that of L_d: without a corrector, which changes variables."""
-        return self.corrector == 0
+        """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
+        return self.corrector == 0 and not self._heliocentric
 
     @property
-    def second_order(self) -> KeplerSplitting:
+    def second_order(self) -> KeplerSplitting | DemocraticHeliocentric:
         """Kepler motions and kicks."""
-        return KeplerSplitting(self.kernel, self.corrector)
+        if self._heliocentric:
+            return DemocraticHeliocentric()
+        return KeplerSplitting(str(self.kernel), self.corrector or 0, self.corrector2)
 
     @classmethod
     def examples(cls) -> tuple[WisdomHolman, ...]:
-        """Return the default and the plain map."""
-        return cls(), cls(kernel="standard", corrector=0)
+        """Return the default, the plain map, and that in democratic heliocentric coordinates."""
+        return cls(), cls(kernel="standard", corrector=0), cls(coordinates="democratic-heliocentric")
 
 
 __all__ = ["KeplerSplitting", "WisdomHolman", "outwards"]
