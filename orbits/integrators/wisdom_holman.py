@@ -461,6 +461,13 @@ class WisdomHolman(Integrator):
         return self.corrector == 0 and not self._heliocentric
 
     @property
+    def own_discrete_lagrangian(self) -> str:  # type: ignore[override]
+        """What L_d a map has that is not variational."""
+        if self._heliocentric:
+            return super().own_discrete_lagrangian
+        return "that of the same method without a corrector, after a change of variables"
+
+    @property
     def second_order(self) -> KeplerSplitting | DemocraticHeliocentric:
         """Kepler motions and kicks."""
         if self._heliocentric:
