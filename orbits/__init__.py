@@ -81,6 +81,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DIMENSIONLESS",
+    "SABA",
     "SOLAR",
     "VPRK",
     "Action",
@@ -131,7 +132,6 @@ __all__ = [
     "PlaneCrossing",
     "RetiredWarning",
     "RungeKutta4",
-    "SABA",
     "Scenario",
     "SingularityError",
     "StepWarning",

@@ -41,7 +41,6 @@ from orbits.kernels.jacobi_stages import particles_at_the_end, registers_of
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Particles
 
-
 STEP, HALF = 0, 1
 """Columns of the coefficients: the length of a step, and half of it, from what is seen to what is marched."""
 

@@ -1,4 +1,4 @@
-"""Wisdom–Holman maps in democratic heliocentric coordinates: a plain path, REBOUND's bounds, order of bodies, particles."""
+"""Wisdom–Holman maps in democratic heliocentric coordinates: a plain path, REBOUND's map and bounds, and particles."""
 
 import json
 
@@ -59,7 +59,7 @@ def plain(gm, q, v, h, steps):
 def test_the_steps_are_those_of_the_definition():
     gm, q, v = three_bodies()
     x, w = particles_around(2)
-    gm, q, v = np.append(gm, [0.0, 0.0]), np.vstack([q, x]), np.vstack([v + [0.3, 0.1, 0.2], w])
+    gm, q, v = np.append(gm, [0.0, 0.0]), np.vstack([q, x]), np.vstack([v + np.array([0.3, 0.1, 0.2]), w])
     got, truth = march(METHOD, gm, q, v, 0.125, 20), plain(gm, q.copy(), v.copy(), 0.125, 20)
     for a, b in zip(got, truth, strict=True):
         assert np.abs(a - b).max() < 2e-14  # the plain path rounds everything: 3e-15 was reached
@@ -186,7 +186,8 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
     assert np.array_equal(x[:9], massive)
     order = np.random.default_rng(1).permutation(len(gm))
     masses = gm[order]
-    other = [Marcher(newtonian, METHOD, parameters(masses[masses > 0]), masses > 0, q[order], v[order], 3.0) for _ in "ab"]
+    strength = parameters(masses[masses > 0])
+    other = [Marcher(newtonian, METHOD, strength, masses > 0, q[order], v[order], 3.0) for _ in range(2)]
     other[0].block = 7
     other[0].advance(20)
     other[0].state_after(1.7)

@@ -124,7 +124,7 @@ def test_a_body_passes_by_on_a_hyperbola_and_a_moving_frame_changes_nothing():
     truth = march(GAUSS, gm, q, v, 0.004, 2000)
     got = march(DEFAULT, gm, q, v, 0.1, 80)
     assert np.abs(got[0] - truth[0]).max() < 1e-10
-    moved = march(DEFAULT, gm, q, v + [10.0, 0.0, 0.0], 0.1, 80)
+    moved = march(DEFAULT, gm, q, v + np.array([10.0, 0.0, 0.0]), 0.1, 80)
     assert np.abs(moved[0] - [80.0, 0.0, 0.0] - got[0]).max() < 1e-12  # positions are of 80 there
 
 
