@@ -42,7 +42,12 @@ if TYPE_CHECKING:
         StorageError,
         UnknownNameError,
     )
+    from orbits.forces.damping import Damping
     from orbits.forces.drag import Drag
+    from orbits.forces.gas_drag import GasDrag
+    from orbits.forces.mass_loss import MassLoss
+    from orbits.forces.non_gravitational import NonGravitational
+    from orbits.forces.radiation_pressure import RadiationPressure
     from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.gauss import Gauss
@@ -96,6 +101,7 @@ __all__ = [
     "Composition",
     "Conjunction",
     "ConvergenceError",
+    "Damping",
     "DiscretePath",
     "Drag",
     "Ejection",
@@ -108,6 +114,7 @@ __all__ = [
     "ExplicitEuler",
     "FartherThan",
     "Flow",
+    "GasDrag",
     "Gauss",
     "Happening",
     "ImplicitMidpoint",
@@ -118,16 +125,19 @@ __all__ = [
     "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
+    "MassLoss",
     "Merge",
     "MissingPackageError",
     "Motion",
     "NodeCrossing",
+    "NonGravitational",
     "Occultation",
     "Opposition",
     "OrbitsError",
     "OrbitsWarning",
     "Pericentre",
     "PlaneCrossing",
+    "RadiationPressure",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -190,7 +200,12 @@ _HOME = {
         "StorageError",
         "UnknownNameError",
     ],
+    "forces.damping": ["Damping"],
     "forces.drag": ["Drag"],
+    "forces.gas_drag": ["GasDrag"],
+    "forces.mass_loss": ["MassLoss"],
+    "forces.non_gravitational": ["NonGravitational"],
+    "forces.radiation_pressure": ["RadiationPressure"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],

@@ -20,12 +20,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.checks import direction
 from orbits.errors import InputError, with_unit
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
-from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
+from orbits.lagrangians.terms.base import Summand, Term, Vector, number
 
 HARMONICS = 4
 """The index of J_2 R^2 in the parameters."""
