@@ -140,7 +140,7 @@ def direction(value: Any, what: str, *, width: int | None = None) -> Floats:
     return vector
 
 
-def direction(value: Any, what: str, units: Any) -> tuple[float, float, float]:
+def pole_direction(value: Any, what: str, units: Any) -> tuple[float, float, float]:
     """Return a unit vector from (right ascension, declination) or from three numbers.
 
     Raises InputError for anything else, and for a declination beyond a right angle (degrees without a unit).

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from orbits.checks import direction
+from orbits.checks import pole_direction
 from orbits.errors import InputError
 from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
 from orbits.kernels.binding import Tag
@@ -104,7 +104,7 @@ class Damping(CentralForce):
             floats = self.floats(value, units.time_value)
             if 0.0 in (floats if isinstance(floats, tuple) else (floats,)):
                 raise InputError(f"Damping: {name} is 0; expected a time other than 0, or None for no decay.")
-        return replace(self, **times, pole=direction(self.pole, "pole of Damping", units))
+        return replace(self, **times, pole=pole_direction(self.pole, "pole of Damping", units))
 
     def constants(self, row: int, units: Any) -> Sequence[float]:
         """Return the pole."""

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from orbits.checks import direction
+from orbits.checks import pole_direction
 from orbits.errors import InputError, shown
 from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
 from orbits.kernels.binding import Tag
@@ -113,7 +113,7 @@ class GasDrag(CentralForce):
             raise InputError(f"GasDrag: r0 is {r0:g}; expected a length > 0.")
         if not 0.0 <= eta < 0.5:
             raise InputError(f"GasDrag: eta is {eta:g}; expected 0 <= eta < 1/2.")
-        pole = direction(self.pole, "pole of GasDrag", units)
+        pole = pole_direction(self.pole, "pole of GasDrag", units)
         return replace(self, per_length=k, r0=r0 * units.length, slope=slope, eta=eta, pole=pole)
 
     def constants(self, row: int, units: Any) -> Sequence[float]:

@@ -26,7 +26,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 from orbits.kernels.binding import SumTag, Tag
 from orbits.lagrangians.base import TIME_DEPENDENT, Compiled, Lagrangian
 from orbits.lagrangians.symmetry import Symmetry, rotation
