@@ -34,7 +34,7 @@ SMALL, WIDE = 10.0, 20.0
 """Amplitudes [deg] of librations that are small, and of wide ones."""
 FLAT = 8.0
 """Inclinations [deg] up to which the averaged planar problem is compared with."""
-SHOWN = ("Hektor", "Achilles", "Odysseus", "Eurybates", "Patroclus", "Mentor", "Paris")
+SHOWN = ("Hektor", "Achilles", "Odysseus", "Patroclus", "Mentor", "Paris")
 SWINGS = (3.0, 12.0, 22.0, 40.0)
 """Amplitudes [deg] of the Trojans of either swarm whose paths are drawn: those nearest to each."""
 
@@ -182,7 +182,7 @@ def checks(outcome):
     yield orbits.Check(
         "wide librations take longer than small ones",
         1.02 * groups[0] < groups[1] < 1.2 * groups[0],
-        f"{groups[1]:.1f} and {groups[0]:.1f} yr; all {np.min(seen.period[stay]):.0f} to {np.max(seen.period[stay]):.0f}",
+        f"{groups[1]:.1f} and {groups[0]:.1f} yr; all {seen.period[stay].min():.0f} to {seen.period[stay].max():.0f}",
     )
 
 
@@ -301,7 +301,7 @@ def periods(panel, run, seen, swarms):
     _, year, mu = jupiters(run)
     amplitude, _, period = theory(mu)
     flat = seen.inclination < FLAT
-    for name, side, colour in swarms:
+    for _, side, colour in swarms:
         panel.plot(seen.amplitude[side & flat], seen.period[side & flat], "o", ms=4.5, mew=0, color=colour)
         hollow = {"ms": 4.0, "mfc": "none", "mec": colour, "mew": 0.8}
         panel.plot(seen.amplitude[side & ~flat], seen.period[side & ~flat], "o", **hollow)
