@@ -41,7 +41,11 @@ NAMED = {
     "s": {"s6": "Saturn", "s8": "Neptune", "s7": "Uranus",
           "s1": "Mercury", "s4": "Mars", "s3": "Earth-Moon barycenter", "s2": "Venus"},
 }  # fmt: skip
-"""The planet in which each frequency is looked for, in this order: those of the giants, which are in all planets, first."""
+"""The planet in which each frequency is looked for, in this order: first those of the giants, which are in all others."""
+
+
+GIANTS = ("g5", "g6", "g7", "g8", "s6", "s7", "s8")
+SHOWN = ("Mercury", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn")
 
 
 def system():
@@ -110,9 +114,6 @@ def bound(name):
     return 0.05 if name in GIANTS else 0.2
 
 
-GIANTS = ("g5", "g6", "g7", "g8", "s6", "s7", "s8")
-
-
 def checks(outcome):
     """Momentum is kept, and the frequencies are those published."""
     run = outcome.run
@@ -128,7 +129,7 @@ def checks(outcome):
         yield orbits.Check(
             f'{name} is the published one to {bound(name):g}"/yr',
             abs(value - PUBLISHED[name]) < bound(name),
-            f'{value:.4f}, published {PUBLISHED[name]:g}',
+            f"{value:.4f}, published {PUBLISHED[name]:g}",
         )
 
 
@@ -139,7 +140,7 @@ def draw(outcome):
     run = outcome.run
     figure = plotting.figure(20, 12.5)
     panels = figure.subplot_mosaic([["e", "g", "table"], ["i", "s", "table"]], width_ratios=[1.25, 1.25, 0.72])
-    shown = [name for name in run.names[1:] if name in ("Mercury", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn")]
+    shown = [name for name in run.names[1:] if name in SHOWN]
     myr = years(run) / 1e6
     for name in shown:
         z, tilt = turning(run)["g"][name], turning(run)["s"][name]

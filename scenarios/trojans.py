@@ -114,6 +114,11 @@ def potential(phi):
     return 0.5 / np.sin(phi / 2.0) - np.cos(phi)
 
 
+def slope(phi):
+    """Its derivative."""
+    return np.sin(phi) - 0.25 * np.cos(phi / 2.0) / np.sin(phi / 2.0) ** 2
+
+
 def tadpole(least, mu):
     """Return (phi, rate) of half a libration that comes to `least` [rad] of Jupiter, and when, in Jupiter's years.
 
@@ -121,6 +126,8 @@ def tadpole(least, mu):
     """
     far = np.linspace(np.pi / 3, np.pi, 20_001)
     most = np.interp(potential(least), potential(far), far)
+    for _ in range(3):
+        most -= (potential(most) - potential(least)) / slope(most)
     angle = (np.arange(4000) + 0.5) * np.pi / 4000  # phi = middle - half cos(angle): no singular ends
     phi = 0.5 * (most + least) - 0.5 * (most - least) * np.cos(angle)
     rate = np.sqrt(6.0 * mu * np.maximum(potential(least) - potential(phi), 1e-30))
@@ -154,6 +161,8 @@ def checks(outcome):
         stay.mean() > 0.9 and min(counts) > 0,
         f"{counts[0]} about L4 and {counts[1]} about L5, {seen.left.sum()} gone",
     )
+    if not stay.any():
+        return
     yield orbits.Check(
         "they swing as tadpoles do, not nearer to Jupiter than 23.9° nor beyond 180°",
         np.nanmin(seen.least) > 23.9 and np.nanmax(seen.largest) < 180.0,
@@ -162,6 +171,8 @@ def checks(outcome):
     amplitude, mean, period = theory(mu)
     for name, sign, side in (("L4", 1, seen.leads), ("L5", -1, ~seen.leads)):
         chosen = stay & side & (seen.amplitude < SMALL)
+        if not chosen.any():
+            continue
         off = np.median(seen.mean[chosen] - np.interp(seen.amplitude[chosen], amplitude, mean))
         centre = np.median(seen.mean[chosen])
         yield orbits.Check(
@@ -172,13 +183,18 @@ def checks(outcome):
     if not np.isfinite(seen.period[stay]).all():
         return
     flat = stay & (seen.inclination < FLAT)
+    if not flat.any():
+        return
     ratio = seen.period / (year * np.interp(seen.amplitude, amplitude, period))
     yield orbits.Check(
         "the periods of those with small inclinations are those of theory",
         abs(np.median(ratio[flat]) - 1.0) < 0.02 and np.ptp(ratio[flat]) < 0.2,
         f"{np.median(ratio[flat]):.4f} of them, {ratio[flat].min():.3f} to {ratio[flat].max():.3f}",
     )
-    groups = [np.median(seen.period[flat & which]) for which in (seen.amplitude < SMALL, seen.amplitude > WIDE)]
+    groups = [seen.period[flat & which] for which in (seen.amplitude < SMALL, seen.amplitude > WIDE)]
+    if not all(map(len, groups)):
+        return
+    groups = [np.median(group) for group in groups]
     yield orbits.Check(
         "wide librations take longer than small ones",
         1.02 * groups[0] < groups[1] < 1.2 * groups[0],
