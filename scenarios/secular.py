@@ -41,7 +41,7 @@ NAMED = {
     "s": {"s6": "Saturn", "s8": "Neptune", "s7": "Uranus",
           "s1": "Mercury", "s4": "Mars", "s3": "Earth-Moon barycenter", "s2": "Venus"},
 }  # fmt: skip
-"""The planet in which each frequency is looked for, in this order: first those of the giants, which are in all others."""
+"""The planet in which each frequency is looked for, in this order: first those of the giants, which are in all."""
 
 
 GIANTS = ("g5", "g6", "g7", "g8", "s6", "s7", "s8")
