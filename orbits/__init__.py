@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from orbits.integrators.implicit_midpoint import ImplicitMidpoint
     from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
     from orbits.integrators.runge_kutta_4 import RungeKutta4
+    from orbits.integrators.saba import SABA
     from orbits.integrators.stormer_verlet import StormerVerlet
     from orbits.integrators.symplectic_euler import SymplecticEuler
     from orbits.integrators.vprk import VPRK
@@ -142,6 +143,7 @@ __all__ = [
     "RadiationPressure",
     "RetiredWarning",
     "RungeKutta4",
+    "SABA",
     "Scenario",
     "SingularityError",
     "StepWarning",
@@ -217,6 +219,7 @@ _HOME = {
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
     "integrators.runge_kutta_4": ["RungeKutta4"],
+    "integrators.saba": ["SABA"],
     "integrators.stormer_verlet": ["StormerVerlet"],
     "integrators.symplectic_euler": ["SymplecticEuler"],
     "integrators.vprk": ["VPRK"],

@@ -27,6 +27,8 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
+from orbits.integrators.dominant import registers, require_dominant
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
@@ -80,10 +82,9 @@ KERNELS = "modified-kick", "lazy", "standard"
 NO_TABLE = -1
 """The row of a table of the flow of terms that nobody reads."""
 
-ENCOUNTERS = "warn", "retire"
+COORDINATES = "jacobi", "democratic-heliocentric"
 
-DOMINANT = 0.9
-"""Fraction of the total mass that the dominant body must have."""
+ENCOUNTERS = "warn", "retire"
 
 
 @kernel
@@ -323,13 +324,14 @@ def stretch(method, unit, factor):
 class KeplerSplitting(Form):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
 
-    kernel : the kick, and corrector : its order; see `WisdomHolman`
+    kernel : the kick, corrector : its order, and corrector2 : whether there is a second one; see `WisdomHolman`
     among_particles : whether the planets leave tables for massless particles
     with_terms : whether the Lagrangian has terms of the dominant body
     """
 
     kernel: str
     corrector: int
+    corrector2: bool = False
     among_particles: bool = False
     with_terms: bool = False
 
@@ -370,7 +372,7 @@ class KeplerSplitting(Form):
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
-        stages = h * corrector_lengths(self.corrector) if self.corrector else np.zeros((0, 2))
+        stages = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
         rows = np.zeros((1 + len(stages), WIDTH))
         rows[0, [HALF, WHOLE, LAZY]] = h / 2, h, self.kernel == "lazy"
         rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
@@ -379,7 +381,7 @@ class KeplerSplitting(Form):
 
     def carry_rows(self, size: int) -> int:
         """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * _registers(size) + 2
+        return (STATE_ROWS + 1) * registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The tables before and after a step, and workspace; see `orbits.kernels.jacobi_particles`. None are kept
@@ -389,7 +391,7 @@ class KeplerSplitting(Form):
             return 1, padded(size)
         planets = size // 3 - 1
         flows = 6 * (planets + 1) if self.with_terms else 0
-        return 2 * (3 * (planets + 1) + planets) + flows + 3 * _registers(size), WIDTH
+        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers(size), WIDTH
 
     @property
     def particle_carry_rows(self) -> int:
@@ -398,7 +400,7 @@ class KeplerSplitting(Form):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
-        return ROWS * _registers(size) + WIDTH, WIDTH
+        return ROWS * registers(size) + WIDTH, WIDTH
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
@@ -406,19 +408,8 @@ class KeplerSplitting(Form):
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""
         newton, *own = parameters if isinstance(parameters, tuple) else (parameters,)
+        require_dominant(newton)
         gm = newton[1:]
-        if newton[0] > 0.0:
-            raise InputError(
-                "a Wisdom–Holman step moves the planets on Kepler orbits about point masses; got a softening. Use "
-                "softening = 0, or a method such as Gauss(stages=8)."
-            )
-        if len(gm) < 2 or not gm.max() > DOMINANT * gm.sum():
-            share = gm.max() / gm.sum()
-            got = "a single body" if len(gm) < 2 else f"the heaviest of {len(gm)} bodies has {100 * share:.3g} %"
-            raise InputError(
-                f"a Wisdom–Holman step needs a body that dominates the others, with more than {100 * DOMINANT:.0f} % "
-                f"of the mass; got {got}. Use a method such as Gauss(stages=8)."
-            )
         others = [int(vector[0]) for vector in own if int(vector[0]) != int(gm.argmax())]
         if others:
             raise InputError(
@@ -435,7 +426,7 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
     form = KeplerSplitting("standard", 0)
     planets = np.zeros((form.carry_rows(q.size), WIDTH))
     number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
-    first = STATE_ROWS * _registers(q.size)
+    first = STATE_ROWS * registers(q.size)
     return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
 
 
@@ -445,19 +436,20 @@ def _ordinal(row: int) -> str:
     return f"{row + 1}{'th' if (row + 1) % 100 in (11, 12, 13) else last}"
 
 
-def _registers(size: int) -> int:
-    """Return the number of registers of eight planets of `size` coordinates of bodies."""
-    return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)
-
-
 @dataclass(frozen=True)
 class WisdomHolman(Integrator):
     """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
 
-    coordinates : "jacobi"
+    coordinates : "jacobi", in which the interaction is small; or "democratic-heliocentric", in which the order of the
+        planets plays no part, but the error is larger, by far for planets close to the dominant body, and has no
+        corrector: for comparison with programs that use these
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
-        the same approximately, by the interaction at displaced positions; or "standard", by the interaction
-    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
+        the same approximately, by the interaction at displaced positions; or "standard", by the interaction. By default
+        the modified kick, and "standard", the only one, in democratic heliocentric coordinates
+    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel. By default
+        17, and 0, the only one, in democratic heliocentric coordinates
+    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
+        oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
@@ -482,8 +474,9 @@ class WisdomHolman(Integrator):
     """
 
     coordinates: str = "jacobi"
-    kernel: str = "modified-kick"
-    corrector: int = 17
+    kernel: str | None = None
+    corrector: int | None = None
+    corrector2: bool = option(False)
     encounters: str = option("warn")
 
     name: ClassVar[str] = "wisdom-holman"
@@ -495,13 +488,22 @@ class WisdomHolman(Integrator):
     )
 
     def __post_init__(self) -> None:
-        if self.coordinates != "jacobi":
-            raise InputError(f"coordinates is {shown(self.coordinates)}; expected 'jacobi'")
+        if self.coordinates not in COORDINATES:
+            known = " or ".join(map(repr, COORDINATES))
+            raise InputError(f"coordinates is {shown(self.coordinates)}; expected {known}")
+        if self.kernel is None:
+            object.__setattr__(self, "kernel", "standard" if self._heliocentric else KERNELS[0])
+        if self.corrector is None:
+            object.__setattr__(self, "corrector", 0 if self._heliocentric else 17)
         if self.kernel not in KERNELS:
             raise InputError(f"kernel is {shown(self.kernel)}; expected {', '.join(map(repr, KERNELS))}")
         if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
+        if not isinstance(self.corrector2, bool):
+            raise InputError(f"corrector2 is {shown(self.corrector2)}; expected True or False")
+        if self._heliocentric:
+            self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
             known = " or ".join(map(repr, ENCOUNTERS))
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
@@ -511,6 +513,25 @@ class WisdomHolman(Integrator):
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "
                 "without one; use corrector=17, or kernel='standard'"
             )
+        if self.corrector2 and self.kernel == "standard":
+            raise InputError(
+                "corrector2=True removes oscillations that are hidden by the larger error of kernel='standard'; use "
+                "kernel='modified-kick' or 'lazy'"
+            )
+
+    @property
+    def _heliocentric(self) -> bool:
+        return self.coordinates == "democratic-heliocentric"
+
+    def _require_neither_kernel_nor_corrector(self) -> None:
+        """Raise InputError for what is made for Jacobi coordinates."""
+        for name, fits in (("kernel", "standard"), ("corrector", 0), ("corrector2", False)):
+            if getattr(self, name) != fits:
+                raise InputError(
+                    f"{name}={getattr(self, name)!r} is made for Jacobi coordinates, and does not fit "
+                    f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
+                    f"together; leave it away, or use coordinates='jacobi'"
+                )
 
     @property
     def retires_in_encounters(self) -> bool:
@@ -520,7 +541,7 @@ class WisdomHolman(Integrator):
     @property
     def order(self) -> int:
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
-        return 2 if self.kernel == "standard" or self.corrector < 5 else 4
+        return 2 if self.kernel == "standard" or self.corrector in (0, 3) else 4
 
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
@@ -531,23 +552,39 @@ class WisdomHolman(Integrator):
 
     @property
     def variational(self) -> bool:  # type: ignore[override]
-        """Whether the step is that of L_d: without a corrector, which changes variables."""
-        return self.corrector == 0
+        """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
+        return self.corrector == 0 and not self._heliocentric
 
     @property
-    def second_order(self) -> KeplerSplitting:
+    def own_discrete_lagrangian(self) -> str:  # type: ignore[override]
+        """What L_d a map has that is not variational."""
+        if self._heliocentric:
+            return super().own_discrete_lagrangian
+        return "that of the same method without a corrector, after a change of variables"
+
+    @property
+    def second_order(self) -> KeplerSplitting | DemocraticHeliocentric:
         """Kepler motions and kicks."""
-        return KeplerSplitting(self.kernel, self.corrector)
+        if self._heliocentric:
+            return DemocraticHeliocentric()
+        return KeplerSplitting(str(self.kernel), self.corrector or 0, self.corrector2)
 
     def form(self, lagrangian: Lagrangian, *, canonical: bool = False) -> Form | None:
         """Return the form for this Lagrangian: with terms of the dominant body, if it has any."""
         form = super().form(lagrangian, canonical=canonical)
-        return form if form is None or NEWTONIAN in lagrangian.traits else replace(self.second_order, with_terms=True)
+        if form is None or NEWTONIAN in lagrangian.traits or not isinstance(form, KeplerSplitting):
+            return form
+        return replace(form, with_terms=True)
 
     def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
         """Raise InputError, naming the terms that have no flow here."""
         summands = getattr(lagrangian, "summands", ())
         strange = [term.name for term in summands if ABOUT_ONE_BODY not in term.traits]
+        if summands and self._heliocentric:
+            raise InputError(
+                f"{self.label} takes no terms besides Newton's gravity, got {', '.join(x.name for x in summands)}; in "
+                "Jacobi coordinates it takes those of the dominant body, and Gauss(stages=8) takes all."
+            )
         if strange:
             raise InputError(
                 f"{self.label} takes terms of the dominant body such as PostNewtonian and ZonalHarmonics, each with a "
@@ -557,8 +594,8 @@ class WisdomHolman(Integrator):
 
     @classmethod
     def examples(cls) -> tuple[WisdomHolman, ...]:
-        """Return the default and the plain map."""
-        return cls(), cls(kernel="standard", corrector=0)
+        """Return the default, the plain map, and that in democratic heliocentric coordinates."""
+        return cls(), cls(kernel="standard", corrector=0), cls(coordinates="democratic-heliocentric")
 
 
 __all__ = ["KeplerSplitting", "WisdomHolman", "outwards"]
