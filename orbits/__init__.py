@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         SingularityError,
         StepWarning,
         StorageError,
+        SystemsError,
         UnknownNameError,
     )
     from orbits.forces.drag import Drag
@@ -140,6 +141,7 @@ __all__ = [
     "Symmetry",
     "SymplecticEuler",
     "System",
+    "SystemsError",
     "Table",
     "TimeTransformed",
     "Trajectory",
@@ -188,6 +190,7 @@ _HOME = {
         "SingularityError",
         "StepWarning",
         "StorageError",
+        "SystemsError",
         "UnknownNameError",
     ],
     "forces.drag": ["Drag"],
