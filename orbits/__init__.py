@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         SingularityError,
         StepWarning,
         StorageError,
+        SystemsError,
         UnknownNameError,
     )
     from orbits.forces.damping import Damping
@@ -154,6 +155,7 @@ __all__ = [
     "Symmetry",
     "SymplecticEuler",
     "System",
+    "SystemsError",
     "Table",
     "TimeTransformed",
     "Trajectory",
@@ -202,6 +204,7 @@ _HOME = {
         "SingularityError",
         "StepWarning",
         "StorageError",
+        "SystemsError",
         "UnknownNameError",
     ],
     "forces.damping": ["Damping"],
