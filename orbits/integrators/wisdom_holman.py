@@ -74,7 +74,7 @@ kick, and 1 for the latter. The other rows are the corrector: a Kepler motion an
 
 KERNELS = "modified-kick", "lazy", "standard"
 
-ENCOUNTERS = "warn", "retire"
+ENCOUNTERS = "follow", "warn", "retire"
 
 DOMINANT = 0.9
 """Fraction of the total mass that the dominant body must have."""
@@ -417,6 +417,11 @@ class WisdomHolman(Integrator):
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "
                 "without one; use corrector=17, or kernel='standard'"
             )
+
+    @property
+    def follows_encounters(self) -> bool:
+        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
+        return self.encounters == "follow"
 
     @property
     def retires_in_encounters(self) -> bool:
