@@ -88,6 +88,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DIMENSIONLESS",
+    "SABA",
     "SOLAR",
     "VPRK",
     "Action",
@@ -144,7 +145,6 @@ __all__ = [
     "RadiationPressure",
     "RetiredWarning",
     "RungeKutta4",
-    "SABA",
     "Scenario",
     "SingularityError",
     "StepWarning",

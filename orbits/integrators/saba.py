@@ -337,7 +337,7 @@ def _orders(first: Any, second: Any, third: Any) -> tuple[int, ...]:
         return tuple(int(x) for x in values)
     schemes = ", ".join(str(orders) for orders in sorted(REFINED, reverse=True))
     hint = ""
-    if len(values) == 1 and is_whole(values[0]) and 0 < values[0] and (2 * values[0], 2) in KNOWN:
+    if len(values) == 1 and is_whole(values[0]) and values[0] > 0 and (2 * values[0], 2) in KNOWN:
         hint = f" SABA_{values[0]} of Laskar & Robutel is SABA({2 * values[0]}, 2)."
     raise InputError(
         f"SABA has no scheme of the generalized order {shown(values[0] if len(values) == 1 else values)}; expected one "

@@ -84,7 +84,7 @@ NO_TABLE = -1
 
 COORDINATES = "jacobi", "democratic-heliocentric"
 
-ENCOUNTERS = "warn", "retire"
+ENCOUNTERS = "follow", "warn", "retire"
 
 
 @kernel
@@ -532,6 +532,11 @@ class WisdomHolman(Integrator):
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
                     f"together; leave it away, or use coordinates='jacobi'"
                 )
+
+    @property
+    def follows_encounters(self) -> bool:
+        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
+        return self.encounters == "follow"
 
     @property
     def retires_in_encounters(self) -> bool:

@@ -7,7 +7,16 @@ marched stands within the first motion of a step, which is thereby joined to the
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import FORCE, ROWS, STATE_ROWS, interact, interaction, load_three, masses_of, store_three
+from orbits.kernels.interaction import (
+    FORCE,
+    ROWS,
+    STATE_ROWS,
+    interact,
+    interaction,
+    load_three,
+    masses_of,
+    store_three,
+)
 from orbits.kernels.jacobi import advance_planets, finish_velocities, move_centre, show_planets
 from orbits.kernels.jacobi_particles import (
     PLAIN,
