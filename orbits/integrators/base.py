@@ -76,6 +76,11 @@ class Integrator:
         raise NotImplementedError
 
     @property
+    def follows_encounters(self) -> bool:
+        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
+        return False
+
+    @property
     def retires_in_encounters(self) -> bool:
         """Whether massless particles are retired before encounters that the method cannot follow."""
         return False
