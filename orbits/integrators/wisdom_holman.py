@@ -566,6 +566,11 @@ class WisdomHolman(Integrator):
         return self.corrector == 0 and not self._heliocentric
 
     @property
+    def exact_for_two(self) -> bool:  # type: ignore[override]
+        """Whether the motion of a single planet is exact: in Jacobi coordinates."""
+        return not self._heliocentric
+
+    @property
     def own_discrete_lagrangian(self) -> str:  # type: ignore[override]
         """What L_d a map has that is not variational."""
         if self._heliocentric:

@@ -39,10 +39,10 @@ def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None
     """Raise InputError, with the reason, if the derivative of a map on Kepler orbits is not known."""
     form = form_for(integrator, lagrangian)
     if type(form) is not KeplerSplitting or getattr(lagrangian, "summands", ()):
-        what = f"with {lagrangian.name}" if type(form) is KeplerSplitting else "in these coordinates"
+        what = f" with {lagrangian.name}" if type(form) is KeplerSplitting else ""
         raise InputError(
-            f"the derivative of {integrator.label} {what} is not known; expected Newton's gravity alone, in Jacobi "
-            "coordinates. Use Gauss(stages=8), or Composition(StormerVerlet(), order=4) for many steps."
+            f"the derivative of {integrator.label}{what} is not known; expected WisdomHolman in Jacobi coordinates, by "
+            "Newton's gravity alone. Use Gauss(stages=8), or Composition(StormerVerlet(), order=4) for many steps."
         )
 
 
