@@ -442,7 +442,7 @@ class WisdomHolman(Integrator):
 
     coordinates : "jacobi", in which the interaction is small; or "democratic-heliocentric", in which the order of the
         planets plays no part, but the error is larger, by far for planets close to the dominant body, and has no
-        corrector: for comparison with programs that use these
+        corrector: the map of WHFast in these coordinates, for comparison
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
         the same approximately, by the interaction at displaced positions; or "standard", by the interaction. By default
         the modified kick, and "standard", the only one, in democratic heliocentric coordinates
