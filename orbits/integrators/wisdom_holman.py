@@ -65,6 +65,8 @@ from orbits.kernels.jacobi_particles import (
 )
 from orbits.kernels.lanes import WIDTH, full
 from orbits.kernels.steps import OK, Particles
+from orbits.kernels.systems.planets import MOST_PLANETS, march_planets
+from orbits.kernels.systems.planets import ROWS as SYSTEMS_ROWS
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
 
@@ -318,6 +320,12 @@ class KeplerSplitting(Form):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
         return ROWS * _registers(size) + WIDTH, WIDTH
+
+    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
+        """The march of up to eight planets of each."""
+        own = self.own_kernels()
+        plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
+        return (march_planets, SYSTEMS_ROWS) if plain else None
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
