@@ -187,7 +187,11 @@ class Marcher(Blocks):
         if self.clock.changes:
             self._state["clock"][changing.LIMIT] = place.rest
         self._stopped = self._arrived = False
-        self._one_block(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+        self._one_block(self.next_block(place))
+
+    def next_block(self, place: Place) -> int:
+        """Return the most steps of the next block on the way to a place."""
+        return self.block if self.clock.changes else min(self.block, place.steps - self.step)
 
     def go_back(self, steps: int) -> None:
         """Return to the state after the first `steps` steps of the last block."""

@@ -404,7 +404,7 @@ def show_in_lanes(rows, count):
     """Write the state of the bodies, rounded, into the rows SEEN: six of the dominant body, then of each planet."""
     for k in range(6):
         inside = load(rows, CENTRE + k)
-        a, b, c, d = _weighted(rows, 0, k), _weighted(rows, 1, k), _weighted(rows, 2, k), _weighted(rows, 3, k)
+        b, c, d = _weighted(rows, 1, k), _weighted(rows, 2, k), _weighted(rows, 3, k)
         e, f, g, h = _weighted(rows, 4, k), _weighted(rows, 5, k), _weighted(rows, 6, k), _weighted(rows, 7, k)
         hg, gf, fe, ed, dc, cb, ba = before_each((h, g, f, e, d, c, b))
         _store_seen(rows, 0, k, inside, ba)
