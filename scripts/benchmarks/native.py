@@ -56,7 +56,7 @@ def planets(
     """
     import time
 
-    from orbits.regression.peers import simulation
+    from orbits.regression.peers import arithmetic_kept, simulation
 
     simulated = simulation(PointMasses(gm, q, v))
     simulated.integrator, simulated.dt = name, dt
@@ -65,7 +65,8 @@ def planets(
     begun = time.perf_counter()
     if name == "whfast512":  # it ends after whole bundles of steps
         simulated.integrator.concatenate_steps = steps
-        simulated.integrate((steps - 0.5) * dt, exact_finish_time=0)
+        with arithmetic_kept():
+            simulated.integrate((steps - 0.5) * dt, exact_finish_time=0)
     else:
         simulated.integrator.safe_mode = 0
         simulated.steps(steps)
