@@ -75,9 +75,9 @@ def require_outside(system: System) -> None:
         more = inside[1:]
         others = f", as {'are' if len(more) > 1 else 'is'} {few([system.names[k] for k in more])}" if more else ""
         raise InputError(
-            f"{first!r} is {near} from the centre of {star!r}, inside its radius of {size}{others}: a Wisdom–Holman step "
-            f"moves bodies about a point mass. Leave them out with system.remove({first!r}), or take all bodies for "
-            "points with system.replaced(radii=None)."
+            f"{first!r} is {near} from the centre of {star!r}, inside its radius of {size}{others}: a Wisdom–Holman "
+            f"step moves bodies about a point mass. Leave them out with system.remove({first!r}), or take all bodies "
+            "for points with system.replaced(radii=None)."
         )
 
 
