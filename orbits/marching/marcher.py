@@ -22,6 +22,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
+from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
@@ -32,6 +33,8 @@ from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies
+from orbits.marching.hand_over import PART
+from orbits.marching.handing_over import Followed
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
 from orbits.marching.partial_steps import PartialSteps
@@ -110,10 +113,13 @@ class Marcher(Blocks):
         )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
-        self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense)
+        followed = None
+        if m and integrator.follows_encounters:
+            followed = Followed.of(lagrangian, self.parameters[1 : 1 + n], int(self.parameters[1 : 1 + n].argmax()))
+        self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
         if self._form.transforms:
-            self._form.check_start(self.parameters, q[self._massive], v[self._massive])
+            self._form.check_start(self.model, q[self._massive], v[self._massive])
             self._loops.enter(self._loops.state, self.clock)
         self.block = self._loops.steps
         self._state = self._loops.state
@@ -376,7 +382,11 @@ class Marcher(Blocks):
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
         q, v = self._state["particle_q"], self._state["particle_v"]
-        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"))
+        parts = None
+        if self.integrator.follows_encounters and len(self._particles):
+            memory = self._state["particle_memory"][:, 0]
+            parts = np.where(memory[:, NUMBER] == ELSEWHERE, memory[:, PART], 0.0)
+        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"), parts)
 
     def retired_by(self, time: float) -> list[Retirement]:
         """Return the particles that are retired, or cannot be followed up to a time less than a step ahead, in the
@@ -386,8 +396,9 @@ class Marcher(Blocks):
             return self.retired()
         end = self.ended_at(time) if self.clock.changes else self.part_of_a_step(time - self.time)
         known = {one.body: one for one in self.retired()}
-        changes, step = self.clock.changes, self.step
-        lost = [one._replace(step=step, reading=one.reading if changes else step) for one in end.retired()]
+        share = 1.0 if self.clock.changes else (time - self.time) / self.clock.h
+        begun = 0 if self.clock.changes else self.step
+        lost = [one._replace(step=self.step, reading=begun + share * one.reading) for one in end.retired()]
         return [known.get(one.body, one) for one in lost]
 
     def touching(self) -> NDArray[np.intp]:

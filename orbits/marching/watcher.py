@@ -136,6 +136,7 @@ class Watcher:
             least_eccentricity=least_eccentricity,
             pericentre_angle=pericentre_angle,
             times=times,
+            pace=1.0,
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
@@ -223,9 +224,14 @@ class Watcher:
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
-    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]]) -> None:
-        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task."""
+    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]], among: tuple[int, float] | None = None) -> None:
+        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task.
+
+        among : for those among constant steps, the number of these before the block, and their length
+        """
         self.own_steps.follow(self.contexts, arrays)
+        if among is not None:
+            self.own_steps.enter(origin=float(among[0]), pace=1.0 / among[1])
 
     def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
         """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,

@@ -102,7 +102,7 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
             StepWarning,
             stacklevel=level_of_caller(),
         )
-    if orbits and not system.massive.all():
+    if orbits and not system.massive.all() and not integrator.follows_encounters:
         _warn_of_particles(system, integrator, h, span)
     close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
     if close:
@@ -157,8 +157,9 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     """
     gm, massive, found = run.system.values.gm, run.system.massive, []
     perturbed = massive.sum() > 2  # the motion of a single planet is exact
+    followed = run.integrator.follows_encounters
     for k, passage in enumerate(seen.passages):
-        if passage.about is None:
+        if passage.about is None or (followed and not (massive[passage.body] and massive[passage.other])):
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body

@@ -247,7 +247,7 @@ def _growth(
     vectors = np.random.default_rng(seed).standard_normal((VECTORS, 2, len(followed.varied), 3))
     vectors[:, 1] /= scale
     lengths = np.sqrt(np.sum(vectors[:, 0] ** 2 + (scale * vectors[:, 1]) ** 2, axis=(1, 2)))
-    tangents = tangents_of(followed, integrator, vectors / lengths[:, None, None, None], scale)
+    tangents = tangents_of(followed, integrator, grid, vectors / lengths[:, None, None, None], scale)
     out, failure = np.full((3, len(grid)), np.nan), None
     try:
         for k, (now, time) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=False)):
