@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.lagrangians.terms.lense_thirring import LenseThirring
+    from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
     from orbits.marching.flow import DiscretePath, Flow, march
@@ -128,6 +129,7 @@ __all__ = [
     "OrbitsWarning",
     "Pericentre",
     "PlaneCrossing",
+    "PostNewtonian",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -208,6 +210,7 @@ _HOME = {
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
+    "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
     "propagation.acting": ["Bounce", "Merge"],

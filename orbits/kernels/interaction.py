@@ -26,7 +26,7 @@ from orbits.kernels.lanes import (
     turned,
 )
 
-STATE_ROWS, ROWS = 12, 22
+STATE_ROWS, ROWS = 12, 34
 """Rows of a register in `planets` and in `room`."""
 
 FORCE, PLACE, SHIFTED, CHANGE, MOVED = 0, 3, 6, 9, 18
@@ -39,6 +39,9 @@ IN_ORDER = 2.0
 ATTRACTING, MASS, SHARE, OUTER, INNER, CENTRAL, REST = 12, 13, 14, 15, 16, 17, 21
 """Rows of `room`: M_i; m_i; w_i; M_i / M_(i-1); 1 / M_(i-1); m_0 / M_(i-1); what rounding takes from the product of the
 first and the last, with which the dominant body attracts; all 0 in lanes without a planet."""
+
+RATE, OWN = 22, 28
+"""Rows of `room` for terms of the dominant body: the rates of r' and of its velocity; workspace."""
 
 
 @kernel(inline=True, exact=True)

@@ -113,7 +113,7 @@ class Marcher(Blocks):
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense)
         self._loops.begin(q, v, self._massive, self._particles)
         if self._form.transforms:
-            self._form.check_start(self.parameters, q[self._massive], v[self._massive])
+            self._form.check_start(self.model, q[self._massive], v[self._massive])
             self._loops.enter(self._loops.state, self.clock)
         self.block = self._loops.steps
         self._state = self._loops.state

@@ -92,6 +92,11 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
             raise InputError(
                 f"{names[i]!r} has two terms {kind}; expected one. Remove the first: system.replaced(terms=())."
             )
+        if term.alone and any(type(other) is type(term) for other in found):
+            raise InputError(
+                f"the system has two terms {kind}, of {found[-1].body!r} and {names[i]!r}; expected one, as they do "
+                "not add up. Remove the first: system.replaced(terms=())."
+            )
         found.append(replace(term, body=names[i]).in_units(units))
     return tuple(found)
 

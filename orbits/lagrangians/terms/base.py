@@ -8,6 +8,8 @@ A term is one file: kernels, and a frozen dataclass for users, with units. Its k
     accelerate_some(strength, own, q, out, start, stop)    adds the accelerations of bodies start ... stop - 1
     field(strength, own, sources, x, y, z)                 returns the acceleration of a massless particle
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
+    about(strength, own, gm, r, w)      returns the derivatives, per GM, of the part of L of a body at r with velocity
+                                        w relative to that of the term, for terms that are ABOUT_ONE_BODY
 
 `strength` is the parameter vector of `newtonian`, eps^2 and GM of each massive body; `own` is that of the term; t is
 the time since the epoch of the system, in its unit. L is multiplied by G, as there. A term of positions alone also has
@@ -61,10 +63,12 @@ class Term:
     """Base of the terms of a `System`: frozen dataclasses whose fields are their parameters, with units.
 
     kind : its name in archives
+    alone : whether a system can have only one of this kind
     body : the name of the massive body to which the term belongs; None for the most massive one
     """
 
     kind: ClassVar[str]
+    alone: ClassVar[bool] = False
     body: str | None = None
 
     def in_units(self, units: Any) -> Self:
