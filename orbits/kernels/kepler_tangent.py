@@ -4,11 +4,11 @@ With the notation of `orbits.kernels.kepler`, the flow is a function of r0, eta 
 anomaly of a step that is known is s = (beta dt + change of q.v) / gm, on every conic, so that no equation is solved.
 Differences d of the start change
 
-    r ds = -(G1 dr0 + G2 deta + W dbeta),    W = eta P2 + zeta P3 - r0 G3,    P_k = dG_k/dbeta = (k G_(k+2) - s G_(k+1))/2
+    r ds = -(G1 dr0 + G2 deta + W dbeta),   W = eta P2 + zeta P3 - r0 G3,   P_k = dG_k/dbeta = (k G_(k+2) - s G_(k+1))/2
     dG_k = G_(k-1) ds + P_k dbeta,   dr = G0 dr0 + G1 deta + (eta G0 + zeta G1) ds + (eta P1 + zeta P2 - r0 G2) dbeta
 
-and with them f, g, f' and g'. All are linear in A = q.dq, B = q.dv + v.dq and C = v.dv: twelve numbers are computed once
-for a step, and serve any number of differences.
+and with them f, g, f' and g'. All are linear in A = q.dq, B = q.dv + v.dq and C = v.dv: twelve numbers, computed once
+for a step, serve any number of differences.
 
 Sources: Mikkola & Innanen (1999), Celest. Mech. Dyn. Astron. 74, 59; Rein & Tamayo (2016), MNRAS 459, 2275.
 """
