@@ -219,8 +219,8 @@ def _write_places(scratch, count, places):
 
 @kernel
 def move_vectors(flows, count, h, kick, vectors, force, change):
-    """Advance dq through the Kepler motions, after `kick` times the change of the interaction; `change` receives that of
-    dv, by the kick included.
+    """Advance dq through the Kepler motions, after `kick` times the change of the interaction; `change` receives that
+    of dv, by the kick included.
     """
     q, q_lo, v, v_lo = vectors[0], vectors[1], vectors[2], vectors[3]
     for i in range(count):

@@ -49,8 +49,8 @@ from orbits.kernels.tangent import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLE
 from orbits.kernels.watch import flat
 
 NEAR, WHICH, SHARP = 0, 1, 2
-"""Rows of what is noted of eight particles: the step in which the first passage near a planet begins, the number of that
-planet outwards, and the step with the first pericentre that is not resolved; infinite for none."""
+"""Rows of what is noted of eight particles: the step with the first passage near a planet, the number of that planet
+outwards, and the step with the first pericentre that is not resolved; infinite for none."""
 
 PARTS = 8
 """Parts of a step in which the distance from a planet is looked for."""
@@ -388,4 +388,4 @@ def _is_sharp(h, turn, marched):
     gm, r = marched.gm, sqrt(fma(x, x, fma(y, y, z * z)))
     beta = 2.0 * gm / r - fma(vx, vx, fma(vy, vy, vz * vz))
     q = h2 / (gm + sqrt(maximum(fma(-h2, beta, gm * gm), full(0.0))))
-    return h * h * h2 > (turn * q * q) * (turn * q * q)
+    return h * h * h2 >= (turn * q * q) * (turn * q * q)  # also of a radial orbit

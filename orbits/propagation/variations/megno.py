@@ -183,8 +183,8 @@ def megno(
     of orbits a matter of a minute. Passages that the map cannot follow are reported at the end, with a warning and as
     `passage` of the orbit; WisdomHolman(encounters="retire") gives NaN from there on.
 
-    The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start; MEGNO does
-    not depend on this choice in the end. Vectors are scaled when they become large. Nothing is stored: an interrupted
+    The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start, in the
+    coordinates that are marched; MEGNO does not depend on this choice in the end. Vectors are scaled when they become large. Nothing is stored: an interrupted
     computation is lost.
 
     Raises as `orbits.state_transition`. A massless particle that is lost on the way has NaN from there on, with a
@@ -220,7 +220,9 @@ def megno_of(
     threads: int | None = None,
 ) -> Megno:
     """As `megno`, on an existing grid of steps and samples."""
-    scale = dynamical_time(system)
+    # Of massive bodies alone where particles march together, so that none depends on the others.
+    together = integrator.follows_kepler and not coupled
+    scale = dynamical_time(massive_of(system).system if together else system)
     scale = scale if np.isfinite(scale) else 1.0
 
     def growth(name: str, followed: Followed) -> tuple[TangentGrowth, IntegrationError | None]:
@@ -234,9 +236,9 @@ def megno_of(
     def of_particle(p: int) -> tuple[TangentGrowth, IntegrationError | None]:
         return growth(system.names[p], particle_of(system, p, coupled=coupled))
 
-    if integrator.follows_kepler and numbers and not coupled:
-        together = _together(system, integrator, grid, scale, seed, threads)
-        return Megno(system, massive, together, made_by(system, integrator, grid))
+    if together and numbers:
+        in_lanes = _together(system, integrator, grid, scale, seed, threads)
+        return Megno(system, massive, in_lanes, made_by(system, integrator, grid))
     particles = []
     for found in each_in_threads(of_particle, numbers, threads):
         assert not isinstance(found, IntegrationError)  # which comes with what was known before
@@ -280,7 +282,8 @@ def _growth(
     name: str, followed: Followed, integrator: Integrator, grid: TimeGrid, scale: float, seed: int
 ) -> tuple[TangentGrowth, IntegrationError | None]:
     """Return the growth of tangent vectors of what is followed at the samples, and what ended it before the last."""
-    tangents = tangents_of(followed, integrator, grid, _starts(seed, scale, len(followed.varied)), scale)
+    starts = _starts(seed, scale, len(followed.varied))
+    tangents = tangents_of(followed, integrator, starts, scale, clock=grid.clock)
     out, failure = np.full((3, len(grid)), np.nan), None
     try:
         for k, (now, time) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=False)):

@@ -59,12 +59,21 @@ def growths_of_particles(
             march.advance(grid.place(sample))
             if march.time != 0.0:
                 mean, log = march.growth()
-                out.megno[sample], out.spread[sample] = mean.mean(axis=1), mean.std(axis=1, ddof=1)
-                out.lyapunov[sample] = log.mean(axis=1) / abs(march.time)
+                out.megno[sample], out.lyapunov[sample] = _mean(mean), _mean(log) / abs(march.time)
+                away = (mean - out.megno[sample, :, None]) ** 2
+                out.spread[sample] = np.sqrt(_mean(away) * (len(vectors) / (len(vectors) - 1)))
     finally:
         march.close()
     _judge(system, integrator, grid, out, march.passages())
     return out
+
+
+def _mean(values: Array) -> Array:
+    """Return the means of rows, summed in the same order whatever their number."""
+    total = values[:, 0].copy()
+    for k in range(1, values.shape[1]):
+        total += values[:, k]
+    return np.asarray(total / values.shape[1])
 
 
 def _judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, passages: Passages) -> None:
