@@ -103,7 +103,7 @@ def test_crossers_come_out_of_their_encounters_as_by_steps_chosen_one_by_one():
     for method, h in ((FOLLOW, -DT), (FOLLOW, -DT / 4), (WARN, -DT)):
         x = marched(method, gm, q, v, h, round(-14600.0 / h))[0]
         off[method, h] = np.quantile(np.linalg.norm(x - exact, axis=1)[3:53] * KM, 0.75)
-    print(off)
+    
     assert off[FOLLOW, -DT] < 200.0
     assert off[FOLLOW, -DT / 4] < 1.0
     assert off[WARN, -DT] > 1e5
