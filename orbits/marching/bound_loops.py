@@ -18,6 +18,7 @@ from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
+from orbits.marching.hand_over import MORE_ROWS
 from orbits.marching.handing_over import Followed, HandOver
 from orbits.marching.own_clocks import COLUMNS, march_own_clocks
 from orbits.marching.own_memory import OwnClocks
@@ -86,7 +87,7 @@ class BoundLoops:
             "particle_q_lo": columns,
             "particle_v": columns,
             "particle_v_lo": columns,
-            "particle_memory": (m, form.particle_carry_rows, WIDTH),
+            "particle_memory": (m, form.particle_carry_rows + (MORE_ROWS if followed else 0), WIDTH),
         }
         own = bool(m) and clock.changes
         if own:
