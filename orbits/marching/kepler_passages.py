@@ -72,7 +72,9 @@ def is_unresolved(h: float, distance: Any, speed: Any, enough: int) -> Any:
     return abs(h) * speed > 2.0 * math.pi / enough * distance
 
 
-def lost_in(lists: list[BlockList], gm: Array, massive: int, dominant: int, h: float, begun: int, enough: int) -> Lost | None:
+def lost_in(
+    lists: list[BlockList], gm: Array, massive: int, dominant: int, h: float, begun: int, enough: int
+) -> Lost | None:
     """Return the massless particles that come first, of those in the lists of a block, to a passage that the method
     cannot follow, and before which step of the block; None if none does.
 
