@@ -73,6 +73,10 @@ class Integrator:
         """Order of convergence."""
         raise NotImplementedError
 
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return the order of convergence for a Lagrangian, if its terms change it."""
+        return self.order
+
     @property
     def retires_in_encounters(self) -> bool:
         """Whether massless particles are retired before encounters that the method cannot follow."""

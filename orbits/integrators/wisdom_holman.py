@@ -522,6 +522,10 @@ class WisdomHolman(Integrator):
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
         return 2 if self.kernel == "standard" or self.corrector < 5 else 4
 
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return 2 with terms, whose second order, h^2 times their square, is not in the kick."""
+        return self.order if NEWTONIAN in lagrangian.traits else 2
+
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
         """All but for the lazy kick; symmetric without a corrector."""
