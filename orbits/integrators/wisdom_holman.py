@@ -13,8 +13,8 @@ kick, by the potential V - h^2/24 sum_i m'_i |a_i|^2 with a the acceleration by 
 kick is the acceleration by V at q + h^2/12 a: the same to the second order in the masses, beyond which it is not
 symplectic. State and corrected state are in doubled precision.
 
-Terms of the dominant body, such as relativity and oblateness, are a part of B: those of positions alone in its kicks, all
-others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.terms_about`.
+Terms of the dominant body, such as relativity and oblateness, are a part of B: those of positions alone in its kicks,
+all others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.terms_about`.
 
 Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom
 (2006), AJ 131, 2294; Rein, Tamayo & Brown (2019), MNRAS 489, 4632.
@@ -467,9 +467,9 @@ class WisdomHolman(Integrator):
     For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
     (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
     hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
-    bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major axes
-    are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is
-    symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the planets'
+    bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major
+    axes are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets
+    is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the planets'
     masses; it is symmetric without a corrector, and up to that order with one. With terms, what is left is of the
     second order in them, too, times h^2; of oblateness the lazy kick removes that.
 
