@@ -90,8 +90,8 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     units, centre = system.units, system.names[_dominant(system)]
     angles = [(abs(h) * orbit.speed / orbit.pericentre, orbit) for orbit in orbits if _is_ahead(system, orbit, span)]
     angle, fastest = max(angles, default=(0.0, None), key=lambda pair: pair[0])
-    # The motion of a single planet is exact.
-    if fastest is not None and len(orbits) > 1 and angle > 2.0 * math.pi / LEAST_STEPS:
+    # The motion of a single planet is exact, but for terms.
+    if fastest is not None and (len(orbits) > 1 or system.terms) and angle > 2.0 * math.pi / LEAST_STEPS:
         enough = abs(h) * 2.0 * math.pi / LEAST_STEPS / angle
         body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
@@ -156,7 +156,7 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     planet, and at a pericentre that the step did not resolve.
     """
     gm, massive, found = run.system.values.gm, run.system.massive, []
-    perturbed = massive.sum() > 2  # the motion of a single planet is exact
+    perturbed = massive.sum() > 2 or bool(run.system.terms)  # the motion of a single planet alone is exact
     followed = run.integrator.follows_encounters
     for k, passage in enumerate(seen.passages):
         if passage.about is None or (followed and not (massive[passage.body] and massive[passage.other])):
