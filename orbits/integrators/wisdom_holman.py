@@ -546,6 +546,11 @@ class WisdomHolman(Integrator):
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
                     f"together; leave it away, or use coordinates='jacobi'"
                 )
+        if self.encounters == "follow":
+            raise InputError(
+                "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
+                "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
+            )
 
     @property
     def follows_encounters(self) -> bool:
@@ -577,6 +582,11 @@ class WisdomHolman(Integrator):
     def variational(self) -> bool:  # type: ignore[override]
         """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
         return self.corrector == 0 and not self._heliocentric
+
+    @property
+    def exact_for_two(self) -> bool:  # type: ignore[override]
+        """Whether the motion of a single planet is exact: in Jacobi coordinates."""
+        return not self._heliocentric
 
     @property
     def own_discrete_lagrangian(self) -> str:  # type: ignore[override]

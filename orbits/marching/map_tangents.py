@@ -40,10 +40,10 @@ def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None
     form = form_for(integrator, lagrangian)
     known = type(form) is KeplerSplitting
     if not known or NEWTONIAN not in lagrangian.traits:
-        what = f"with {lagrangian.name}" if known else "in these coordinates"
+        what = f" with {lagrangian.name}" if known else ""
         raise InputError(
-            f"the derivative of {integrator.label} {what} is not known; expected Newton's gravity alone, in Jacobi "
-            "coordinates. Use Gauss(stages=8), or Composition(StormerVerlet(), order=4) for many steps."
+            f"the derivative of {integrator.label}{what} is not known; expected WisdomHolman in Jacobi coordinates, by "
+            "Newton's gravity alone. Use Gauss(stages=8), or Composition(StormerVerlet(), order=4) for many steps."
         )
 
 

@@ -147,7 +147,7 @@ class Marcher(Blocks):
         self._stopped = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         if integrator.follows_kepler:
-            limits = kepler_passages.LISTED
+            limits = kepler_passages.listed(integrator.least_steps)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
