@@ -255,12 +255,12 @@ class SABA(Integrator):
     """Several kicks a step between Kepler orbits about a dominant body, of high order in the mass of the planets.
 
     first, second, third : the generalized order (first, second, third), the powers of the step in the errors of the
-        first, second and third order in the planets' masses: (10, 6, 4), (8, 6, 4) or (8, 4); or (2 n, 2), the scheme of
-        n kicks that Laskar and Robutel call SABA_n, n = 1 ... 10. Also as one value: SABA("10,6,4"), SABA((8, 2))
+        first, second and third order in the planets' masses: (10, 6, 4), (8, 6, 4) or (8, 4); or (2 n, 2), the scheme
+        of n kicks that Laskar and Robutel call SABA_n, n = 1 ... 10. Also as one value: SABA("10,6,4"), SABA((8, 2))
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
-    For the systems that `WisdomHolman` is for, in the same Jacobi coordinates; see there for encounters, events, and the
+    For the systems that `WisdomHolman` is for, in the same Jacobi coordinates; see there for encounters and for the
     places of massless particles. It has no corrector, so that the states between samples, which closest approaches and
     conditions see, are as accurate as the samples, and events cost no more than they do with other methods. It is
     symplectic and symmetric, and conserves the momenta, to round-off.

@@ -69,6 +69,8 @@ from orbits.kernels.jacobi_particles import (
 )
 from orbits.kernels.lanes import WIDTH, full
 from orbits.kernels.steps import OK, Particles
+from orbits.kernels.systems.planets import MOST_PLANETS, march_planets
+from orbits.kernels.systems.planets import ROWS as SYSTEMS_ROWS
 from orbits.kernels.terms_about import flow, flow_among, kick_more, strength_of, to_momenta, to_velocities
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
@@ -402,6 +404,12 @@ class KeplerSplitting(Form):
         """The rows of `orbits.kernels.jacobi`."""
         return ROWS * registers(size) + WIDTH, WIDTH
 
+    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
+        """The march of up to eight planets of each."""
+        own = self.own_kernels()
+        plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
+        return (march_planets, SYSTEMS_ROWS) if plain else None
+
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
 
@@ -442,7 +450,7 @@ class WisdomHolman(Integrator):
 
     coordinates : "jacobi", in which the interaction is small; or "democratic-heliocentric", in which the order of the
         planets plays no part, but the error is larger, by far for planets close to the dominant body, and has no
-        corrector: for comparison with programs that use these
+        corrector: the map of WHFast in these coordinates, for comparison
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
         the same approximately, by the interaction at displaced positions; or "standard", by the interaction. By default
         the modified kick, and "standard", the only one, in democratic heliocentric coordinates

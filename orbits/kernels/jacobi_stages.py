@@ -112,7 +112,7 @@ def _at_the_end(planets, room, copy, drift):
 
 @kernel
 def show_at_the_end(strength, planets, room, copy, drift, q, p):
-    """Write the state of the bodies, rounded, after Kepler motions of `drift`; copy : workspace, as large as `planets`"""
+    """Write the state of the bodies, rounded, after Kepler motions of `drift`; copy : workspace, like `planets`."""
     _at_the_end(planets, room, copy, drift)
     show_planets(strength, copy, room, q, p)
 

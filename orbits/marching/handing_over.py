@@ -14,7 +14,7 @@ from orbits.lagrangians.base import Lagrangian
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
-from orbits.marching.hand_over import GROUP, march_handing_over
+from orbits.marching.hand_over import GROUP, MORE_ROWS, march_handing_over
 from orbits.marching.kepler_passages import LEAST_STEPS, near_planets
 from orbits.marching.own_clocks import COLUMNS
 from orbits.marching.own_memory import OwnClocks
@@ -102,7 +102,7 @@ class _Task:
         size, rows = 3 * n, own.stages_shape(3 * n)
         tables, carry, memory = form.stages_shape(size), form.carry_rows(size), form.particle_carry_rows
         kept, mine, table, columns, room, bodies, planets, scratch, stages, kicks, ways = aligned(
-            (GROUP, memory, WIDTH),
+            (GROUP, memory + MORE_ROWS, WIDTH),
             (1, memory, WIDTH),
             tables,
             (4, 3, 2 * WIDTH),

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, wait
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
@@ -18,18 +17,15 @@ from typing import Any, TypeVar
 from orbits.archive.creation import check_target
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, level_of_caller, shown
 from orbits.marching.marcher import available_threads
-from orbits.marching.pool import Pool
 from orbits.propagation.loop import Marching, Run, marching, to_its_end
 from orbits.propagation.progress import Progress
+from orbits.propagation.side_by_side import march_in_threads
 from orbits.propagation.signals import StopRequest
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 T = TypeVar("T")
-
-PAUSE = 0.1
-"""Seconds between two looks at what the threads have reached."""
 
 SHOWN = 5
 """The most different texts of warnings, or errors, that are shown of the systems of a list."""
@@ -278,7 +274,7 @@ def march_each(
             }
             try:
                 if not in_turn:
-                    _march_in_threads(begun, failures, stop, bars, threads)
+                    failures |= march_in_threads(left, begun, stop, bars.show, threads)
                 for k, steps in begun.items():
                     if k not in failures:
                         _finish(k, steps, done, failures, found)
@@ -299,39 +295,6 @@ def march_each(
     if failures:
         raise _error(failures, done, [run.grid for run in left.values()])
     return [run for run in done if run is not None]
-
-
-def _march_in_threads(
-    begun: dict[int, Marching],
-    failures: dict[int, BaseException],
-    stop: StopRequest,
-    bars: _Bars,
-    threads: int | None,
-) -> None:
-    """March the runs up to the point at which warnings are given; note the errors."""
-    count = min(available_threads() if threads is None else threads, len(begun))
-
-    def task(k: int) -> None:
-        try:
-            while next(begun[k]) is not None:
-                pass
-        except BaseException as error:
-            failures[k] = error
-
-    pool = Pool(count)
-    running: set[Future[None]] = set()
-    try:
-        for k in begun:
-            running.add(pool.submit(task, k))
-        while running:
-            _, running = wait(running, PAUSE)
-            bars.show()
-    except BaseException:
-        stop.name = stop.name or "an interrupt"
-        wait(running)
-        raise
-    finally:
-        pool.shutdown()
 
 
 def _finish(

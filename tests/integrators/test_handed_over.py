@@ -38,7 +38,7 @@ def with_particles(elements):
 
 
 CROSSERS = [(a, 0.3, M) for a, M in zip(np.linspace(4.5, 6.0, 50), np.linspace(0.0, 6.0, 50), strict=True)]
-QUIET = [(3.3, 0.1, 1.0), (3.1, 0.05, 2.0), (15.0, 0.1, 3.0)]
+QUIET = [(2.9, 0.02, 1.0), (3.1, 0.05, 2.0), (15.0, 0.1, 3.0)]
 PLUNGER = (2.5, 0.96, 2.0)
 
 
@@ -63,21 +63,22 @@ def exactly(gm, q, v, time):
 
 
 @pytest.mark.parametrize("h", [DT, -DT])
-def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_of_the_bodies(h):
+def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_of_particles(h):
     """Nor on what is sampled, nor on a checkpoint on the way, in which some particles are away."""
     gm, q, v = with_particles([*CROSSERS[::2], *QUIET, PLUNGER])
-    run, steps = marcher(FOLLOW, gm, q, v, h, threads=3), 150
+    run, steps = marcher(FOLLOW, gm, q, v, h, threads=3), 250
     run.advance(steps)
     x, w = run.state()
     assert np.array_equal(marched(WARN, gm[:3], q[:3], v[:3], h, steps)[0], x[:3])
     plain = marched(WARN, gm, q, v, h, steps)
     quiet = slice(28, 31)
     assert np.array_equal(plain[0][quiet], x[quiet])
-    assert not (plain[0][3:28] == x[3:28]).all(axis=1).any()  # all crossers have met Jupiter by then
-    order = np.random.default_rng(1).permutation(len(gm))
+    met = ~(plain[0][3:28] == x[3:28]).all(axis=1)
+    assert met.sum() > 8
+    order = np.append(np.arange(3), 3 + np.random.default_rng(1).permutation(len(gm) - 3))
     other = marcher(FOLLOW, gm[order], q[order], v[order], h)
     other.block, away = 7, set()
-    for count in (20, 37, 93):
+    for count in (20, 37, 93, 100):
         other.advance(count)
         other.state_after(0.3 * h)
         away |= set(np.flatnonzero(other._state["particle_memory"][:, 0, NUMBER] == ELSEWHERE))
@@ -92,15 +93,17 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
         assert np.array_equal(marched(FOLLOW, gm[alone], q[alone], v[alone], h, steps)[0][-1], x[k])
 
 
-@pytest.mark.parametrize("h", [DT, -DT])
-def test_crossers_come_out_of_their_encounters_as_by_steps_chosen_one_by_one(h):
-    """After 40 years. The map itself leaves some km of those that are quiet; encounters magnify that."""
-    gm, q, v = with_particles([*CROSSERS[::2], *QUIET])
-    steps = 146
-    exact = exactly(gm, q, v, steps * h)
-    off, plain = (
-        np.linalg.norm(marched(method, gm, q, v, h, steps)[0] - exact, axis=1) * KM for method in (FOLLOW, WARN)
-    )
-    print(np.sort(off), np.sort(plain))
-    assert 1
-    assert 1
+def test_crossers_come_out_of_their_encounters_as_by_steps_chosen_one_by_one():
+    """40 years back, three quarters of them are off by less than 136 km in steps of 100 days and 0.7 km in those of 25,
+    which is what the map leaves, magnified by encounters. Warned of only, a quarter is off by more than 1e5 km.
+    """
+    gm, q, v = with_particles([*CROSSERS, *QUIET])
+    exact = exactly(gm, q, v, -14600.0)
+    off = {}
+    for method, h in ((FOLLOW, -DT), (FOLLOW, -DT / 4), (WARN, -DT)):
+        x = marched(method, gm, q, v, h, round(-14600.0 / h))[0]
+        off[method, h] = np.quantile(np.linalg.norm(x - exact, axis=1)[3:53] * KM, 0.75)
+    
+    assert off[FOLLOW, -DT] < 200.0
+    assert off[FOLLOW, -DT / 4] < 1.0
+    assert off[WARN, -DT] > 1e5

@@ -145,7 +145,7 @@ def test_the_orbit_has_the_same_bits_with_variations_as_without(method, clock):
     system = planets()
     run = orbits.propagate(system, method, dt=clock, duration=5.0, samples=[5.0], check_step=False)
     march = bound(system, method, run.clock, dense=True)
-    tangents = tangents_of(massive_of(system), method, TimeGrid(run.clock, np.array([5.0])), np.ones((3, 2, 3, 3)))
+    tangents = tangents_of(massive_of(system), method, np.ones((3, 2, 3, 3)))
     place = run.clock.place(5.0)
     for motion, _ in stretches(march, place):
         tangents.follow(motion)
@@ -192,7 +192,7 @@ def test_a_map_with_variations_marches_to_the_bits_of_the_run():
     times = [5.0, 5.03]
     run = orbits.propagate(system, "wisdom-holman", dt=0.0625, duration=6.0, samples=times, check_step=False)
     grid = TimeGrid(run.clock, np.array(times))
-    tangents = tangents_of(massive_of(system), orbits.WisdomHolman(), grid, np.ones((3, 2, 3, 3)))
+    tangents = tangents_of(massive_of(system), orbits.WisdomHolman(), np.ones((3, 2, 3, 3)), clock=run.clock)
     for k in range(2):
         place = grid.place(k)
         tangents.advance(place)

@@ -242,7 +242,7 @@ def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array
     """
     numbers, count = followed.numbers, len(followed.varied)
     vectors = np.eye(6 * count).reshape(6 * count, count, 2, 3).swapaxes(1, 2)
-    tangents = tangents_of(followed, integrator, grid, vectors)
+    tangents = tangents_of(followed, integrator, vectors, clock=grid.clock)
     momenta = [tangents.to_momenta()]
     for k, (now, _) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=True)):
         # (columns, 2, bodies, 3) to (bodies, 6, columns)
