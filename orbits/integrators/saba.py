@@ -134,7 +134,7 @@ def begin_particles(method, model, particles, storage):
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of eight particles. They are returned as observers see them."""
     rows, stages = storage.scratch, method.coefficients[STAGES:]
-    marched = particles_in_stages(carry, storage.stages, model.parameters.shape[0] - 2, stages, rows)
+    marched = particles_in_stages(model, carry, storage.stages, stages, rows)
     ended = particles_at_the_end(marched, -method.coefficients[ENTRY, 0])
     x, y, z, vx, vy, vz = seen_particles(storage.stages, 0, ended, rows)
     zero = full(0.0)
@@ -154,7 +154,7 @@ def enter_particles(method, model, state, particles, rows, storage):
     room, _ = _rooms(planets, storage.scratch)
     enter_planets(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
     entry = method.coefficients[:STAGES]
-    enter_among(entry, strength, planets, room, storage.stages, particles, rows, storage.share)
+    enter_among(model, entry, planets, room, storage.stages, particles, rows, storage.share)
 
 
 @kernel
@@ -164,7 +164,7 @@ def leave_particles(method, model, state, particles, rows, storage):
     room, _ = _rooms(planets, storage.scratch)
     prepare_room(strength, planets, room)
     entry = method.coefficients[:STAGES]
-    leave_among(entry, strength, planets, room, storage.stages, particles, rows, storage.share)
+    leave_among(model, entry, planets, room, storage.stages, particles, rows, storage.share)
 
 
 @kernel

@@ -540,6 +540,11 @@ class WisdomHolman(Integrator):
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
                     f"together; leave it away, or use coordinates='jacobi'"
                 )
+        if self.encounters == "follow":
+            raise InputError(
+                "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
+                "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
+            )
 
     @property
     def follows_encounters(self) -> bool:
