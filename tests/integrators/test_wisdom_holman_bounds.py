@@ -1,11 +1,11 @@
 """Wisdom–Holman maps within the bounds that REBOUND's tests assert of WHFast, on its own problems.
 
 REBOUND compares the energy at the end with that at the start; here it is the largest of 200 samples unless said. Where
-REBOUND itself exceeds its bound, what it reaches is the bound. A step of WHFast is half a Kepler motion, a kick, and half a
-Kepler motion; ours begins and ends with half a kick. Without a corrector the energy error of the first order in the
-masses is h^2/24 times a commutator in the former, and -h^2/12 times the same in the latter (Hairer, Lubich & Wanner
-2006, III.4): twice as large, and so are the bounds of the plain map where they were set close to WHFast's error.
-Correctors remove it.
+REBOUND itself exceeds its bound, what it reaches is the bound. A step of WHFast is half a Kepler motion, a kick, and
+half a Kepler motion; ours in Jacobi coordinates begins and ends with half a kick. Without a corrector the energy error
+of the first order in the masses is h^2/24 times a commutator in the former, and -h^2/12 times the same in the latter
+(Hairer, Lubich & Wanner 2006, III.4): twice as large, and so are the bounds of the plain map where they were set close
+to WHFast's error. Correctors remove it.
 """
 
 import json
@@ -95,7 +95,7 @@ PROBLEMS = {
     "2 planets": (lambda: planets({"a": 1.0, "e": 0.1}, {"a": 3.0, "e": 0.1})[:3], 0.005123 * 2 * math.pi, 195198),
     "hyperbolic": (lambda: planets({"a": -1.0, "e": 2.5})[:3], 0.00512 * 2 * math.pi / math.sqrt(1.001), 19531),
 }
-BOUNDS = {
+PLAIN_BOUNDS = {
     ("OSS", "jacobi"): BOUND["whfast jacobi OSS dt=0.005*12yr T=1000yr"],
     ("OSS", "democratic-heliocentric"): BOUND["whfast dh OSS same"],
     ("2 planets", "jacobi"): BOUND["whfast jacobi 2 planets a=1,3 dt=.005123 T=1e3"],
@@ -104,8 +104,9 @@ BOUNDS = {
 }
 
 
-@pytest.mark.parametrize(("problem", "coordinates"), BOUNDS)
-def test_the_plain_maps_have_twice_the_energy_error_of_whfast(problem, coordinates):
+@pytest.mark.parametrize(("problem", "coordinates"), PLAIN_BOUNDS)
+def test_the_plain_map_has_twice_the_energy_error_of_whfast_and_the_heliocentric_one_the_same(problem, coordinates):
+    times_as_large = 2.0 if coordinates == "jacobi" else 1.0
     make, h, steps = PROBLEMS[problem]
     gm, q, v = make()
     times = np.array([(k + 1) * steps // 200 for k in range(200)]) * h
@@ -114,24 +115,24 @@ def test_the_plain_maps_have_twice_the_energy_error_of_whfast(problem, coordinat
     error = np.array([energy(gm, *state) for state in zip(theirs.q, theirs.v, strict=True)]) / energy(gm, q, v) - 1.0
     method = orbits.WisdomHolman(kernel="standard", corrector=0, coordinates=coordinates)
     worst, run = worst_energy_error(method, gm, q, v, h, steps)
-    assert abs(worst / np.abs(error).max() - 2.0) < 0.01  # 1.985 in heliocentric coordinates, 2.0003 in others
-    if problem != "2 planets":  # at its end, which is an accident of the phase, WHFast is at half of its largest error
-        assert abs(energy(gm, *run.state()) / energy(gm, q, v) - 1.0) < 2.0 * BOUNDS[problem, coordinates]
+    assert abs(worst / np.abs(error).max() - times_as_large) < 1e-3  # 2.0003 was reached
+    end = abs(energy(gm, *run.state()) / energy(gm, q, v) - 1.0)
+    assert end < times_as_large * PLAIN_BOUNDS[problem, coordinates]
 
 
 @pytest.mark.parametrize("problem", ["OSS", "2 planets"])
 def test_the_map_in_whfasts_order_has_its_energy_error_and_a_corrector_removes_it(problem):
     """SABA(2, 2), half a Kepler motion, a kick, half a Kepler motion, is WHFast."""
     make, h, steps = PROBLEMS[problem]
-    x, bound = make(), BOUNDS[problem, "jacobi"]
+    x, bound = make(), PLAIN_BOUNDS[problem, "jacobi"]
     theirs = peers.run("whfast", PointMasses(*x), times=np.array([steps * h]), dt=h)
-    worst, run = worst_energy_error(orbits.SABA(2, 2), *x, h, steps)
+    _, run = worst_energy_error(orbits.SABA(2, 2), *x, h, steps)
     end = energy(x[0], *run.state()) / energy(*x) - 1.0
     assert abs(end) < bound
     assert abs(end / (energy(x[0], theirs.q[0], theirs.v[0]) / energy(*x) - 1.0) - 1.0) < 1e-5  # 1e-6
     assert worst_energy_error(orbits.WisdomHolman(kernel="standard"), *x, h, steps)[0] < 5e-11  # 2.4e-11 and 2.3e-12
     for method in (DEFAULT, LAZY, orbits.WisdomHolman(corrector2=True)):
-        assert worst_energy_error(method, *x, h, steps)[0] < 4e-15  # 2.6e-15
+        assert worst_energy_error(method, *x, h, steps)[0] < 1e-14  # 6e-15, in 195,198 steps; 2.6e-15 in 16,667
 
 
 SETTINGS = {
@@ -230,7 +231,9 @@ def test_a_body_at_ten_thousand_times_the_speed_of_escape_is_deflected_by_what_i
     gm, q, v, _ = planets({"x": 1.0, "vy": 1e5}, m=m)
     h = 1.234567
     truth = reference.exact(PointMasses(gm, q, v), np.array([h])).q[0, 1]
-    for method, problem in ((PLAIN, "jacobi"), (HELIOCENTRIC, "democraticheliocentric")):
+    # In heliocentric coordinates it is exact for a light body only.
+    heliocentric = [(HELIOCENTRIC, "democraticheliocentric")] if m < 1e-20 else []
+    for method, problem in ((PLAIN, "jacobi"), *heliocentric):
         got = march(method, gm, q, v, h, 1)[0][1]
         assert np.abs(got[:2] / truth[:2] - 1.0).max() < BOUND[f"veryhyperbolic {problem}"]
         assert 9e-11 < 1.0 - got[1] / (h * 1e5) < 1.1e-10
