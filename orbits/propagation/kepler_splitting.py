@@ -20,6 +20,7 @@ import numpy as np
 from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
+from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
@@ -79,6 +80,17 @@ def require_outside(system: System) -> None:
             f"step moves bodies about a point mass. Leave them out with system.remove({first!r}), or take all bodies "
             "for points with system.replaced(radii=None)."
         )
+
+
+def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
+    """Raise InputError for terms of other bodies than the dominant one, where the method takes any."""
+    sun = system.names[_dominant(system)]
+    for term in system.terms:
+        if ABOUT_ONE_BODY in integrator.requires and term.body not in (None, sun):
+            raise InputError(
+                f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
+                f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
+            )
 
 
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
