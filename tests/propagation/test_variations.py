@@ -25,9 +25,14 @@ YEAR = 2 * math.pi
 MAPS = [
     orbits.WisdomHolman(kernel="lazy"),
     orbits.WisdomHolman(corrector=5),
+    orbits.WisdomHolman(corrector2=True),
     orbits.WisdomHolman(kernel="standard", corrector=11),
 ]
-METHODS = [m for kind in registry().values() for m in kind.examples()] + MAPS
+METHODS = [m for kind in registry().values() for m in kind.examples() if not m.follows_kepler] + [
+    orbits.WisdomHolman(),
+    orbits.WisdomHolman(kernel="standard", corrector=0),
+    *MAPS,
+]
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences of eighth order
 
 GM = [1.0, 1e-3, 3e-4]
@@ -307,8 +312,11 @@ def test_a_run_gives_the_matrices_at_its_samples():
 
 def test_what_has_no_known_derivative_is_refused_with_the_reason():
     system = planets()
-    with pytest.raises(InputError):
+    with pytest.raises(InputError, match="Newton's gravity alone"):
         matrix(system.with_terms(J2), orbits.WisdomHolman(), dt=0.1, duration=1.0)
+    for method in (orbits.WisdomHolman(coordinates="democratic-heliocentric"), orbits.SABA()):
+        with pytest.raises(InputError, match="in Jacobi coordinates"):
+            matrix(system, method, dt=0.1, duration=1.0)
     with pytest.raises(InputError, match="Drag"):
         matrix(system.with_forces(orbits.Drag(rate=0.1)), dt=0.1, duration=1.0)
     with pytest.raises(InputError, match="steps of time"):

@@ -184,8 +184,8 @@ def megno(
     `passage` of the orbit; WisdomHolman(encounters="retire") gives NaN from there on.
 
     The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start, in the
-    coordinates that are marched; MEGNO does not depend on this choice in the end. Vectors are scaled when they become large. Nothing is stored: an interrupted
-    computation is lost.
+    coordinates that are marched; MEGNO does not depend on this choice in the end. Vectors are scaled when they become
+    large. Nothing is stored: an interrupted computation is lost.
 
     Raises as `orbits.state_transition`. A massless particle that is lost on the way has NaN from there on, with a
     `RetiredWarning`.
