@@ -97,8 +97,8 @@ def follow_particles(
 ):  # fmt: skip
     """March particles start ... stop - 1 by `steps` steps through the tables of the planets, and their vectors.
 
-    tag, strength : of Newton's gravity; memory, stages, rows : see `orbits.kernels.jacobi_particles`; retired : (padded, 2) int64, those with another number
-        than 0 rest
+    tag, strength : of Newton's gravity; memory, stages, rows : see `orbits.kernels.jacobi_particles`
+    retired : (padded, 2) int64, those with another number than 0 rest
     begun : the number of steps before; kick : see `orbits.kernels.jacobi_tangent`
     vectors : (groups, count, 6, 8), dr' and its velocity; growth : (groups, count, 5, 8), see `orbits.kernels.tangent`
     """

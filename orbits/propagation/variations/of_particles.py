@@ -65,8 +65,9 @@ def growths_of_particles(
             if march.time != 0.0:
                 mean, log = march.growth()
                 out.megno[sample], out.lyapunov[sample] = _mean(mean), _mean(log) / abs(march.time)
-                away = (mean - out.megno[sample, :, None]) ** 2
-                out.spread[sample] = np.sqrt(_mean(away) * (len(vectors) / (len(vectors) - 1)))
+                if len(vectors) > 1:
+                    away = (mean - out.megno[sample, :, None]) ** 2
+                    out.spread[sample] = np.sqrt(_mean(away) * (len(vectors) / (len(vectors) - 1)))
     finally:
         march.close()
     _judge(system, integrator, grid, out, march.passages())
