@@ -74,7 +74,7 @@ kick, and 1 for the latter. The other rows are the corrector: a Kepler motion an
 
 KERNELS = "modified-kick", "lazy", "standard"
 
-ENCOUNTERS = "follow", "warn", "retire"
+ENCOUNTERS = "warn", "follow", "retire"
 
 DOMINANT = 0.9
 """Fraction of the total mass that the dominant body must have."""
@@ -365,7 +365,8 @@ class WisdomHolman(Integrator):
         the same approximately, by the interaction at displaced positions; or "standard", by the interaction
     corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
-        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
+        step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
+        step of that passage, with time and place
 
     For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
     planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
@@ -379,6 +380,13 @@ class WisdomHolman(Integrator):
 
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
+
+    With `encounters="follow"` a particle leaves the map at the beginning of the step in which it comes within four Hill
+    radii of a planet, or so close that kicks do not add up to the planet's attraction, or in which h v / r about the
+    dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
+    of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
+    enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
+    others do not change.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
@@ -409,7 +417,8 @@ class WisdomHolman(Integrator):
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
         if self.encounters not in ENCOUNTERS:
-            known = " or ".join(map(repr, ENCOUNTERS))
+            *others, last = map(repr, ENCOUNTERS)
+            known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
