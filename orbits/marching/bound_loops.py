@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future, wait
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
+from orbits.lagrangians.newtonian import newtonian
 from orbits.marching import changing, driver
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
@@ -23,6 +24,7 @@ from orbits.marching.own_clocks import COLUMNS, march_own_clocks
 from orbits.marching.own_memory import OwnClocks
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.pool import Pool
+from orbits.marching.ready import Ready
 from orbits.marching.watcher import Watcher
 
 STAGES_BYTES = 512 * 1024
@@ -50,6 +52,7 @@ class BoundLoops:
 
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
+    ready : the next block, if it was computed along with those of other systems
     """
 
     def __init__(
@@ -113,12 +116,35 @@ class BoundLoops:
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
+        self.ready: Ready | None = None
 
     @property
     def kind(self) -> tuple[Any, ...]:
         """What is compiled for it: the same for those that need the same."""
         alone = bool(self.tasks), self.parallel is None, self._hand_over is not None
         return self._form.tag.name, self._tag.name, *alone
+
+    @property
+    def form(self) -> Form:
+        """The form of the method."""
+        return self._form
+
+    @property
+    def bodies(self) -> int:
+        """The number of massive bodies."""
+        return self._n
+
+    @property
+    def coefficients(self) -> Any:
+        """The coefficients of whole steps."""
+        return self._usual
+
+    def kind_in_lanes(self) -> Hashable | None:
+        """What marches have in common whose blocks can be computed together, in lanes; None for one alone."""
+        plain = self._tag is newtonian.tag and isinstance(self._clock, ConstantSteps)
+        if not plain or self.tasks or self.kicks.size or self.parallel is not None:
+            return None
+        return None if self._form.lanes_of_systems(3 * self._n) is None else (self._form, self._clock, self._n)
 
     def begin(self, q: Array, v: Array, massive: NDArray[np.intp], particles: NDArray[np.intp]) -> None:
         """Write the initial state; q, v : (n + m, 3), with the numbers of the massive bodies and of the particles."""
@@ -151,6 +177,9 @@ class BoundLoops:
 
         Returns (status, steps done, body, evaluations); see `orbits.marching.driver`.
         """
+        ready, self.ready = self.ready, None
+        if ready is not None and state is self.state and path.size and count == ready.count:
+            return ready.take(state)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
         if self._own_clocks or self._hand_over:

@@ -49,7 +49,7 @@ def form_of_bodies(
         return _transformed(integrator, lagrangian, with_particles=with_particles, forces=forces)
     if clock.changes:
         form = _changing(integrator, lagrangian, forces=forces)
-    elif SEPARABLE in lagrangian.traits and not forces:
+    elif (SEPARABLE in lagrangian.traits or integrator.follows_kepler) and not forces:
         form = form_for(integrator, lagrangian)
     else:
         form = _form_with(integrator, lagrangian, forces)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -118,7 +118,7 @@ class Marcher(Blocks):
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
         if self._form.transforms:
-            self._form.check_start(self.parameters, q[self._massive], v[self._massive])
+            self._form.check_start(self.model, q[self._massive], v[self._massive])
             self._loops.enter(self._loops.state, self.clock)
         self.block = self._loops.steps
         self._state = self._loops.state
@@ -192,7 +192,11 @@ class Marcher(Blocks):
         if self.clock.changes:
             self._state["clock"][changing.LIMIT] = place.rest
         self._stopped = self._arrived = False
-        self._one_block(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+        self._one_block(self.next_block(place))
+
+    def next_block(self, place: Place) -> int:
+        """Return the most steps of the next block on the way to a place."""
+        return self.block if self.clock.changes else min(self.block, place.steps - self.step)
 
     def go_back(self, steps: int) -> None:
         """Return to the state after the first `steps` steps of the last block."""
@@ -483,6 +487,19 @@ class Marcher(Blocks):
         the number of those left out: `UNKNOWN` for a march that was restored from a checkpoint without a list.
         """
         return self._passages.passages, self._passages.left_out
+
+    @property
+    def loops(self) -> BoundLoops:
+        """The compiled loops."""
+        return self._loops
+
+    def kind_in_lanes(self) -> Hashable | None:
+        """Return what marches have in common whose blocks can be computed together; None for one that goes alone."""
+        return None if self._dense or self._keep is not None else self._loops.kind_in_lanes()
+
+    def observe_path(self, path: Array) -> None:
+        """Record the steps of blocks in this array, which has room for the longest."""
+        self._watcher.use_path(path)
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""

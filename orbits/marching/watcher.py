@@ -197,6 +197,11 @@ class Watcher:
             self.contexts.enter(path=self._path)
         return self._path
 
+    def use_path(self, path: Array) -> None:
+        """Record blocks of steps in this array."""
+        self._path = path
+        self.contexts.enter(path=path)
+
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
         return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
