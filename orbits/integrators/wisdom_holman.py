@@ -89,7 +89,7 @@ NO_TABLE = -1
 
 COORDINATES = "jacobi", "democratic-heliocentric"
 
-ENCOUNTERS = "follow", "warn", "retire"
+ENCOUNTERS = "warn", "follow", "retire"
 
 
 @kernel
@@ -462,7 +462,8 @@ class WisdomHolman(Integrator):
     corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
         oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
-        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
+        step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
+        step of that passage, with time and place
 
     For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
     (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
@@ -479,6 +480,13 @@ class WisdomHolman(Integrator):
 
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
+
+    With `encounters="follow"` a particle leaves the map at the beginning of the step in which it comes within four Hill
+    radii of a planet, or so close that kicks do not add up to the planet's attraction, or in which h v / r about the
+    dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
+    of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
+    enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
+    others do not change.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
@@ -519,7 +527,8 @@ class WisdomHolman(Integrator):
         if self._heliocentric:
             self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
-            known = " or ".join(map(repr, ENCOUNTERS))
+            *others, last = map(repr, ENCOUNTERS)
+            known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:

@@ -159,7 +159,7 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {least} "
         "steps in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
         + "\n".join(lines)
-        + f"{hidden}\n{remedy} run them without dt and method: each then takes steps of its own.",
+        + f"{hidden}\n{remedy} encounters=\"follow\" lets each take steps of its own there.",
         StepWarning,
         stacklevel=level_of_caller(),
     )
@@ -235,8 +235,8 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
     remedy = "Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
     if not of_planets:
         remedy = (
-            "All others are right. Run these without dt and method, by steps of their own; or retire them there, with "
-            'encounters="retire".'
+            "All others are right. Let these take steps of their own there, with "
+            'encounters="follow"; or retire them, with encounters="retire".'
         )
     hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
     warnings.warn(
