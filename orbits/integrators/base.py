@@ -79,6 +79,10 @@ class Integrator:
         """Order of convergence."""
         raise NotImplementedError
 
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return the order of convergence for a Lagrangian, if its terms change it."""
+        return self.order
+
     @property
     def follows_encounters(self) -> bool:
         """Whether massless particles take steps of their own in encounters that the method cannot follow."""
