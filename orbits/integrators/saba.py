@@ -266,10 +266,10 @@ class SABA(Integrator):
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
-    For systems under Newton's gravity alone of the kind that `WisdomHolman` is for, in the same Jacobi coordinates; see there for encounters and for the
-    places of massless particles. It has no corrector, so that the states between samples, which closest approaches and
-    conditions see, are as accurate as the samples, and events cost no more than they do with other methods. It is
-    symplectic and symmetric, and conserves the momenta, to round-off.
+    For systems of the kind that `WisdomHolman` is for, under Newton's gravity alone, in the same Jacobi coordinates; see
+    there for encounters and for the places of massless particles. It has no corrector, so that the states between
+    samples, which closest approaches and conditions see, are as accurate as the samples, and events cost no more than
+    they do with other methods. It is symplectic and symmetric, and conserves the momenta, to round-off.
 
     Take at least 8 steps of (10, 6, 4), which have 8 kicks each, in a full turn at the speed of the fastest pericentre:
     7 days for Mercury; 10 of (8, 6, 4), with 7 kicks, and 16 of the others. Runs warn of fewer.
