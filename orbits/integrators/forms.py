@@ -38,8 +38,9 @@ def _tag_of(kernels: Mapping[str, Any]) -> Tag:
 class Form:
     """A form of a method: the second-order form, in positions and velocities, or the canonical form.
 
-    kernels : "step", and optionally "begin", "step_particles", "begin_particles"; and integer constants: "width", 8 if
-        massless particles are in lanes (the default), 1 if the stages of one particle are
+    kernels : "step", and optionally "begin", "step_particles", "begin_particles", or those of two times eight
+        particles, "step_pair" and "begin_pair"; and integer constants: "width", 8 if massless particles are in lanes
+        (the default), 1 if the stages of one particle are
     """
 
     kernels: ClassVar[Mapping[str, Any]]
@@ -60,7 +61,7 @@ class Form:
     @property
     def serves_particles(self) -> bool:
         """Whether massless particles can be stepped through the stages of the massive bodies."""
-        return "step_particles" in self.for_particles().own_kernels()
+        return not {"step_particles", "step_pair"}.isdisjoint(self.for_particles().own_kernels())
 
     def for_particles(self) -> Form:
         """Return the form that marches massless particles too: by default this one."""
@@ -69,7 +70,7 @@ class Form:
     @property
     def keeps_particles(self) -> bool:
         """Whether the carry of particles in lanes is kept in their rows of the archived carry."""
-        return "keep_particles" in self.own_kernels()
+        return "keep_pair" in self.own_kernels()
 
     @property
     def transforms(self) -> bool:
@@ -115,6 +116,11 @@ class Form:
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """Return the shape of the scratch of the kernels, for `size` coordinates and for particles."""
         return 1, padded(size)
+
+    def stages_read(self, size: int) -> int:
+        """Return how many numbers of its stages a step writes or reads: by default all."""
+        rows, columns = self.stages_shape(size)
+        return rows * columns
 
     def forget(self, carry: Array) -> None:
         """Delete the part of the carry that depends on the length of the steps, for a step of another length."""

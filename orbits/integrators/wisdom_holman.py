@@ -52,7 +52,9 @@ from orbits.kernels.jacobi_particles import (
     PLAIN,
     drifted_particles,
     enter_among,
+    half_of_marched,
     interaction,
+    joined_marched,
     kicked_particles,
     leave_among,
     seen_particles,
@@ -63,7 +65,7 @@ from orbits.kernels.jacobi_particles import (
     take_particles,
     with_interaction,
 )
-from orbits.kernels.lanes import WIDTH, full
+from orbits.kernels.lanes import WIDTH, full, halves
 from orbits.kernels.steps import OK, Particles
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
@@ -192,36 +194,54 @@ def step_among_particles(method, model, t, h, state, storage):
 
 
 @kernel(inline=True)
-def begin_particles(method, model, particles, storage):
-    """Return eight particles as they are marched, from their rows of the carry, with g."""
-    coefficients, rows = method.coefficients, storage.scratch
+def begin_pair(method, model, one, two, storages):
+    """Return two times eight particles as they are marched, from their rows of the carry, with g."""
+    coefficients, storage = method.coefficients, storages[0]
+    marched = joined_marched(_taken(one, storages[0]), _taken(two, storages[1]))
+    count, shift, lazy = model.parameters.shape[0] - 2, coefficients[0, SHIFT], coefficients[0, LAZY]
+    return with_interaction(storage.stages, 0, count, shift, lazy, marched, storage.scratch)
+
+
+@kernel(inline=True)
+def _taken(particles, storage):
+    """Return eight particles from their rows of the carry, without g."""
     # Those that are retired are at one place, as the padding is.
     there = 1.0 - (particles.x == AWAY) * (particles.y == AWAY) * (particles.z == AWAY)
-    marched = take_particles(storage.carry, storage.share.start, there, rows)
-    return with_interaction(
-        storage.stages, 0, model.parameters.shape[0] - 2, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows
+    return take_particles(storage.carry, storage.share.start, there, storage.scratch)
+
+
+@kernel(inline=True)
+def step_pair(method, model, t, h, one, two, carry, storages):
+    """Take one step of two times eight particles: half a kick, Kepler motions, half a kick. They are returned as
+    observers see them.
+    """
+    coefficients, (stages, rows) = method.coefficients, (storages[0].stages, storages[0].scratch)
+    count, half = model.parameters.shape[0] - 2, coefficients[0, HALF]
+    first = table_rows(count)
+    marched, ax, ay, az = drifted_particles(carry, coefficients[0, WHOLE], half)
+    g = interaction(stages, first, count, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
+    marched = kicked_particles(marched, (ax, ay, az), half, g)
+    x, y, z, vx, vy, vz = seen_particles(stages, first, marched, rows)
+    one, two = _seen(halves(x), halves(y), halves(z), halves(vx), halves(vy), halves(vz))
+    return one, two, marched, 1
+
+
+@kernel(inline=True)
+def _seen(x, y, z, vx, vy, vz):
+    """Return two times eight particles as observers see them."""
+    zero = full(0.0)
+    return (
+        Particles(x[0], y[0], z[0], zero, zero, zero, vx[0], vy[0], vz[0], zero, zero, zero),
+        Particles(x[1], y[1], z[1], zero, zero, zero, vx[1], vy[1], vz[1], zero, zero, zero),
     )
 
 
 @kernel(inline=True)
-def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of eight particles: half a kick, Kepler motions, half a kick. They are returned as observers see
-    them.
-    """
-    coefficients, rows, count = method.coefficients, storage.scratch, model.parameters.shape[0] - 2
-    half, first = coefficients[0, HALF], table_rows(count)
-    marched, ax, ay, az = drifted_particles(carry, coefficients[0, WHOLE], half)
-    g = interaction(storage.stages, first, count, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
-    marched = kicked_particles(marched, (ax, ay, az), half, g)
-    x, y, z, vx, vy, vz = seen_particles(storage.stages, first, marched, rows)
-    zero = full(0.0)
-    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
-
-
-@kernel(inline=True)
-def keep_particles(method, carry, storage):
-    """Write eight particles as they are marched into their rows of the carry."""
-    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
+def keep_pair(method, carry, storages):
+    """Write two times eight particles as they are marched into their rows of the carry."""
+    for_one, for_two = storages
+    store_marched(for_one.carry, for_one.share.start, half_of_marched(carry, 0), for_one.scratch)
+    store_marched(for_two.carry, for_two.share.start, half_of_marched(carry, 1), for_two.scratch)
 
 
 @kernel
@@ -273,9 +293,9 @@ class KeplerSplitting(Form):
     more_kernels: ClassVar[Mapping[str, Any]] = {
         "begin": begin_among_particles,
         "step": step_among_particles,
-        "begin_particles": begin_particles,
-        "step_particles": step_particles,
-        "keep_particles": keep_particles,
+        "begin_pair": begin_pair,
+        "step_pair": step_pair,
+        "keep_pair": keep_pair,
         "enter_particles": enter_particles,
         "leave_particles": leave_particles,
     }
@@ -309,6 +329,11 @@ class KeplerSplitting(Form):
             return 1, padded(size)
         planets = size // 3 - 1
         return 2 * (3 * (planets + 1) + planets) + 3 * _registers(size), WIDTH
+
+    def stages_read(self, size: int) -> int:
+        """Return how many numbers of its stages a step writes or reads: the table before it is that of the first only."""
+        rows, columns = self.stages_shape(size)
+        return (rows - table_rows(size // 3 - 1)) * columns if self.among_particles else rows * columns
 
     @property
     def particle_carry_rows(self) -> int:

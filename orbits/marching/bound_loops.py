@@ -60,7 +60,7 @@ class BoundLoops:
         self._clock, self._other = clock, (clock, self._usual)
         shape = form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
-        room = STAGES_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
+        room = STAGES_BYTES // (8 * form.stages_read(3 * n) + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
         self.steps = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
         self.tasks = shares(m, threads)
         vector, columns, scratch = (padded(3 * n),), (3, padded(m)), form.scratch_shape(3 * n)
@@ -85,7 +85,7 @@ class BoundLoops:
         self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=False))
         self._task_scratch = arrays[len(shapes) :]
         rows = 12 * (self.steps + 1) if m else 0
-        self.tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self.tasks)))]
+        self.tracks = aligned(*[(rows, WIDTH)] * max(1, len(self.tasks)))
         changed = ("q", "q_lo", "v", "v_lo", "memory")
         self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)

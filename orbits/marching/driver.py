@@ -36,15 +36,17 @@ from orbits.kernels.steps import (
     State,
     Storage,
     begin,
+    begin_pair,
     begin_particles,
     enter,
     enter_particles,
-    keep_particles,
+    keep_pair,
     lanes_of,
     leave,
     leave_particles,
     record,
     show,
+    step_pair,
     step_particles,
 )
 
@@ -261,19 +263,19 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
     evaluations = 0
     for p in range(start, stop, 2 * WIDTH):
         P = p + WIDTH if p + WIDTH < stop else p
-        before, beside = _at(storage, 0, p, p + WIDTH), _at(storage, 0, P, P + WIDTH)
+        storages = _at(storage, 0, p, p + WIDTH), _at(storage, 0, P, P + WIDTH)
         one, two = _present(columns, retired, p), _present(columns, retired, P)
-        one_carry = begin_particles(method, model, one, before)
-        two_carry = begin_particles(method, model, two, beside)
+        carry = begin_pair(method, model, one, two, storages)
+        record_particles(track, 0, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+        record_particles(other, 0, two.x, two.y, two.z, two.vx, two.vy, two.vz)
         for k in range(steps):
-            (t, h), now, then = step_of(clock, k), _at(storage, k, p, p + WIDTH), _at(storage, k, P, P + WIDTH)
-            record_particles(track, k, one.x, one.y, one.z, one.vx, one.vy, one.vz)
-            record_particles(other, k, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-            one, one_carry, _, count = step_particles(method, model, t, h, one, one_carry, now)
-            two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, then)
+            (t, h), storages = step_of(clock, k), (_at(storage, k, p, p + WIDTH), _at(storage, k, P, P + WIDTH))
+            one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
+            # At once, as methods that march other variables need these no longer.
+            record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+            record_particles(other, k + 1, two.x, two.y, two.z, two.vx, two.vy, two.vz)
             evaluations += count * min(2 * WIDTH, stop - p)
-        keep_particles(method, one_carry, before)
-        keep_particles(method, two_carry, beside)
+        keep_pair(method, carry, storages)
         _finish(columns, retired, track, steps, p, one, stop)
         call_observer(observer, context, track, h, steps, p, stop)
         if p < P:
@@ -348,7 +350,6 @@ def _present(columns, retired, p):
 @kernel
 def _finish(columns, retired, track, steps, p, particles, stop):
     """Store eight particles at the end of a block; retire those whose state is no longer finite."""
-    record_particles(track, steps, particles.x, particles.y, particles.z, particles.vx, particles.vy, particles.vz)
     kept = load_particles(columns, p)
     store_particles(columns, p, particles)
     for j in range(p, min(p + WIDTH, stop)):
