@@ -117,6 +117,10 @@ class Form:
         """Return the shape of the scratch of the kernels, for `size` coordinates and for particles."""
         return 1, padded(size)
 
+    def trace_rows(self, size: int) -> int:
+        """Return the rows of eight that `trace` writes for each step, or 0 if the states that are seen are recorded."""
+        return 0
+
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: by default all."""
         rows, columns = self.stages_shape(size)

@@ -31,6 +31,7 @@ from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
 from orbits.kernels.jacobi import (
+    TRACE_ROWS,
     advance_planets,
     enter_planets,
     finish_velocities,
@@ -43,6 +44,7 @@ from orbits.kernels.jacobi import (
     step_lazy,
     step_modified,
     step_plain,
+    trace_planets,
 )
 from orbits.kernels.jacobi_particles import (
     AWAY,
@@ -130,6 +132,22 @@ def leave(method, model, h, state, storage):
 def show(method, model, state, storage):
     """Write the state of the bodies, uncorrected."""
     show_planets(model.parameters, storage.carry, storage.scratch, state.q, state.p)
+
+
+@kernel(inline=True)
+def trace(method, model, state, storage, path, row):
+    """Write a single register of planets as it is marched, rounded, or else the state that is seen."""
+    if path.shape[0] == 0:
+        return
+    if storage.scratch.shape[0] < 2 * ROWS:
+        trace_planets(storage.carry, path, TRACE_ROWS * WIDTH * row)
+        return
+    width = state.q.shape[0]
+    first = 2 * row * width
+    show_planets(
+        model.parameters, storage.carry, storage.scratch, path[first : first + width],
+        path[first + width : first + 2 * width],
+    )  # fmt: skip
 
 
 @kernel
@@ -302,7 +320,7 @@ class KeplerSplitting(Form):
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels of this instance."""
-        return {**self.kernels, **self.more_kernels} if self.among_particles else self.kernels
+        return {**self.kernels, **self.more_kernels} if self.among_particles else {**self.kernels, "trace": trace}
 
     def for_particles(self) -> KeplerSplitting:
         """Return the form whose planets leave tables for massless particles."""
@@ -330,8 +348,12 @@ class KeplerSplitting(Form):
         planets = size // 3 - 1
         return 2 * (3 * (planets + 1) + planets) + 3 * _registers(size), WIDTH
 
+    def trace_rows(self, size: int) -> int:
+        """Return the rows that `trace` writes: of planets in a single register, without particles."""
+        return TRACE_ROWS if _registers(size) == 1 and not self.among_particles else 0
+
     def stages_read(self, size: int) -> int:
-        """Return how many numbers of its stages a step writes or reads: the table before it is that of the first only."""
+        """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""
         rows, columns = self.stages_shape(size)
         return (rows - table_rows(size // 3 - 1)) * columns if self.among_particles else rows * columns
 

@@ -193,13 +193,17 @@ def _show(method, model, state, storage):
 
 
 def record(method, model, state, storage, path, row):
-    """Write what observers see into a row of `path`, (rows * 2 * padded,); see `orbits.kernels.paths`."""
+    """Write what observers see into a row of `path`, (rows * 2 * padded,), see `orbits.kernels.paths`; for methods with
+    a kernel `trace`, from which they compute it.
+    """
     raise NotImplementedError("record() is for compiled code only")
 
 
 @overload(record, jit_options=OPTIONS)
 def _record(method, model, state, storage, path, row):
-    compiled = _kernel(method, "show")
+    traced, compiled = _kernel(method, "trace"), _kernel(method, "show")
+    if traced is not None:
+        return lambda method, model, state, storage, path, row: traced(method, model, state, storage, path, row)
     if compiled is None:
         return lambda method, model, state, storage, path, row: record_strip(
             path, row, state.q, state.p, storage.share.start, storage.share.stop

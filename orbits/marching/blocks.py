@@ -257,8 +257,10 @@ class Blocks:
         bound = self._loops.bound(clock, now)
         begun_lo = float(now[changing.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
-        path = self._nothing if record is None else self._watcher.path(count)
-        status, done, body, evaluations = self._loops.march(state, bound, path, count)
+        path, watched = self._nothing, (0, 0)
+        if record is not None:
+            path, watched = self._watcher.record(count), self._watcher.of_trace(record, self.step, state["memory"])
+        status, done, body, evaluations = self._loops.march(state, bound, path, count, watched)
         self.evaluations += evaluations
         if status == BEYOND:
             status, count, self._arrived = OK, done, True
@@ -275,8 +277,9 @@ class Blocks:
             if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
-            self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
-            self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
+            if not watched[0]:
+                self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
+            self._watcher.look(h, count, state["q"], state["v"], state["memory"], self._loops.parallel)
         if self._loops.tasks:
             if not goes_on:
                 self._retired.begin()

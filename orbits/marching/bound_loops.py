@@ -60,7 +60,9 @@ class BoundLoops:
         self._clock, self._other = clock, (clock, self._usual)
         shape = form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
-        room = STAGES_BYTES // (8 * form.stages_read(3 * n) + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
+        room = PATH_BYTES // (16 * padded(3 * n))
+        if m:
+            room = STAGES_BYTES // (8 * form.stages_read(3 * n) + 48 * WIDTH)
         self.steps = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
         self.tasks = shares(m, threads)
         vector, columns, scratch = (padded(3 * n),), (3, padded(m)), form.scratch_shape(3 * n)
@@ -131,8 +133,17 @@ class BoundLoops:
             coefficients = self._other[1]
         return self._form.tag, coefficients, self._tag, self._vectors, clock.timing, now, self.times
 
-    def march(self, state: dict[str, Array], bound: tuple[Any, ...], path: Array, count: int) -> tuple[int, ...]:
+    def march(
+        self,
+        state: dict[str, Array],
+        bound: tuple[Any, ...],
+        path: Array,
+        count: int,
+        watched: tuple[int, int] = (0, 0),
+    ) -> tuple[int, ...]:
         """March the massive bodies by `count` steps, recorded in `path` unless it is empty.
+
+        watched : the observer of a trace, and its context
 
         Returns (status, steps done, body, evaluations); see `orbits.marching.driver`.
         """
@@ -145,7 +156,7 @@ class BoundLoops:
                 path, kicks = self._of_copies
             self._record = path, kicks
         room = (self._scratch, self._stages)
-        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
+        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count, *watched)
         return status, done, body, evaluations
 
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:

@@ -37,7 +37,6 @@ from orbits.kernels.steps import (
     Storage,
     begin,
     begin_pair,
-    begin_particles,
     enter,
     enter_particles,
     keep_pair,
@@ -49,17 +48,21 @@ from orbits.kernels.steps import (
     step_pair,
     step_particles,
 )
+from orbits.kernels.watch import no_particles
 
 NOWHERE = 1e6
 """Position of the padding in the last group of eight particles, and of retired particles: finite, and never read.
 Observers see NaN for a retired particle, so that every comparison with it is false.
 """
 
+TRACED = 128
+"""The most steps between two calls of an observer of a trace, which fits into the cache of a core."""
+
 
 @kernel
 def march(
     form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
-    path, every, kicks, steps
+    path, every, kicks, steps, observer, context
 ):  # fmt: skip
     """March by `steps` steps.
 
@@ -68,6 +71,9 @@ def march(
     stages : (slots, rows, columns), a slot for each step, or fewer slots that are reused in turn
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; empty for no recording
     kicks : (steps, rows, 8), receives the carry after each step, for dense output; (0, rows, 8) for no recording
+    observer, context : of methods with a kernel `trace`, or 0; see `orbits.kernels.observing`. It is called whenever
+        the path holds `TRACED` steps, which then begins anew, so that it stays in the cache; the arguments are the
+        number of steps done, 0 and `TRACED`
 
     Returns (status, steps done, body or coordinate, evaluations).
     """
@@ -81,6 +87,10 @@ def march(
         if left == 0:
             record(method, model, state, Storage(carry, scratch, stages[slot], share), path, row)
             left, row = every, row + 1
+            if observer != 0 and row > TRACED:  # and the trace begins anew, with this state
+                call_observer(observer, context, no_particles(), h, k, 0, TRACED)
+                record(method, model, state, Storage(carry, scratch, stages[slot], share), path, 0)
+                row = 1
         left -= 1
         storage = Storage(carry, scratch, stages[slot], share)
         status, where, count = take_step(clock, method, model, k, state, storage)

@@ -154,7 +154,7 @@ class Marcher(Blocks):
             self._loops.times,
             len(self._loops.tasks),
             radii,
-            integrator.follows_kepler,
+            self._form.trace_rows(3 * n),
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._encountered: Lost | None = None

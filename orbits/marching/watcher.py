@@ -14,11 +14,14 @@ from orbits.integrators.forms import Array, padded
 from orbits.kernels import collisions
 from orbits.kernels.approach_search import follow_bodies, follow_particles, search
 from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
+from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
-from orbits.kernels.planet_approaches import follow_planets
+from orbits.kernels.planet_approaches import BODY, SHARE, follow_planets, show_trace
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
+from orbits.marching.alignment import aligned
+from orbits.marching.driver import TRACED
 from orbits.marching.passage_list import BlockList
 
 TOUCHED, ENERGY = -2, -1
@@ -84,7 +87,7 @@ class Watcher:
     stops, energy_bound, radii : see `Marcher`
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
     tasks : the number of tasks that march particles at the same time
-    on_kepler_orbits : whether the steps resolve the pericentres of all bodies about the dominant one
+    trace_rows : see `Form.trace_rows`
 
     contexts, lists : of the massive bodies, then of each task
     """
@@ -104,7 +107,7 @@ class Watcher:
         times: Array,
         tasks: int = 0,
         radii: Array | None = None,
-        on_kepler_orbits: bool = False,
+        trace_rows: int = 0,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(0)
@@ -115,8 +118,9 @@ class Watcher:
         self._collide = radii is not None
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
-        few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
-        self._planets = on_kepler_orbits and few and self.dominant == 0
+        self._trace_rows, self._of_trace = trace_rows, 0
+        self._planets = trace_rows > 0 and self.dominant == 0
+        (self._trace,) = aligned(((TRACED + 1) * trace_rows * WIDTH,))
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
@@ -196,25 +200,62 @@ class Watcher:
             self.contexts.enter(path=self._path)
         return self._path
 
+    def record(self, steps: int) -> Array:
+        """Return the array in which a march records a block of steps: the path, or the trace."""
+        path = self.path(steps)
+        return self._trace if self._trace_rows else path
+
+    def of_trace(self, record: Array, first: int, carry: Array) -> tuple[int, int]:
+        """Prepare for a block as `begin` does, and return the observer of a trace and its context; (0, 0) without one.
+
+        carry : that of the march
+        """
+        if not self._trace_rows:
+            return 0, 0
+        if not self._of_trace:
+            self._of_trace = observer_address(follow_planets if self._planets else show_trace)
+            self.contexts.enter(trace=self._trace, lanes=self._numbered(carry))
+        self.begin(record, first)
+        return self._of_trace, self.contexts.addresses[0]
+
+    def _numbered(self, carry: Array) -> Array:
+        """Return `lanes` of `orbits.kernels.watch`."""
+        lanes, inside = np.zeros((2, WIDTH)), self._parameters[1 + self.dominant]
+        lanes[BODY] = carry[STATE_ROWS + 2]
+        for k, body in enumerate(lanes[BODY, : len(self._massive) - 1].astype(int)):
+            inside += self._parameters[1 + body]
+            lanes[SHARE, k] = self._parameters[1 + body] / inside
+        return lanes
+
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
         return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
 
     def follow(self, h: float, steps: int) -> None:
         """Search for closest approaches among the massive bodies."""
-        search_all = follow_planets if self._planets else follow_bodies
-        search_all(self.contexts.addresses[0], h, steps)
+        follow_bodies(self.contexts.addresses[0], h, steps)
 
-    def look(self, h: float, steps: int, q: Array, v: Array, parallel: Parallel | None = None) -> None:
+    def _end_trace(self, h: float, steps: int, carry: Array) -> None:
+        """Observe the last steps of a block, which ended with this carry."""
+        rows, left = carry[[*range(STATE_ROWS // 2), STATE_ROWS]], steps - TRACED * ((steps - 1) // TRACED)
+        self._trace[left * rows.size : (left + 1) * rows.size] = rows.ravel()
+        observe(self._of_trace, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, left)
+
+    def look(
+        self, h: float, steps: int, q: Array, v: Array, carry: Array, parallel: Parallel | None = None
+    ) -> None:
         """Observe the massive bodies in the block of `steps` steps just marched, which ended at q and v.
 
+        carry : that of the march
         parallel : searches for closest approaches with several threads, for thousands of bodies
         """
         self._set_state(steps, q, v)
-        if parallel is None:
-            self.follow(h, steps)
-        else:
+        if self._trace_rows:
+            self._end_trace(h, steps, carry)
+        if parallel is not None:
             parallel.follow(self, h, steps)
+        elif not self._planets:
+            self.follow(h, steps)
         for observer in (self._find_met, self._find_touch):
             observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
         if len(self._particles) and self.dominant >= 0:
