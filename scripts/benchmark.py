@@ -1,6 +1,6 @@
 """Measure speed, accuracy, start-up and memory; write JSON and the Markdown tables of docs/benchmarks.md.
 
-    make bench                                     all of it, about seven minutes
+    make bench                                     all that does not take long, about seven minutes
     python scripts/benchmark.py ten_bodies         one part; --help lists them
     python scripts/benchmark.py ten_bodies --docs  one part, and its section of docs/benchmarks.md
 
@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_light_bodies, part_precision
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
+from benchmarks.energy import part_energy
+from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
 
@@ -40,6 +42,7 @@ BY_HAND = "## How close to the machine"
 PARTS = {
     "ten_bodies": part_ten_bodies,
     "planets": part_planets,
+    "energy": part_energy,
     "adaptive": part_adaptive,
     "light_bodies": part_light_bodies,
     "crossers": part_crossers,
@@ -57,6 +60,9 @@ PARTS = {
     "symbolic": part_symbolic,
     "pendulum": part_pendulum,
 }
+
+LONG = {"energy"}
+"""Parts that take minutes each, and are only run when they are named."""
 
 
 def machine() -> dict[str, Any]:
@@ -90,9 +96,9 @@ def markdown(results: dict[str, Any]) -> str:
     facts = ", ".join(f"{k} {v}" for k, v in results["machine"].items() if k != "processor")
     lines = ["# Benchmarks", "", f"Made by `make bench` on {results['machine']['processor']}; {facts}.", ""]
     for name, part in results["parts"].items():
-        lines += [f"## {name.replace('_', ' ').capitalize()}", "", " ".join(str(PARTS[name].__doc__).split()), ""]
+        lines += [title(name), "", " ".join(str(PARTS[name].__doc__).split()), ""]
         if "picture" in part:
-            lines += [f"![{name.replace('_', ' ').capitalize()}](figures/{name}.png)", ""]
+            lines += [f"![{title(name)[3:]}](figures/{name}.png)", ""]
         rows = [
             {
                 **{k: x for k, x in row.items() if k != "rms_km"},
@@ -108,6 +114,11 @@ def markdown(results: dict[str, Any]) -> str:
             lines += ["", "; ".join(f"{k.replace('_', ' ')}: {_cell(x)}" for k, x in notes.items()) + "."]
         lines.append("")
     return "\n".join(lines)
+
+
+def title(name: str) -> str:
+    """Return the heading of a part."""
+    return f"## {name.replace('_', ' ').capitalize()}"
 
 
 def merged(page: str, new: str) -> str:
@@ -132,15 +143,24 @@ def _sections(page: str) -> list[str]:
 def main() -> None:
     """Run the parts asked for and write what they gave."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", choices=[[], *PARTS], help="which parts; all of them when none is named")
+    what = "which parts; all but those that take minutes, when none is named"
+    parser.add_argument("parts", nargs="*", choices=[[], *PARTS], help=what)
     parser.add_argument("--repetitions", type=int, default=7, help="at least 5 for figures to be quoted")
     parser.add_argument(
         "--docs", action="store_true", help="write the tables to docs/benchmarks.md as well: of the parts that were run"
     )
+    parser.add_argument(
+        "--rebound", type=Path, metavar="FOLDER", help="an installation of REBOUND (pip install --target FOLDER) for "
+        "the columns `built here`; by default one from source with -O3 -march=native"
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "benchmark", help="folder for JSON and Markdown")
     options = parser.parse_args()
+    if options.rebound is not None:
+        if not (options.rebound / "rebound" / "__init__.py").is_file():
+            parser.error(f"--rebound: {options.rebound} has no folder rebound; expected what pip --target filled.")
+        Native.folder = options.rebound.resolve()
     results: dict[str, Any] = {"machine": machine(), "parts": {}}
-    for name in options.parts or PARTS:
+    for name in options.parts or [name for name in PARTS if name not in LONG]:
         print(f"{name} ...", file=sys.stderr, flush=True)
         part = PARTS[name](options.repetitions)
         draw = part.pop("picture", None)
@@ -158,7 +178,8 @@ def main() -> None:
         target = ROOT / "docs" / "benchmarks.md"
         before = target.read_text()
         _, heading, by_hand = before.partition(BY_HAND)
-        target.write_text(merged(before, page + "\n") if options.parts else f"{page}\n{heading}{by_hand}")
+        long = "".join(part for part in _sections(before) if part.split("\n", 1)[0] in map(title, LONG))
+        target.write_text(merged(before, page + "\n") if options.parts else f"{page}\n{long}{heading}{by_hand}")
     print(page)
 
 

@@ -175,7 +175,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
         yield _finding("discrete Euler-Lagrange residual", problem.euler_lagrange(), method.variational, needed=True)
         yield _finding("momenta of L_d", problem.legendre_transforms(), method.variational, needed=True)
     elif method.follows_kepler:
-        reason = "that of the same method without a corrector, after a change of variables"
+        reason = method.own_discrete_lagrangian
         yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, None, False, reason)
     else:
         reason = "its tableau is not symplectic" if method.variational else "it has none"

@@ -42,6 +42,7 @@ class Integrator:
     declares : properties that hold to round-off; contract tests check each, and that the others fail
     variational : whether the step solves the Euler–Lagrange equations of the discrete Lagrangian of its tableau
     follows_kepler : whether the motion of two bodies about a dominant one is exact, and its steps are judged as such
+    own_discrete_lagrangian : in words for certificates, what L_d a method on Kepler orbits has that is not variational
     source : the literature on the method
 
     A method has one or two forms, see `Form`: `second_order` for separable Lagrangians, in positions and
@@ -54,6 +55,7 @@ class Integrator:
     declares: ClassVar[frozenset[str]]
     variational: ClassVar[bool] = False
     follows_kepler: ClassVar[bool] = False
+    own_discrete_lagrangian: ClassVar[str] = "that of a composition of maps, with states between them"
     source: ClassVar[str]
 
     @classmethod
@@ -72,6 +74,11 @@ class Integrator:
     def order(self) -> int:
         """Order of convergence."""
         raise NotImplementedError
+
+    @property
+    def follows_encounters(self) -> bool:
+        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
+        return False
 
     @property
     def retires_in_encounters(self) -> bool:

@@ -38,9 +38,9 @@ def _tag_of(kernels: Mapping[str, Any]) -> Tag:
 class Form:
     """A form of a method: the second-order form, in positions and velocities, or the canonical form.
 
-    kernels : "step", and optionally "begin", "step_particles", "begin_particles", or those of two times eight
-        particles, "step_pair" and "begin_pair"; and integer constants: "width", 8 if massless particles are in lanes
-        (the default), 1 if the stages of one particle are
+    kernels : "step", and optionally "begin", "step_particles", "begin_particles", and those of two times eight
+        particles, "begin_pair", "step_pair" and "keep_pair"; and integer constants: "width", 8 if massless particles
+        are in lanes (the default), 1 if the stages of one particle are
     """
 
     kernels: ClassVar[Mapping[str, Any]]
@@ -61,7 +61,7 @@ class Form:
     @property
     def serves_particles(self) -> bool:
         """Whether massless particles can be stepped through the stages of the massive bodies."""
-        return not {"step_particles", "step_pair"}.isdisjoint(self.for_particles().own_kernels())
+        return "step_particles" in self.for_particles().own_kernels()
 
     def for_particles(self) -> Form:
         """Return the form that marches massless particles too: by default this one."""
@@ -70,7 +70,7 @@ class Form:
     @property
     def keeps_particles(self) -> bool:
         """Whether the carry of particles in lanes is kept in their rows of the archived carry."""
-        return "keep_pair" in self.own_kernels()
+        return "keep_particles" in self.own_kernels()
 
     @property
     def transforms(self) -> bool:
@@ -125,6 +125,12 @@ class Form:
         """Return how many numbers of its stages a step writes or reads: by default all."""
         rows, columns = self.stages_shape(size)
         return rows * columns
+
+    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
+        """Return the kernel that marches eight systems of `size` coordinates at once, to the bits of each alone, and
+        how many rows of workspace it needs; None if there is none. See `orbits.marching.systems_in_lanes`.
+        """
+        return None
 
     def forget(self, carry: Array) -> None:
         """Delete the part of the carry that depends on the length of the steps, for a step of another length."""

@@ -27,6 +27,8 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
+from orbits.integrators.dominant import registers, require_dominant
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
@@ -54,6 +56,8 @@ from orbits.kernels.jacobi_particles import (
     PLAIN,
     drifted_particles,
     enter_among,
+    flow_rows,
+    flowing_particles,
     half_of_marched,
     interaction,
     joined_marched,
@@ -69,7 +73,10 @@ from orbits.kernels.jacobi_particles import (
 )
 from orbits.kernels.lanes import WIDTH, full, halves
 from orbits.kernels.steps import OK, Particles
-from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
+from orbits.kernels.systems.planets import MOST_PLANETS, march_planets
+from orbits.kernels.systems.planets import ROWS as SYSTEMS_ROWS
+from orbits.kernels.terms_about import flow, flow_among, kick_more, strength_of, to_momenta, to_velocities
+from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
 
 HALF, WHOLE, SHIFT, LAZY = 0, 1, 2, 3
@@ -78,27 +85,32 @@ kick, and 1 for the latter. The other rows are the corrector: a Kepler motion an
 
 KERNELS = "modified-kick", "lazy", "standard"
 
-ENCOUNTERS = "warn", "retire"
+NO_TABLE = -1
+"""The row of a table of the flow of terms that nobody reads."""
 
-DOMINANT = 0.9
-"""Fraction of the total mass that the dominant body must have."""
+COORDINATES = "jacobi", "democratic-heliocentric"
+
+ENCOUNTERS = "follow", "warn", "retire"
 
 
 @kernel
-def _kick_of_a_step(coefficients, planets, room, count):
-    """Write the interaction for the kick: plain, modified, or at displaced positions."""
+def _kick_of_a_step(model, coefficients, planets, room):
+    """Write the interaction for the kick: plain, modified, or at displaced positions; with the kicks of terms."""
+    count = strength_of(model).shape[0] - 2
     interact(planets, room, count, False)
     if coefficients[0, LAZY] != 0.0:
+        kick_more(model, planets, room)
         displace(planets, room, coefficients[0, SHIFT])
         interact(planets, room, count, True)
     elif coefficients[0, SHIFT] != 0.0:
         modify(planets, room, count, coefficients[0, SHIFT])
+    kick_more(model, planets, room)
 
 
 @kernel
-def _correct(coefficients, planets, room, count, sign):
+def _correct(model, coefficients, planets, room, sign):
     """Apply the corrector, or its inverse for sign = -1."""
-    stages = coefficients.shape[0] - 1
+    stages, count = coefficients.shape[0] - 1, strength_of(model).shape[0] - 2
     for i in range(stages):
         row = 1 + i if sign > 0.0 else stages - i
         move_planets(planets, room, sign * coefficients[row, 0], 0.0)
@@ -107,31 +119,38 @@ def _correct(coefficients, planets, room, count, sign):
         other = row if sign > 0.0 else row - 1
         length = coefficients[other, 1] if other > 0 else 0.0
         if length != 0.0:
+            if sign > 0.0:
+                flow(model, planets, room, length)
             interact(planets, room, count, False)
+            kick_more(model, planets, room)
             kick_planets(planets, room, sign * length)
+            if sign < 0.0:
+                flow(model, planets, room, -length)
 
 
 @kernel
 def enter(method, model, h, state, storage):
     """Change to corrected Jacobi coordinates."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    enter_planets(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
-    _correct(method.coefficients, planets, room, strength.shape[0] - 2, 1.0)
+    planets, room = storage.carry, storage.scratch
+    enter_planets(strength_of(model), state.q, state.q_lo, state.p, state.p_lo, planets, room)
+    to_momenta(model, planets, room, storage.stages, NO_TABLE)
+    _correct(model, method.coefficients, planets, room, 1.0)
 
 
 @kernel
 def leave(method, model, h, state, storage):
     """Change back; the marched state is lost."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
+    strength, planets, room = strength_of(model), storage.carry, storage.scratch
     prepare_room(strength, planets, room)
-    _correct(method.coefficients, planets, room, strength.shape[0] - 2, -1.0)
+    _correct(model, method.coefficients, planets, room, -1.0)
+    to_velocities(model, planets, room, storage.stages, NO_TABLE)
     leave_planets(strength, planets, room, state.q, state.q_lo, state.p, state.p_lo)
 
 
 @kernel
 def show(method, model, state, storage):
     """Write the state of the bodies, uncorrected."""
-    show_planets(model.parameters, storage.carry, storage.scratch, state.q, state.p)
+    show_planets(strength_of(model), storage.carry, storage.scratch, state.q, state.p)
 
 
 @kernel(inline=True)
@@ -145,7 +164,7 @@ def trace(method, model, state, storage, path, row):
     width = state.q.shape[0]
     first = 2 * row * width
     show_planets(
-        model.parameters, storage.carry, storage.scratch, path[first : first + width],
+        strength_of(model), storage.carry, storage.scratch, path[first : first + width],
         path[first + width : first + 2 * width],
     )  # fmt: skip
 
@@ -153,8 +172,8 @@ def trace(method, model, state, storage, path, row):
 @kernel
 def begin(method, model, t, h, state, storage):
     """Compute the interaction of the first half of a kick, which later steps take over."""
-    prepare_room(model.parameters, storage.carry, storage.scratch)
-    _kick_of_a_step(method.coefficients, storage.carry, storage.scratch, model.parameters.shape[0] - 2)
+    prepare_room(strength_of(model), storage.carry, storage.scratch)
+    _kick_of_a_step(model, method.coefficients, storage.carry, storage.scratch)
 
 
 @kernel(inline=True)
@@ -171,32 +190,52 @@ def step(method, model, t, h, state, storage):
     else:
         half = coefficients[0, HALF]
         advance_planets(planets, room, coefficients[0, WHOLE], half)
-        _kick_of_a_step(coefficients, planets, room, model.parameters.shape[0] - 2)
+        _kick_of_a_step(model, coefficients, planets, room)
         finish_velocities(planets, room, half)
     return OK, 0, 1
 
 
 @kernel
-def _kick_among_particles(coefficients, strength, planets, room, stages, first):
+def step_with_terms(method, model, t, h, state, storage):
+    """As `step`, with half the flow of terms that depend on velocities before and after the Kepler motions."""
+    coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
+    half, whole = coefficients[0, HALF], coefficients[0, WHOLE]
+    kick_planets(planets, room, half)
+    flow(model, planets, room, half)
+    advance_planets(planets, room, whole, 0.0)
+    finish_velocities(planets, room, 0.0)
+    flow(model, planets, room, half)
+    _kick_of_a_step(model, coefficients, planets, room)
+    kick_planets(planets, room, half)
+    return OK, 0, 1
+
+
+@kernel
+def _kick_among_particles(model, coefficients, planets, room, stages, first):
     """As `_kick_of_a_step`, with a table for particles, from row `first` of the stages on."""
-    count = strength.shape[0] - 2
+    strength, count = strength_of(model), strength_of(model).shape[0] - 2
+    modified = coefficients[0, LAZY] == 0.0 and coefficients[0, SHIFT] != 0.0
     interact(planets, room, count, False)
+    if not modified:
+        kick_more(model, planets, room)
     tabulate(strength, planets, room, stages, first, PLAIN)
-    if coefficients[0, LAZY] != 0.0:
+    if modified:
+        modify(planets, room, count, coefficients[0, SHIFT])
+        kick_more(model, planets, room)
+        tabulate(strength, planets, room, stages, first, MODIFIED)
+    elif coefficients[0, LAZY] != 0.0:
         displace(planets, room, coefficients[0, SHIFT])
         interact(planets, room, count, True)
+        kick_more(model, planets, room)
         tabulate(strength, planets, room, stages, first, DISPLACED)
-    elif coefficients[0, SHIFT] != 0.0:
-        modify(planets, room, count, coefficients[0, SHIFT])
-        tabulate(strength, planets, room, stages, first, MODIFIED)
 
 
 @kernel
 def begin_among_particles(method, model, t, h, state, storage):
     """As `begin`, with the table before the first step of a block."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    prepare_room(strength, planets, room)
-    _kick_among_particles(method.coefficients, strength, planets, room, storage.stages, 0)
+    planets, room = storage.carry, storage.scratch
+    prepare_room(strength_of(model), planets, room)
+    _kick_among_particles(model, method.coefficients, planets, room, storage.stages, 0)
 
 
 @kernel
@@ -205,77 +244,122 @@ def step_among_particles(method, model, t, h, state, storage):
     coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
     strength, half, after = model.parameters, coefficients[0, HALF], table_rows(model.parameters.shape[0] - 2)
     advance_planets(planets, room, coefficients[0, WHOLE], half)
-    _kick_among_particles(coefficients, strength, planets, room, storage.stages, after)
+    _kick_among_particles(model, coefficients, planets, room, storage.stages, after)
     finish_velocities(planets, room, half)
     tabulate_centres(strength, planets, room, storage.stages, after)
     return OK, 0, 1
 
 
-@kernel(inline=True)
-def begin_pair(method, model, one, two, storages):
-    """Return two times eight particles as they are marched, from their rows of the carry, with g."""
-    coefficients, storage = method.coefficients, storages[0]
-    marched = joined_marched(_taken(one, storages[0]), _taken(two, storages[1]))
-    count, shift, lazy = model.parameters.shape[0] - 2, coefficients[0, SHIFT], coefficients[0, LAZY]
-    return with_interaction(storage.stages, 0, count, shift, lazy, marched, storage.scratch)
+@kernel
+def step_with_terms_among_particles(method, model, t, h, state, storage):
+    """As `step_with_terms`, with the table after it, and two of the flow of terms."""
+    coefficients, planets, room, stages = method.coefficients, storage.carry, storage.scratch, storage.stages
+    strength, half = strength_of(model), coefficients[0, HALF]
+    count = strength.shape[0] - 2
+    after, flows = table_rows(count), flow_rows(count)
+    kick_planets(planets, room, half)
+    flow_among(model, planets, room, stages, flows, half)
+    advance_planets(planets, room, coefficients[0, WHOLE], 0.0)
+    finish_velocities(planets, room, 0.0)
+    flow_among(model, planets, room, stages, flows + 3 * (count + 1), half)
+    _kick_among_particles(model, coefficients, planets, room, stages, after)
+    kick_planets(planets, room, half)
+    tabulate_centres(strength, planets, room, stages, after)
+    return OK, 0, 1
 
 
 @kernel(inline=True)
-def _taken(particles, storage):
-    """Return eight particles from their rows of the carry, without g."""
+def begin_particles(method, model, particles, storage):
+    """Return eight particles as they are marched, from their rows of the carry, with g."""
+    coefficients, rows = method.coefficients, storage.scratch
     # Those that are retired are at one place, as the padding is.
     there = 1.0 - (particles.x == AWAY) * (particles.y == AWAY) * (particles.z == AWAY)
-    return take_particles(storage.carry, storage.share.start, there, storage.scratch)
+    marched = take_particles(storage.carry, storage.share.start, there, rows)
+    return with_interaction(model, storage.stages, 0, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
+
+
+@kernel(inline=True)
+def step_particles(method, model, t, h, particles, carry, storage):
+    """Take one step of eight particles: half a kick, Kepler motions, half a kick. They are returned as observers see
+    them.
+    """
+    marched, (x, y, z, vx, vy, vz) = _stepped(method, model, carry, storage)
+    zero = full(0.0)
+    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
+
+
+@kernel(inline=True)
+def _stepped(method, model, carry, storage):
+    """Return particles after a step, as they are marched and as observers see them."""
+    coefficients, rows, count = method.coefficients, storage.scratch, model.parameters.shape[0] - 2
+    half, first = coefficients[0, HALF], table_rows(count)
+    marched, ax, ay, az = drifted_particles(carry, coefficients[0, WHOLE], half)
+    g = interaction(model, storage.stages, first, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
+    marched = kicked_particles(marched, (ax, ay, az), half, g)
+    return marched, seen_particles(storage.stages, first, marched, rows)
+
+
+@kernel(inline=True)
+def keep_particles(method, carry, storage):
+    """Write eight particles as they are marched into their rows of the carry."""
+    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
+
+
+@kernel(inline=True)
+def begin_pair(method, model, one, two, storages):
+    """Return two times eight particles as they are marched."""
+    first = begin_particles(method, model, one, storages[0])
+    return joined_marched(first, begin_particles(method, model, two, storages[1]))
 
 
 @kernel(inline=True)
 def step_pair(method, model, t, h, one, two, carry, storages):
-    """Take one step of two times eight particles: half a kick, Kepler motions, half a kick. They are returned as
-    observers see them.
-    """
-    coefficients, (stages, rows) = method.coefficients, (storages[0].stages, storages[0].scratch)
-    count, half = model.parameters.shape[0] - 2, coefficients[0, HALF]
-    first = table_rows(count)
-    marched, ax, ay, az = drifted_particles(carry, coefficients[0, WHOLE], half)
-    g = interaction(stages, first, count, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
-    marched = kicked_particles(marched, (ax, ay, az), half, g)
-    x, y, z, vx, vy, vz = seen_particles(stages, first, marched, rows)
-    one, two = _seen(halves(x), halves(y), halves(z), halves(vx), halves(vy), halves(vz))
-    return one, two, marched, 1
-
-
-@kernel(inline=True)
-def _seen(x, y, z, vx, vy, vz):
-    """Return two times eight particles as observers see them."""
-    zero = full(0.0)
-    return (
-        Particles(x[0], y[0], z[0], zero, zero, zero, vx[0], vy[0], vz[0], zero, zero, zero),
-        Particles(x[1], y[1], z[1], zero, zero, zero, vx[1], vy[1], vz[1], zero, zero, zero),
-    )
+    """Take one step of two times eight particles, whose instructions alternate."""
+    marched, (x, y, z, u, v, w) = _stepped(method, model, carry, storages[0])
+    (x0, x1), (y0, y1), (z0, z1) = halves(x), halves(y), halves(z)
+    (u0, u1), (v0, v1), (w0, w1), zero = halves(u), halves(v), halves(w), full(0.0)
+    one = Particles(x0, y0, z0, zero, zero, zero, u0, v0, w0, zero, zero, zero)
+    return one, Particles(x1, y1, z1, zero, zero, zero, u1, v1, w1, zero, zero, zero), marched, 1
 
 
 @kernel(inline=True)
 def keep_pair(method, carry, storages):
     """Write two times eight particles as they are marched into their rows of the carry."""
-    for_one, for_two = storages
-    store_marched(for_one.carry, for_one.share.start, half_of_marched(carry, 0), for_one.scratch)
-    store_marched(for_two.carry, for_two.share.start, half_of_marched(carry, 1), for_two.scratch)
+    keep_particles(method, half_of_marched(carry, 0), storages[0])
+    keep_particles(method, half_of_marched(carry, 1), storages[1])
+
+
+@kernel(inline=True)
+def step_particles_with_terms(method, model, t, h, particles, carry, storage):
+    """As `step_particles`, with half the flow of terms before and after the Kepler motions."""
+    coefficients, rows, count = method.coefficients, storage.scratch, strength_of(model).shape[0] - 2
+    half, first, flows = coefficients[0, HALF], table_rows(count), flow_rows(count)
+    zero = full(0.0)
+    marched = kicked_particles(carry, (zero, zero, zero), half, (carry.gx, carry.gy, carry.gz))
+    marched = flowing_particles(model, storage.stages, flows, marched, rows, half)
+    marched, ax, ay, az = drifted_particles(marched, coefficients[0, WHOLE], 0.0)
+    marched = kicked_particles(marched, (ax, ay, az), 0.0, (carry.gx, carry.gy, carry.gz))
+    marched = flowing_particles(model, storage.stages, flows + 3 * (count + 1), marched, rows, half)
+    g = interaction(model, storage.stages, first, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
+    marched = kicked_particles(marched, (zero, zero, zero), half, g)
+    x, y, z, vx, vy, vz = seen_particles(storage.stages, first, marched, rows)
+    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
 
 
 @kernel
 def enter_particles(method, model, state, particles, rows, storage):
     """Change to corrected Jacobi coordinates."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    enter_planets(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
-    enter_among(method.coefficients, strength, planets, room, storage.stages, particles, rows, storage.share)
+    planets, room = storage.carry, storage.scratch
+    enter_planets(strength_of(model), state.q, state.q_lo, state.p, state.p_lo, planets, room)
+    enter_among(model, method.coefficients, planets, room, storage.stages, particles, rows, storage.share)
 
 
 @kernel
 def leave_particles(method, model, state, particles, rows, storage):
     """Change back; what is marched is lost."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    prepare_room(strength, planets, room)
-    leave_among(method.coefficients, strength, planets, room, storage.stages, particles, rows, storage.share)
+    planets, room = storage.carry, storage.scratch
+    prepare_room(strength_of(model), planets, room)
+    leave_among(model, method.coefficients, planets, room, storage.stages, particles, rows, storage.share)
 
 
 @kernel
@@ -292,13 +376,16 @@ def stretch(method, unit, factor):
 class KeplerSplitting(Form):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
 
-    kernel : the kick, and corrector : its order; see `WisdomHolman`
+    kernel : the kick, corrector : its order, and corrector2 : whether there is a second one; see `WisdomHolman`
     among_particles : whether the planets leave tables for massless particles
+    with_terms : whether the Lagrangian has terms of the dominant body
     """
 
     kernel: str
     corrector: int
+    corrector2: bool = False
     among_particles: bool = False
+    with_terms: bool = False
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "enter": enter,
@@ -311,16 +398,31 @@ class KeplerSplitting(Form):
     more_kernels: ClassVar[Mapping[str, Any]] = {
         "begin": begin_among_particles,
         "step": step_among_particles,
-        "begin_pair": begin_pair,
-        "step_pair": step_pair,
-        "keep_pair": keep_pair,
+        "begin_particles": begin_particles,
+        "step_particles": step_particles,
+        "keep_particles": keep_particles,
         "enter_particles": enter_particles,
         "leave_particles": leave_particles,
     }
 
+    of_pairs: ClassVar[Mapping[str, Any]] = {
+        "begin_pair": begin_pair,
+        "step_pair": step_pair,
+        "keep_pair": keep_pair,
+    }
+
+    kernels_with_terms: ClassVar[Mapping[str, Any]] = {"step": step_with_terms}
+    more_kernels_with_terms: ClassVar[Mapping[str, Any]] = {
+        "step": step_with_terms_among_particles,
+        "step_particles": step_particles_with_terms,
+    }
+
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels of this instance."""
-        return {**self.kernels, **self.more_kernels} if self.among_particles else {**self.kernels, "trace": trace}
+        own = {**self.kernels, **(self.kernels_with_terms if self.with_terms else {})}
+        if not self.among_particles:
+            return {**own, "trace": trace}
+        return {**own, **self.more_kernels, **(self.more_kernels_with_terms if self.with_terms else self.of_pairs)}
 
     def for_particles(self) -> KeplerSplitting:
         """Return the form whose planets leave tables for massless particles."""
@@ -328,7 +430,7 @@ class KeplerSplitting(Form):
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
-        stages = h * corrector_lengths(self.corrector) if self.corrector else np.zeros((0, 2))
+        stages = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
         rows = np.zeros((1 + len(stages), WIDTH))
         rows[0, [HALF, WHOLE, LAZY]] = h / 2, h, self.kernel == "lazy"
         rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
@@ -337,7 +439,7 @@ class KeplerSplitting(Form):
 
     def carry_rows(self, size: int) -> int:
         """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * _registers(size) + 2
+        return (STATE_ROWS + 1) * registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The tables before and after a step, and workspace; see `orbits.kernels.jacobi_particles`. None are kept
@@ -346,11 +448,12 @@ class KeplerSplitting(Form):
         if not self.among_particles:
             return 1, padded(size)
         planets = size // 3 - 1
-        return 2 * (3 * (planets + 1) + planets) + 3 * _registers(size), WIDTH
+        flows = 6 * (planets + 1) if self.with_terms else 0
+        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers(size), WIDTH
 
     def trace_rows(self, size: int) -> int:
         """Return the rows that `trace` writes: of planets in a single register, without particles."""
-        return TRACE_ROWS if _registers(size) == 1 and not self.among_particles else 0
+        return TRACE_ROWS if registers(size) == 1 and not self.among_particles else 0
 
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""
@@ -364,25 +467,27 @@ class KeplerSplitting(Form):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
-        return ROWS * _registers(size) + WIDTH, WIDTH
+        return ROWS * registers(size) + WIDTH, WIDTH
+
+    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
+        """The march of up to eight planets of each."""
+        own = self.own_kernels()
+        plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
+        return (march_planets, SYSTEMS_ROWS) if plain else None
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""
-        gm = parameters[1:]
-        if parameters[0] > 0.0:
+        newton, *own = parameters if isinstance(parameters, tuple) else (parameters,)
+        require_dominant(newton)
+        gm = newton[1:]
+        others = [int(vector[0]) for vector in own if int(vector[0]) != int(gm.argmax())]
+        if others:
             raise InputError(
-                "a Wisdom–Holman step moves the planets on Kepler orbits about point masses; got a softening. Use "
-                "softening = 0, or a method such as Gauss(stages=8)."
-            )
-        if len(gm) < 2 or not gm.max() > DOMINANT * gm.sum():
-            share = gm.max() / gm.sum()
-            got = "a single body" if len(gm) < 2 else f"the heaviest of {len(gm)} bodies has {100 * share:.3g} %"
-            raise InputError(
-                f"a Wisdom–Holman step needs a body that dominates the others, with more than {100 * DOMINANT:.0f} % "
-                f"of the mass; got {got}. Use a method such as Gauss(stages=8)."
+                f"a Wisdom–Holman step takes terms of the dominant body alone, the {_ordinal(int(gm.argmax()))} of the "
+                f"massive bodies; got one of the {_ordinal(others[0])}. Use a method such as Gauss(stages=8)."
             )
 
 
@@ -394,23 +499,30 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
     form = KeplerSplitting("standard", 0)
     planets = np.zeros((form.carry_rows(q.size), WIDTH))
     number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
-    first = STATE_ROWS * _registers(q.size)
+    first = STATE_ROWS * registers(q.size)
     return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
 
 
-def _registers(size: int) -> int:
-    """Return the number of registers of eight planets of `size` coordinates of bodies."""
-    return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)
+def _ordinal(row: int) -> str:
+    """Return the number of a body in words: "1st" for row 0."""
+    last = {1: "st", 2: "nd", 3: "rd"}.get((row + 1) % 10, "th")
+    return f"{row + 1}{'th' if (row + 1) % 100 in (11, 12, 13) else last}"
 
 
 @dataclass(frozen=True)
 class WisdomHolman(Integrator):
     """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
 
-    coordinates : "jacobi"
+    coordinates : "jacobi", in which the interaction is small; or "democratic-heliocentric", in which the order of the
+        planets plays no part, but the error is larger, by far for planets close to the dominant body, and has no
+        corrector: the map of WHFast in these coordinates, for comparison
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
-        the same approximately, by the interaction at displaced positions; or "standard", by the interaction
-    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
+        the same approximately, by the interaction at displaced positions; or "standard", by the interaction. By default
+        the modified kick, and "standard", the only one, in democratic heliocentric coordinates
+    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel. By default
+        17, and 0, the only one, in democratic heliocentric coordinates
+    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
+        oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
@@ -435,26 +547,36 @@ class WisdomHolman(Integrator):
     """
 
     coordinates: str = "jacobi"
-    kernel: str = "modified-kick"
-    corrector: int = 17
+    kernel: str | None = None
+    corrector: int | None = None
+    corrector2: bool = option(False)
     encounters: str = option("warn")
 
     name: ClassVar[str] = "wisdom-holman"
     summary: ClassVar[str] = "Wisdom–Holman: bodies about a dominant one, corrected Kepler orbits and kicks"
-    requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE, NEWTONIAN})
+    requires: ClassVar[frozenset[str]] = frozenset({ABOUT_ONE_BODY})
     follows_kepler: ClassVar[bool] = True
     source: ClassVar[str] = (
         "Wisdom & Holman (1991); Wisdom, Holman & Touma (1996); Wisdom (2006); Rein, Tamayo & Brown (2019)"
     )
 
     def __post_init__(self) -> None:
-        if self.coordinates != "jacobi":
-            raise InputError(f"coordinates is {shown(self.coordinates)}; expected 'jacobi'")
+        if self.coordinates not in COORDINATES:
+            known = " or ".join(map(repr, COORDINATES))
+            raise InputError(f"coordinates is {shown(self.coordinates)}; expected {known}")
+        if self.kernel is None:
+            object.__setattr__(self, "kernel", "standard" if self._heliocentric else KERNELS[0])
+        if self.corrector is None:
+            object.__setattr__(self, "corrector", 0 if self._heliocentric else 17)
         if self.kernel not in KERNELS:
             raise InputError(f"kernel is {shown(self.kernel)}; expected {', '.join(map(repr, KERNELS))}")
         if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
+        if not isinstance(self.corrector2, bool):
+            raise InputError(f"corrector2 is {shown(self.corrector2)}; expected True or False")
+        if self._heliocentric:
+            self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
             known = " or ".join(map(repr, ENCOUNTERS))
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
@@ -464,6 +586,30 @@ class WisdomHolman(Integrator):
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "
                 "without one; use corrector=17, or kernel='standard'"
             )
+        if self.corrector2 and self.kernel == "standard":
+            raise InputError(
+                "corrector2=True removes oscillations that are hidden by the larger error of kernel='standard'; use "
+                "kernel='modified-kick' or 'lazy'"
+            )
+
+    @property
+    def _heliocentric(self) -> bool:
+        return self.coordinates == "democratic-heliocentric"
+
+    def _require_neither_kernel_nor_corrector(self) -> None:
+        """Raise InputError for what is made for Jacobi coordinates."""
+        for name, fits in (("kernel", "standard"), ("corrector", 0), ("corrector2", False)):
+            if getattr(self, name) != fits:
+                raise InputError(
+                    f"{name}={getattr(self, name)!r} is made for Jacobi coordinates, and does not fit "
+                    f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
+                    f"together; leave it away, or use coordinates='jacobi'"
+                )
+
+    @property
+    def follows_encounters(self) -> bool:
+        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
+        return self.encounters == "follow"
 
     @property
     def retires_in_encounters(self) -> bool:
@@ -473,7 +619,7 @@ class WisdomHolman(Integrator):
     @property
     def order(self) -> int:
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
-        return 2 if self.kernel == "standard" or self.corrector < 5 else 4
+        return 2 if self.kernel == "standard" or self.corrector in (0, 3) else 4
 
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
@@ -484,18 +630,50 @@ class WisdomHolman(Integrator):
 
     @property
     def variational(self) -> bool:  # type: ignore[override]
-        """Whether the step is that of L_d: without a corrector, which changes variables."""
-        return self.corrector == 0
+        """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
+        return self.corrector == 0 and not self._heliocentric
 
     @property
-    def second_order(self) -> KeplerSplitting:
+    def own_discrete_lagrangian(self) -> str:  # type: ignore[override]
+        """What L_d a map has that is not variational."""
+        if self._heliocentric:
+            return super().own_discrete_lagrangian
+        return "that of the same method without a corrector, after a change of variables"
+
+    @property
+    def second_order(self) -> KeplerSplitting | DemocraticHeliocentric:
         """Kepler motions and kicks."""
-        return KeplerSplitting(self.kernel, self.corrector)
+        if self._heliocentric:
+            return DemocraticHeliocentric()
+        return KeplerSplitting(str(self.kernel), self.corrector or 0, self.corrector2)
+
+    def form(self, lagrangian: Lagrangian, *, canonical: bool = False) -> Form | None:
+        """Return the form for this Lagrangian: with terms of the dominant body, if it has any."""
+        form = super().form(lagrangian, canonical=canonical)
+        if form is None or NEWTONIAN in lagrangian.traits or not isinstance(form, KeplerSplitting):
+            return form
+        return replace(form, with_terms=True)
+
+    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
+        """Raise InputError, naming the terms that have no flow here."""
+        summands = getattr(lagrangian, "summands", ())
+        strange = [term.name for term in summands if ABOUT_ONE_BODY not in term.traits]
+        if summands and self._heliocentric:
+            raise InputError(
+                f"{self.label} takes no terms besides Newton's gravity, got {', '.join(x.name for x in summands)}; in "
+                "Jacobi coordinates it takes those of the dominant body, and Gauss(stages=8) takes all."
+            )
+        if strange:
+            raise InputError(
+                f"{self.label} takes terms of the dominant body such as PostNewtonian and ZonalHarmonics, each with a "
+                f"motion of its own between Kepler motions, not {', '.join(strange)}. Use Gauss(stages=8)."
+            )
+        super().check(lagrangian, others)
 
     @classmethod
     def examples(cls) -> tuple[WisdomHolman, ...]:
-        """Return the default and the plain map."""
-        return cls(), cls(kernel="standard", corrector=0)
+        """Return the default, the plain map, and that in democratic heliocentric coordinates."""
+        return cls(), cls(kernel="standard", corrector=0), cls(coordinates="democratic-heliocentric")
 
 
 __all__ = ["KeplerSplitting", "WisdomHolman", "outwards"]

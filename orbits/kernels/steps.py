@@ -289,6 +289,19 @@ def _step_particles(method, model, t, h, particles, carry, storage):
     )
 
 
+def keep_particles(method, carry, storage):
+    """Keep the carry of eight particles at the end of a block; by default it is lost."""
+    raise NotImplementedError("keep_particles() is for compiled code only")
+
+
+@overload(keep_particles, jit_options=OPTIONS)
+def _keep_particles(method, carry, storage):
+    compiled = _kernel(method, "keep_particles")
+    if compiled is None:
+        return lambda method, carry, storage: None
+    return lambda method, carry, storage: compiled(method, carry, storage)
+
+
 def begin_pair(method, model, one, two, storages):
     """Return the carry of two times eight particles at the beginning of a block; by default that of each."""
     raise NotImplementedError("begin_pair() is for compiled code only")
@@ -327,16 +340,21 @@ def _step_pair(method, model, t, h, one, two, carry, storages):
 
 
 def keep_pair(method, carry, storages):
-    """Keep the carry of two times eight particles at the end of a block; by default it is lost."""
+    """Keep the carry of two times eight particles at the end of a block; by default that of each."""
     raise NotImplementedError("keep_pair() is for compiled code only")
 
 
 @overload(keep_pair, jit_options=OPTIONS)
 def _keep_pair(method, carry, storages):
     compiled = _kernel(method, "keep_pair")
-    if compiled is None:
-        return lambda method, carry, storages: None
-    return lambda method, carry, storages: compiled(method, carry, storages)
+    if compiled is not None:
+        return lambda method, carry, storages: compiled(method, carry, storages)
+
+    def keep_each(method, carry, storages):
+        keep_particles(method, carry[0], storages[0])
+        keep_particles(method, carry[1], storages[1])
+
+    return keep_each
 
 
 def enter_particles(method, model, state, particles, rows, storage):

@@ -33,6 +33,10 @@ GRADIENTS = "gradients"
 NEWTONIAN = "Newtonian"
 """It is that of point masses that attract each other, and of nothing else: their two-body motion is known exactly."""
 
+ABOUT_ONE_BODY = "Newtonian but for terms of one body"
+"""It is Newtonian, or adds terms of one body to that: sums over all others of functions of their positions and
+velocities relative to it. Terms have its row as their first parameter, and a kernel `about`."""
+
 TIME_DEPENDENT = "time-dependent"
 """L depends on t: energy is not conserved."""
 

@@ -36,7 +36,16 @@ from orbits.kernels.gravity import (
     share_of_accelerations,
 )
 from orbits.kernels.lanes import get, put, sqrt
-from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, NEWTONIAN, SEPARABLE, Compiled, Lagrangian, Motion
+from orbits.lagrangians.base import (
+    ABOUT_ONE_BODY,
+    GRADIENTS,
+    MASSLESS_PARTICLES,
+    NEWTONIAN,
+    SEPARABLE,
+    Compiled,
+    Lagrangian,
+    Motion,
+)
 from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
 from orbits.lagrangians.terms.base import Summand, SumOfTerms, compiled_sum, kept
 
@@ -129,7 +138,8 @@ def _compiled() -> Compiled:
         "gross_field": gross_field,
         "particle_gradients": particle_gradients,
     }
-    return Compiled(Tag("newtonian", kernels), frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS, NEWTONIAN}))
+    traits = frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS, NEWTONIAN, ABOUT_ONE_BODY})
+    return Compiled(Tag("newtonian", kernels), traits)
 
 
 def parameters(gm: NDArray[np.float64], softening: float = 0.0) -> NDArray[np.float64]:

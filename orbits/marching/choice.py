@@ -49,7 +49,7 @@ def form_of_bodies(
         return _transformed(integrator, lagrangian, with_particles=with_particles, forces=forces)
     if clock.changes:
         form = _changing(integrator, lagrangian, forces=forces)
-    elif SEPARABLE in lagrangian.traits and not forces:
+    elif (SEPARABLE in lagrangian.traits or integrator.follows_kepler) and not forces:
         form = form_for(integrator, lagrangian)
     else:
         form = _form_with(integrator, lagrangian, forces)
@@ -65,7 +65,7 @@ def form_of_bodies(
     if with_particles and form.particle_carry_rows and in_lanes and not form.keeps_particles:
         raise InputError(
             f"{integrator.label} has a carry of massless particles in lanes, which is not kept from block to block; "
-            "expected particle_carry_rows = 0, a kernel keep_pair, or the constant width = 1: one particle at a "
+            "expected particle_carry_rows = 0, a kernel keep_particles, or the constant width = 1: one particle at a "
             "time"
         )
     return form

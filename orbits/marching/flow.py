@@ -160,9 +160,13 @@ class Flow:
     def _record(self, q: Array, p: Array, every: int, out_q: Array, out_p: Array) -> tuple[int, int, int]:
         order = self.lagrangian.kernel_order
         mass = None  # the constant mass matrix of a separable Lagrangian; None if p is v
-        if not self.canonical and GRADIENTS in self.lagrangian.traits:
+        # Positions and velocities are marched, but momenta are not a constant times those.
+        general = not self.canonical and SEPARABLE not in self.lagrangian.traits
+        if not self.canonical and not general and GRADIENTS in self.lagrangian.traits:
             mass = self.lagrangian.hessians(q, np.zeros_like(q))[2]
         second = p if mass is None else self.lagrangian.solve_mass(mass, p, q)
+        if general:
+            second = self.lagrangian.velocity(q, p, self.t)
         state = [_padded(order(q)), _padded(np.zeros_like(q)), _padded(order(second)), _padded(np.zeros_like(p))]
         self._carry[:] = 0.0
         if self.canonical:
@@ -198,6 +202,9 @@ class Flow:
         if mass is not None:
             with np.errstate(invalid="ignore"):  # states after a failure are not returned
                 out_p[:] = out_p @ mass
+        if general:
+            for k in range(len(out_q) if status == OK else done // every):
+                out_p[k] = self.lagrangian.momentum(out_q[k], out_p[k], self.t)
         return int(status), int(done), int(evaluations)
 
     def _path(self, q: Array, p: Array, every: int, evaluations: int = 0) -> DiscretePath:

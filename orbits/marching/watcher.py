@@ -17,7 +17,7 @@ from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passag
 from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
-from orbits.kernels.planet_approaches import BODY, SHARE, follow_planets, show_trace
+from orbits.kernels.planet_approaches import BODY, IN_PATH, SHARE, follow_planets, show_trace
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.alignment import aligned
@@ -87,6 +87,7 @@ class Watcher:
     stops, energy_bound, radii : see `Marcher`
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
     tasks : the number of tasks that march particles at the same time
+    on_kepler_orbits : whether the steps resolve the pericentres of all bodies about the dominant one
     trace_rows : see `Form.trace_rows`
 
     contexts, lists : of the massive bodies, then of each task
@@ -107,6 +108,7 @@ class Watcher:
         times: Array,
         tasks: int = 0,
         radii: Array | None = None,
+        on_kepler_orbits: bool = False,
         trace_rows: int = 0,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
@@ -119,7 +121,8 @@ class Watcher:
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
         self._trace_rows, self._of_trace = trace_rows, 0
-        self._planets = trace_rows > 0 and self.dominant == 0
+        few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
+        self._planets = on_kepler_orbits and few and self.dominant == 0
         (self._trace,) = aligned(((TRACED + 1) * trace_rows * WIDTH,))
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
         self.listed_within = np.zeros(padded(len(massive)))
@@ -140,6 +143,7 @@ class Watcher:
             least_eccentricity=least_eccentricity,
             pericentre_angle=pericentre_angle,
             times=times,
+            pace=1.0,
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
@@ -200,23 +204,20 @@ class Watcher:
             self.contexts.enter(path=self._path)
         return self._path
 
-    def record(self, steps: int) -> Array:
-        """Return the array in which a march records a block of steps: the path, or the trace."""
-        path = self.path(steps)
-        return self._trace if self._trace_rows else path
-
-    def of_trace(self, record: Array, first: int, carry: Array) -> tuple[int, int]:
-        """Prepare for a block as `begin` does, and return the observer of a trace and its context; (0, 0) without one.
+    def of_trace(self, record: Array, first: int, steps: int, carry: Array) -> tuple[Array, tuple[int, int]]:
+        """Prepare for a block of `steps` steps that is recorded in a trace, as `begin` does; return the trace, with its
+        observer and that one's context. Without a trace, return the path, and (0, 0).
 
         carry : that of the march
         """
+        path = self.path(steps)
         if not self._trace_rows:
-            return 0, 0
+            return path, (0, 0)
         if not self._of_trace:
             self._of_trace = observer_address(follow_planets if self._planets else show_trace)
             self.contexts.enter(trace=self._trace, lanes=self._numbered(carry))
         self.begin(record, first)
-        return self._of_trace, self.contexts.addresses[0]
+        return self._trace, (self._of_trace, self.contexts.addresses[0])
 
     def _numbered(self, carry: Array) -> Array:
         """Return `lanes` of `orbits.kernels.watch`."""
@@ -227,13 +228,21 @@ class Watcher:
             lanes[SHARE, k] = self._parameters[1 + body] / inside
         return lanes
 
+    def use_path(self, path: Array) -> None:
+        """Record blocks of steps in this array."""
+        self._path = path
+        self.contexts.enter(path=path)
+
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
         return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
 
     def follow(self, h: float, steps: int) -> None:
         """Search for closest approaches among the massive bodies."""
-        follow_bodies(self.contexts.addresses[0], h, steps)
+        if self._planets:
+            observe(observer_address(follow_planets), self.contexts.addresses[0], _NO_TRACK, h, steps, IN_PATH, steps)
+        else:
+            follow_bodies(self.contexts.addresses[0], h, steps)
 
     def _end_trace(self, h: float, steps: int, carry: Array) -> None:
         """Observe the last steps of a block, which ended with this carry."""
@@ -242,19 +251,19 @@ class Watcher:
         observe(self._of_trace, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, left)
 
     def look(
-        self, h: float, steps: int, q: Array, v: Array, carry: Array, parallel: Parallel | None = None
+        self, h: float, steps: int, q: Array, v: Array, carry: Array | None = None, parallel: Parallel | None = None
     ) -> None:
         """Observe the massive bodies in the block of `steps` steps just marched, which ended at q and v.
 
-        carry : that of the march
+        carry : that of the march, for a block that was recorded in a trace
         parallel : searches for closest approaches with several threads, for thousands of bodies
         """
         self._set_state(steps, q, v)
-        if self._trace_rows:
+        if carry is not None:
             self._end_trace(h, steps, carry)
         if parallel is not None:
             parallel.follow(self, h, steps)
-        elif not self._planets:
+        elif carry is None or not self._planets:
             self.follow(h, steps)
         for observer in (self._find_met, self._find_touch):
             observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
@@ -264,9 +273,16 @@ class Watcher:
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
-    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]]) -> None:
-        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task."""
+    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]], among: tuple[int, float] | None = None) -> None:
+        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task.
+
+        among : for those among constant steps, the number of these before the block, and their length. Passages that they
+            follow are recorded, but not listed as such for which a step may be too long
+        """
         self.own_steps.follow(self.contexts, arrays)
+        if among is not None:
+            none = np.zeros_like(self.listed_within)
+            self.own_steps.enter(origin=float(among[0]), pace=1.0 / among[1], reaches=none, pericentre_angle=math.inf)
 
     def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
         """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,

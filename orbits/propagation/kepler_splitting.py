@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from orbits.errors import StepWarning, level_of_caller
+from orbits.body_names import few
+from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS, is_unresolved, reach
 from orbits.propagation.approach import Approach
@@ -59,6 +60,27 @@ class _Orbit(NamedTuple):
         return points
 
 
+def require_outside(system: System) -> None:
+    """Raise InputError for bodies inside the dominant one, as far as its radius is known."""
+    radii = system.radii
+    if radii is None:
+        return
+    sun, units = _dominant(system), system.units
+    radius = float(radii.value[sun])
+    distance = np.linalg.norm(system.values.q - system.values.q[sun], axis=1)
+    inside = [int(k) for k in np.argsort(distance, kind="stable") if distance[k] < radius and k != sun]
+    if inside:
+        first, star = system.names[inside[0]], system.names[sun]
+        near, size = in_digits(float(distance[inside[0]]), units.length), in_digits(radius, units.length)
+        more = inside[1:]
+        others = f", as {'are' if len(more) > 1 else 'is'} {few([system.names[k] for k in more])}" if more else ""
+        raise InputError(
+            f"{first!r} is {near} from the centre of {star!r}, inside its radius of {size}{others}: a Wisdom–Holman "
+            f"step moves bodies about a point mass. Leave them out with system.remove({first!r}), or take all bodies "
+            "for points with system.replaced(radii=None)."
+        )
+
+
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
     """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, of planets or of massless
     particles, or if planets come so close to each other, now or at a crossing of their orbits, that the method cannot
@@ -80,7 +102,7 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
             StepWarning,
             stacklevel=level_of_caller(),
         )
-    if orbits and not system.massive.all():
+    if orbits and not system.massive.all() and not integrator.follows_encounters:
         _warn_of_particles(system, integrator, h, span)
     close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
     if close:
@@ -99,11 +121,11 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     values, units, sun = system.values, system.units, _dominant(system)
     rows = np.flatnonzero(~system.massive)
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], float(values.gm[sun])
-    r, h2 = np.linalg.norm(q, axis=1), (np.cross(q, v) ** 2).sum(axis=1)
-    beta = 2.0 * mu / r - (v * v).sum(axis=1)
-    e = np.sqrt(np.maximum(1.0 - h2 * beta / mu**2, 0.0))
-    pericentre = h2 / mu / (1.0 + e)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        r, h2 = np.linalg.norm(q, axis=1), (np.cross(q, v) ** 2).sum(axis=1)
+        beta = 2.0 * mu / r - (v * v).sum(axis=1)
+        e = np.sqrt(np.maximum(1.0 - h2 * beta / mu**2, 0.0))
+        pericentre = h2 / mu / (1.0 + e)
         steps = 2.0 * math.pi / abs(h) * np.sqrt(pericentre**3 / (mu * (1.0 + e)))
         period = np.where(beta > 0.0, 2.0 * math.pi * mu / np.maximum(beta, 0.0) ** 1.5, np.inf)
     ahead = (abs(span) >= period) | ((q * v).sum(axis=1) * span < 0.0) | (e < 0.1)
@@ -135,8 +157,9 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     """
     gm, massive, found = run.system.values.gm, run.system.massive, []
     perturbed = massive.sum() > 2  # the motion of a single planet is exact
+    followed = run.integrator.follows_encounters
     for k, passage in enumerate(seen.passages):
-        if passage.about is None:
+        if passage.about is None or (followed and not (massive[passage.body] and massive[passage.other])):
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body

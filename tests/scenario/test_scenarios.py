@@ -40,6 +40,8 @@ WITHOUT_DT = {
     "close_encounter": {"duration": 205 * u.day, "samples": 21},
 }
 
+BY_MAPS = "secular", "trojans"  # in test_long_runs.py
+
 
 def pair(**changes):
     system = orbits.System.from_states(
@@ -59,7 +61,7 @@ def pair(**changes):
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
-    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES])
+    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS])
     assert all(each.summary for each in bundled())
 
 

@@ -8,6 +8,8 @@ A term is one file: kernels, and a frozen dataclass for users, with units. Its k
     accelerate_some(strength, own, q, out, start, stop)    adds the accelerations of bodies start ... stop - 1
     field(strength, own, sources, x, y, z)                 returns the acceleration of a massless particle
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
+    about(strength, own, gm, r, w)      returns the derivatives, per GM, of the part of L of a body at r with velocity
+                                        w relative to that of the term, for terms that are ABOUT_ONE_BODY
 
 `strength` is the parameter vector of `newtonian`, eps^2 and GM of each massive body; `own` is that of the term; t is
 the time since the epoch of the system, in its unit. L is multiplied by G, as there. A term of positions alone also has
@@ -26,7 +28,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 from orbits.kernels.binding import SumTag, Tag
 from orbits.lagrangians.base import TIME_DEPENDENT, Compiled, Lagrangian
 from orbits.lagrangians.symmetry import Symmetry, rotation
@@ -61,10 +63,12 @@ class Term:
     """Base of the terms of a `System`: frozen dataclasses whose fields are their parameters, with units.
 
     kind : its name in archives
+    alone : whether a system can have only one of this kind
     body : the name of the massive body to which the term belongs; None for the most massive one
     """
 
     kind: ClassVar[str]
+    alone: ClassVar[bool] = False
     body: str | None = None
 
     def in_units(self, units: Any) -> Self:
@@ -135,35 +139,6 @@ def kept(symmetries: Sequence[Symmetry], summands: Sequence[Summand], bodies: in
     if any(axis):
         others.append(rotation(axis, copies=bodies, name="rotation about the pole"))
     return tuple(others)
-
-
-def direction(value: Any, what: str, units: Any) -> Vector:
-    """Return a unit vector from (right ascension, declination) or from three numbers.
-
-    Raises InputError for anything else, and for a declination beyond a right angle (degrees without a unit).
-    """
-    expected = "expected (right ascension, declination), such as (286.13 * u.deg, 63.87 * u.deg), or a vector x, y, z"
-    if value is None:
-        raise InputError(f"{what} is missing; {expected}.")
-    try:
-        count = len(value)
-    except TypeError:
-        count = 0
-    if count == 2:
-        ra, dec = (float(units.angle_value(angle, what)) for angle in value)
-        if not abs(dec) <= np.pi / 2 + 1e-12:
-            raise InputError(f"{what} has the declination {dec:g} rad; plain numbers are radians, degrees need u.deg.")
-        found = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
-    elif count == 3:
-        found = np.asarray(units.pure_value(value, what), dtype=np.float64)
-    else:
-        raise InputError(f"{what} is {shown(value)}; {expected}.")
-    length = float(np.linalg.norm(found))
-    if not (np.isfinite(length) and length > 0.0):
-        raise InputError(f"{what} is {shown(value)}; expected finite numbers, not all of them 0.")
-    # A vector of length 1 is not changed, so that stored vectors are restored bit for bit.
-    unit = found if abs(length - 1.0) <= 4e-16 else found / length
-    return float(unit[0]), float(unit[1]), float(unit[2])
 
 
 def number(value: Any, what: str) -> float:

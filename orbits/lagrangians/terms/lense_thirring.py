@@ -16,17 +16,14 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.checks import pole_direction
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed
-from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES
-from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
-
-
-@kernel(inline=True)
-def _difference(q, i, b, n):
-    return get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
+from orbits.lagrangians.terms.base import Summand, Term, Vector, number
+from orbits.lagrangians.terms.pairs import add_differences, difference
 
 
 @kernel(inline=True)
@@ -50,7 +47,7 @@ def value(strength, own, t, q, v):
     total = get(q, 0) * 0.0
     for i in range(n):
         if i != b:
-            r, w = _difference(q, i, b, n), _difference(v, i, b, n)
+            r, w = difference(q, i, b, n), difference(v, i, b, n)
             found = _derivatives(strength[0], own, r, w)
             total = total + strength[1 + i] * (found[3] * w[0] + found[4] * w[1] + found[5] * w[2])
     return total
@@ -62,25 +59,13 @@ def gradients(strength, own, t, q, v, f, p):
     n, b = strength.shape[0] - 1, int(own[0])
     for i in range(n):
         if i != b:
-            found = _derivatives(strength[0], own, _difference(q, i, b, n), _difference(v, i, b, n))
+            found = _derivatives(strength[0], own, difference(q, i, b, n), difference(v, i, b, n))
             for a in range(3):
                 df, dp = strength[1 + i] * found[a], strength[1 + i] * found[3 + a]
                 put(f, a * n + i, get(f, a * n + i) + df)
                 put(f, a * n + b, get(f, a * n + b) - df)
                 put(p, a * n + i, get(p, a * n + i) + dp)
                 put(p, a * n + b, get(p, a * n + b) - dp)
-
-
-@kernel(inline=True)
-def _add_differences(out, at, value, a, c, i, b, n):
-    """Add a derivative by differences, of axes a and c, to the block of derivatives that starts at `at`."""
-    d = 3 * n
-    ii, bb = at + (a * n + i) * d + c * n + i, at + (a * n + b) * d + c * n + b
-    ib, bi = at + (a * n + i) * d + c * n + b, at + (a * n + b) * d + c * n + i
-    put(out, ii, get(out, ii) + value)
-    put(out, bb, get(out, bb) + value)
-    put(out, ib, get(out, ib) - value)
-    put(out, bi, get(out, bi) - value)
 
 
 @kernel
@@ -90,7 +75,7 @@ def hessians(strength, own, t, q, v, out):
     d = 3 * n
     for i in range(n):
         if i != b:
-            r, w = _difference(q, i, b, n), _difference(v, i, b, n)
+            r, w = difference(q, i, b, n), difference(v, i, b, n)
             r2 = strength[0] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             near3 = rsqrt_cubed(r2) * strength[1 + i]
             bx, by, bz = w[1] * own[3] - w[2] * own[2], w[2] * own[1] - w[0] * own[3], w[0] * own[2] - w[1] * own[1]
@@ -107,8 +92,14 @@ def hessians(strength, own, t, q, v, out):
                     # Of k x r, the component c by the coordinate a: epsilon_cea k_e.
                     turn = 0.0 if a == c else (own[1 + 3 - a - c] if (c + 2) % 3 == a else -own[1 + 3 - a - c])
                     by_places = near3 * (15.0 * rb * ra * rc - 3.0 * (ba * (rc / r2) + ra * bc) - 3.0 * rb * same)
-                    _add_differences(out, 0, by_places, a, c, i, b, n)
-                    _add_differences(out, d * d, near3 * (turn - 3.0 * ra * mc), a, c, i, b, n)
+                    add_differences(out, 0, by_places, a, c, i, b, n)
+                    add_differences(out, d * d, near3 * (turn - 3.0 * ra * mc), a, c, i, b, n)
+
+
+@kernel(inline=True)
+def about(strength, own, gm, r, w):
+    """Return the derivatives of a pair's part of L, per GM of the other body, with respect to r and w, six numbers."""
+    return _derivatives(strength[0], own, r, w)
 
 
 @kernel
@@ -122,7 +113,13 @@ def particle_gradients(strength, own, t, sources, speeds, place, velocity):
 
 TAG = Tag(
     "lense-thirring",
-    {"value": value, "gradients": gradients, "hessians": hessians, "particle_gradients": particle_gradients},
+    {
+        "value": value,
+        "gradients": gradients,
+        "hessians": hessians,
+        "particle_gradients": particle_gradients,
+        "about": about,
+    },
 )
 
 
@@ -134,7 +131,7 @@ def lense_thirring(row: int, k: Vector) -> Summand:
         formula="-(2 G / c^2) sum m S . (r x w) / r^3",
         tag=TAG,
         parameters=np.array([row, *k], dtype=np.float64),
-        traits=frozenset({MASSLESS_PARTICLES, GRADIENTS}),
+        traits=frozenset({MASSLESS_PARTICLES, GRADIENTS, ABOUT_ONE_BODY}),
         axis=(k[0] / length, k[1] / length, k[2] / length),
     )
 
@@ -171,7 +168,7 @@ class LenseThirring(Term):
                 f"LenseThirring{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the "
                 "other way has the opposite pole."
             )
-        pole = direction(self.pole, f"pole{whose}", units)
+        pole = pole_direction(self.pole, f"pole{whose}", units)
         return replace(self, spin=spin * units.angular_momentum, pole=pole, c=c * units.speed)
 
     def summand(self, row: int, units: Any) -> Summand:

@@ -20,12 +20,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.checks import pole_direction
 from orbits.errors import InputError, with_unit
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed
-from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
-from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
+from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
+from orbits.lagrangians.terms.base import Summand, Term, Vector, number
 
 HARMONICS = 4
 """The index of J_2 R^2 in the parameters."""
@@ -130,6 +131,15 @@ def field(strength, own, sources, x, y, z):
     return _acceleration(own, strength[1 + b], strength[0] + dx * dx + dy * dy + dz * dz, dx, dy, dz)
 
 
+@kernel(inline=True)
+def about(strength, own, gm, r, w):
+    """Return the acceleration at r from the body, and zeros for the momentum."""
+    r2 = strength[0] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    fx, fy, fz = _acceleration(own, strength[1 + int(own[0])], r2, r[0], r[1], r[2])
+    none = fx * 0.0
+    return fx, fy, fz, none, none, none
+
+
 @kernel
 def particle_gradients(strength, own, t, sources, speeds, place, velocity):
     """Return the force per unit mass, and zeros for the momentum."""
@@ -198,6 +208,7 @@ TAG = Tag(
         "accelerate_some": accelerate_some,
         "field": field,
         "particle_gradients": particle_gradients,
+        "about": about,
     },
 )
 
@@ -213,7 +224,7 @@ def zonal_harmonics(row: int, radius: float, pole: Vector, harmonics: dict[int, 
         formula="-sum m (G M / r) sum J_n (R / r)^n P_n(s)",
         tag=TAG,
         parameters=np.array([row, *pole, *powers], dtype=np.float64),
-        traits=frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS}),
+        traits=frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS, ABOUT_ONE_BODY}),
         axis=pole,
     )
 
@@ -255,7 +266,7 @@ class ZonalHarmonics(Term):
         if not radius > 0.0:
             shown = with_unit(f"{radius:g}", units.length)
             raise InputError(f"ZonalHarmonics{whose}: radius is {shown}; expected a length > 0.")
-        pole = direction(self.pole, f"pole{whose}", units)
+        pole = pole_direction(self.pole, f"pole{whose}", units)
         return replace(self, **found, radius=radius * units.length, pole=pole)
 
     def summand(self, row: int, units: Any) -> Summand:

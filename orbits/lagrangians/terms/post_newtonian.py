@@ -1,0 +1,192 @@
+"""Relativity to first post-Newtonian order, by one central body: Schwarzschild's field for all others.
+
+    L = (1/c^2) sum_i m' [w^4/8 + 3/2 M w^2/r - M^2/(2 r^2)],     r = |q_i - q_s|,  w = v_i - v_s,
+        M = G (m_i + m_s),  m' = m_i m_s / (m_i + m_s)
+
+for all massive bodies i other than the source s, which feels the reaction; a massless particle has [...] per unit mass,
+with M = G m_s. This is the Lagrangian of Einstein, Infeld and Hoffmann, in harmonic coordinates, for light bodies about
+s: what it leaves out is of the order of (mass of the planets) / (mass of the source) of it, such as the relativity by
+Jupiter. With M and m' the periastron of a pair advances by 6 pi M / (c^2 a (1 - e^2)) in a revolution whatever its
+masses, which is the result of general relativity to this order. Its part of the Hamiltonian, with H_K = p^2/2 - M/r per
+unit of m', is that of Saha and Tremaine:
+
+    H_1 = -(1/c^2) (p^4/8 + 3/2 M p^2/r - M^2/(2 r^2)) = (1/c^2) (3/2 H_K^2 - p^4/2 - M^2/r^2)
+
+It depends on differences alone, and has no axis: momentum, the uniform motion of the centre of mass (by masses without
+binding energies) and angular momentum are conserved exactly. The canonical momenta are m v + dL/dv; the energy is that
+of the whole Lagrangian. With a softening eps, r^2 = |q_i - q_s|^2 + eps^2, as in the attraction.
+Parameters: row of the source, 1/c^2.
+Source: Einstein, Infeld & Hoffmann (1938), Ann. Math. 39, 65; Landau & Lifshitz (1975), sec. 106; Saha & Tremaine
+(1994), AJ 108, 1962.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from orbits.errors import InputError, shown
+from orbits.kernels.binding import Tag
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import get, rsqrt_cubed
+from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
+from orbits.lagrangians.terms.base import Summand, Term, number
+from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference
+
+
+@kernel(inline=True)
+def _derivatives(r2, M, size, r, w):
+    """Return the derivatives of `size` times the bracket with respect to r and w, six numbers."""
+    (x, y, z), (vx, vy, vz) = r, w
+    pull = M * rsqrt_cubed(r2)
+    depth, v2 = pull * r2, vx * vx + vy * vy + vz * vz
+    f, p = size * pull * (depth - 1.5 * v2), size * (0.5 * v2 + 3.0 * depth)
+    return f * x, f * y, f * z, p * vx, p * vy, p * vz
+
+
+@kernel(inline=True)
+def about(strength, own, gm, r, w):
+    """Return the derivatives of a pair's part of L, per GM of the lighter body, with respect to r and w, six numbers.
+
+    gm : GM of the body at r from the source, float64 or lanes; 0 for a massless particle
+    """
+    source = strength[1 + int(own[0])]
+    M = gm + source
+    r2 = strength[0] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    return _derivatives(r2, M, own[1] * (source / M), r, w)
+
+
+@kernel
+def value(strength, own, t, q, v):
+    """Return the sum over pairs with the source."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    total = get(q, 0) * 0.0
+    for i in range(n):
+        if i != b:
+            (x, y, z), (vx, vy, vz) = difference(q, i, b, n), difference(v, i, b, n)
+            M = strength[1 + i] + strength[1 + b]
+            r2 = strength[0] + x * x + y * y + z * z
+            v2, depth = vx * vx + vy * vy + vz * vz, M * rsqrt_cubed(r2) * r2
+            size = own[1] * (strength[1 + i] * (strength[1 + b] / M))
+            total = total + size * (v2 * (0.125 * v2 + 1.5 * depth) - 0.5 * depth * depth)
+    return total
+
+
+@kernel
+def gradients(strength, own, t, q, v, f, p):
+    """Add the forces to f and the momenta to p, with the reaction of the source."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    for i in range(n):
+        if i != b:
+            gm = strength[1 + i]
+            fx, fy, fz, px, py, pz = about(strength, own, gm, difference(q, i, b, n), difference(v, i, b, n))
+            add_with_reaction(f, (gm * fx, gm * fy, gm * fz), i, b, n)
+            add_with_reaction(p, (gm * px, gm * py, gm * pz), i, b, n)
+
+
+@kernel
+def hessians(strength, own, t, q, v, out):
+    """Add the second derivatives."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    d = 3 * n
+    for i in range(n):
+        if i != b:
+            r, w = difference(q, i, b, n), difference(v, i, b, n)
+            M = strength[1 + i] + strength[1 + b]
+            size = own[1] * (strength[1 + i] * (strength[1 + b] / M))
+            r2 = strength[0] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+            pull = M * rsqrt_cubed(r2)
+            depth, v2 = pull * r2, w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+            along, bend = size * pull * (depth - 1.5 * v2), size * pull * (4.5 * v2 - 4.0 * depth) / r2
+            mixed, inert = -3.0 * (size * pull), size * (0.5 * v2 + 3.0 * depth)
+            for a in range(3):
+                for c in range(3):
+                    same = 1.0 if a == c else 0.0
+                    add_differences(out, 0, bend * r[a] * r[c] + along * same, a, c, i, b, n)
+                    add_differences(out, d * d, mixed * r[a] * w[c], a, c, i, b, n)
+                    add_differences(out, 2 * d * d, size * w[a] * w[c] + inert * same, a, c, i, b, n)
+
+
+@kernel
+def particle_gradients(strength, own, t, sources, speeds, place, velocity):
+    """Return the force and the momentum per unit mass."""
+    n, b = strength.shape[0] - 1, int(own[0])
+    r = place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
+    w = velocity[0] - get(speeds, b), velocity[1] - get(speeds, n + b), velocity[2] - get(speeds, 2 * n + b)
+    return about(strength, own, 0.0, r, w)
+
+
+TAG = Tag(
+    "post-newtonian",
+    {
+        "value": value,
+        "gradients": gradients,
+        "hessians": hessians,
+        "particle_gradients": particle_gradients,
+        "about": about,
+    },
+)
+
+
+def post_newtonian(row: int, c: float) -> Summand:
+    """Return the term for the massive body of that row, counted from 0, as the source; c : a speed."""
+    return Summand(
+        name="post-Newtonian",
+        formula="sum m' (w^4/8 + 3/2 M w^2/r - M^2/(2 r^2)) / c^2",
+        tag=TAG,
+        parameters=np.array([row, 1.0 / (c * c)], dtype=np.float64),
+        traits=frozenset({MASSLESS_PARTICLES, GRADIENTS, ABOUT_ONE_BODY}),
+        axis=None,
+    )
+
+
+@dataclass(frozen=True)
+class PostNewtonian(Term):
+    """General relativity to first post-Newtonian order, by the field of one body: Mercury's 43" in a century.
+
+        system.with_terms(orbits.PostNewtonian(sources=["Sun"]))
+
+    sources : the name of the massive body whose field is relativistic, in a list
+    c : the speed of light; required if units are dimensionless
+
+    The relativity of the other bodies' fields is left out: 1e-3 of this for the planets, by Jupiter. `body` is the same
+    name, and need not be given.
+    """
+
+    kind: ClassVar[str] = "post-newtonian"
+    alone: ClassVar[bool] = True
+    sources: Any = None
+    c: Any = None
+
+    def __post_init__(self) -> None:
+        """Raise InputError unless one body is named."""
+        given = self.body if self.sources is None else self.sources
+        named = [given] if isinstance(given, str) else given
+        if not isinstance(named, list | tuple) or not all(isinstance(name, str) for name in named) or not named:
+            raise InputError(
+                f"PostNewtonian: sources is {shown(self.sources)}; expected the name of the central body in a list, "
+                "such as sources=['Sun']. The field of all bodies, by Einstein, Infeld and Hoffmann, is not known here."
+            )
+        one = named[0] if self.body is None else self.body
+        if len(named) > 1 or one.casefold() != named[0].casefold():
+            raise InputError(
+                f"PostNewtonian: sources has {shown([*named, one] if one not in named else [*named])}; expected one "
+                "body, as the fields of several do not add up. Name the one about which the others move."
+            )
+        object.__setattr__(self, "sources", (one,))
+        object.__setattr__(self, "body", one)
+
+    def in_units(self, units: Any) -> Self:
+        """Return this term with c in the system's units."""
+        if self.c is None and not units.is_physical:
+            raise InputError(f"PostNewtonian: c is missing; {units.name} has no speed of light: give c=...")
+        c = units.speed_of_light if self.c is None else number(units.speed_value(self.c, "c"), "c")
+        if not c > 0.0:
+            raise InputError(f"PostNewtonian: c is {c:g}; expected a speed > 0.")
+        return replace(self, c=c * units.speed)
+
+    def summand(self, row: int, units: Any) -> Summand:
+        """Return the term for the massive body of that row."""
+        return post_newtonian(row, float(units.speed_value(self.c)))
