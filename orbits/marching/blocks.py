@@ -6,6 +6,7 @@ again, from there, up to that step.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,10 @@ from orbits.marching.failures import failure_of_bodies, last_good, meeting
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import Lost, Retired
 from orbits.marching.watcher import Watcher
+
+SPAN, LEAST_SPAN = 3.0, 32
+"""The length of a block in which particles may be retired, as a multiple of the square root of the number of steps from
+one retirement to the next; and the least."""
 
 APART = 64
 """The number of steps between the states that are kept of a run of which not all are; see `steps_apart`."""
@@ -82,7 +87,7 @@ class Blocks:
         @property
         def time(self) -> float: ...
         def state(self) -> tuple[Array, Array]: ...
-        def _as_seen(self) -> dict[str, Array]: ...
+        def _as_seen(self, particles: NDArray[np.intp] | None = None) -> dict[str, Array]: ...
         def _time_of(self, step: int) -> float: ...
 
     def advance(self, steps: int) -> None:
@@ -110,8 +115,15 @@ class Blocks:
         return self.step - before
 
     def _most(self) -> int:
-        """Return the number of steps up to the next state that is kept, if not all are."""
-        return self.block if self._keep is None or self._apart == 1 else APART - self.step % APART
+        """Return the number of steps up to the next state that is kept, if not all are; fewer while particles are
+        retired often.
+        """
+        most = self.block if self._keep is None or self._apart == 1 else APART - self.step % APART
+        if not (self._retire and self.integrator.retires_in_encounters):
+            return most
+        # A retirement costs a block, and a block about SPAN^2 steps: their sum is least for blocks of this length.
+        between = self.step / (1 + int(self._retired.gone().sum()))
+        return min(most, max(LEAST_SPAN, int(SPAN * math.sqrt(between))))
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -195,7 +207,7 @@ class Blocks:
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         if self._form.transforms:  # what is left of them is what is seen
-            seen, away, alone = self._as_seen(), reached.get("away", np.zeros(0, dtype=np.intp)), reached
+            seen, away, alone = self._as_seen(lost.particles), reached.get("away", np.zeros(0, dtype=np.intp)), reached
             reached = {f"particle_{name}": seen[f"particle_{name}"][:, lost.particles] for name in ("q", "v")}
             self._state["particle_memory"][lost.particles] = 0.0
             if len(away):
@@ -266,8 +278,12 @@ class Blocks:
         bound = self._loops.bound(clock, now)
         begun_lo = float(now[changing.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
-        path = self._nothing if record is None else self._watcher.path(count)
-        status, done, body, evaluations = self._loops.march(state, bound, path, count)
+        path, watched = self._nothing, (0, 0)
+        if record is not None and self._loops.is_ready(state, count):
+            path = self._watcher.path(count)
+        elif record is not None:
+            path, watched = self._watcher.of_trace(record, self.step, count, state["memory"])
+        status, done, body, evaluations = self._loops.march(state, bound, path, count, watched)
         self.evaluations += evaluations
         if status == BEYOND:
             status, count, self._arrived = OK, done, True
@@ -284,8 +300,10 @@ class Blocks:
             if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
-            self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
-            self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
+            if not watched[0]:
+                self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
+            carry = state["memory"] if watched[0] else None
+            self._watcher.look(h, count, state["q"], state["v"], carry, self._loops.parallel)
         if self._loops.tasks:
             if not goes_on:
                 self._retired.begin()

@@ -160,6 +160,7 @@ class Marcher(Blocks):
             len(self._loops.tasks),
             radii,
             integrator.follows_kepler,
+            self._form.trace_rows(3 * n),
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._encountered: Lost | None = None
@@ -299,12 +300,15 @@ class Marcher(Blocks):
         self._seen = self._state["memory"]
         return self._gather(self._as_seen())
 
-    def _as_seen(self) -> dict[str, Array]:
-        """Return the state as it is seen: a copy, unless it is what is marched."""
+    def _as_seen(self, particles: NDArray[np.intp] | None = None) -> dict[str, Array]:
+        """Return the state as it is seen: a copy, unless it is what is marched.
+
+        particles : those of which it is wanted; all by default
+        """
         if not (self._form.transforms and self.step):
             return self._state
         copy = self._copied()
-        self._loops.leave(copy, self.clock, self._retired.block)
+        self._loops.leave(copy, self.clock, self._retired.block, particles)
         return copy
 
     def state_after(self, offset: float) -> tuple[Array, Array]:

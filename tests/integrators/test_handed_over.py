@@ -1,9 +1,7 @@
 """Massless particles that a Wisdom–Holman map cannot follow take steps of their own, each alone, and return."""
 
-
 import warnings
 
-import astropy.units as u
 import numpy as np
 import pytest
 
