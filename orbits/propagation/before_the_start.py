@@ -25,15 +25,19 @@ def checked_answer(check_step: Any) -> bool | str:
     return checked_flag(check_step, "check_step", f"True (warn), False or {REFUSE!r}")
 
 
+def check_bodies(system: System, integrator: Integrator) -> None:
+    """Raise InputError, naming them, for bodies and terms that a method on Kepler orbits cannot take."""
+    if integrator.follows_kepler:
+        kepler_splitting.require_outside(system)
+        kepler_splitting.require_terms_of_dominant(system, integrator)
+
+
 def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, check_step: Any) -> None:
     """Warn of what the steps of a run do not resolve, or refuse the run, or do neither, as `check_step` says.
 
-    Raises InputError for bodies inside the one about which a method moves them on Kepler orbits; for another
-    `check_step`; and with "refuse" for all that is a `StepWarning` with True.
+    Raises InputError for another `check_step`, and with "refuse" for all that is a `StepWarning` with True.
     """
     answer = checked_answer(check_step)
-    if integrator.follows_kepler:
-        kepler_splitting.require_outside(system)
     if not answer:
         return
     warn_if_far(system, grid.end)

@@ -91,13 +91,38 @@ def test_a_particle_almost_at_the_centre_is_retired_without_warnings_of_numpy():
 
 
 def test_terms_and_forces_without_a_flow_in_the_map_are_refused_with_the_methods_that_take_them():
-    """Those that depend on velocities: frame dragging and drag."""
-    system, pole = orbits.System.solar_system(), (286.13, 63.87) * u.deg
-    dragged = system.with_terms(orbits.LenseThirring("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
+    """Those that depend on velocities: frame dragging by a planet, by the Sun in other maps, and drag."""
+    system, heliocentric = orbits.System.solar_system(), orbits.WisdomHolman(coordinates="democratic-heliocentric")
+
+    def dragged(body):
+        pole = (286.13, 63.87) * u.deg
+        return system.with_terms(orbits.LenseThirring(body, spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
+
     slowed = system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Mars"]))
-    for bodies, what in ((dragged, "Lense-Thirring.*not separable"), (slowed, "drag")):
-        with pytest.raises(InputError, match=rf"{what}.* Use .*Gauss"):
-            orbits.propagate(bodies, MAP, dt="3 d", duration="1 yr", **OPTIONS)
+    for bodies, method, text in (
+        (dragged("Jupiter"), MAP, r"dominant body alone, 'Sun'; got LenseThirring of 'Jupiter'\. Leave it out, or"),
+        (dragged("Sun"), orbits.SABA(), r"'newtonian \+ Lense-Thirring' is not\. Use Gauss.*WisdomHolman"),
+        (dragged("Sun"), heliocentric, r"no terms besides Newton's gravity, got Lense-Thirring; in Jacobi .*Gauss"),
+        (slowed, MAP, r"cannot march bodies with the force of drag\. Use Gauss"),
+    ):
+        with pytest.raises(InputError, match=text):
+            orbits.propagate(bodies, method, dt="3 d", duration="1 yr", **OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"corrector": 17}, r"corrector=17 is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"kernel": "lazy"}, r"kernel='lazy' is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"corrector2": True}, r"corrector2=True is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"coordinates": "jacobi", "kernel": "lazy", "corrector": 0}, r"use corrector=17, or kernel='standard'"),
+        ({"coordinates": "jacobi", "kernel": "standard", "corrector2": True}, r"use kernel='modified-kick' or 'lazy'"),
+        ({"coordinates": "jacobi", "corrector": -3}, r"corrector is -3; expected 17, 11, 7, 5, 3, or 0 for none"),
+    ],
+)
+def test_a_corrector_is_refused_with_a_kernel_or_coordinates_that_it_does_not_fit(options, text):
+    with pytest.raises(InputError, match=text):
+        orbits.WisdomHolman(**({"coordinates": "democratic-heliocentric"} | options))
 
 
 @pytest.mark.parametrize(
