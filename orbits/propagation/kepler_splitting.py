@@ -20,7 +20,7 @@ import numpy as np
 from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
-from orbits.lagrangians.base import ABOUT_ONE_BODY
+from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
@@ -90,6 +90,12 @@ def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
             raise InputError(
                 f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
                 f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
+            )
+        of_places = SEPARABLE in term.summand(0, system.units).traits
+        if integrator.follows_encounters and not of_places and not system.massive.all():
+            raise InputError(
+                f"{integrator.label} lets massless particles take steps of their own, which take terms of positions "
+                f"alone; got {type(term).__name__}. Use encounters='retire' or 'warn', or Gauss(stages=8) with dt=..."
             )
 
 
