@@ -524,8 +524,9 @@ class WisdomHolman(Integrator):
         the modified kick, and "standard", the only one, in democratic heliocentric coordinates
     corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel. By default
         17, and 0, the only one, in democratic heliocentric coordinates
-    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
-        oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
+    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes a
+        part of the oscillations of the second order in the planets' masses, which matters for planets of a hundredth in
+        long steps only; positions drift away as without it
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
         step of that passage, with time and place
