@@ -40,15 +40,22 @@ if TYPE_CHECKING:
         SingularityError,
         StepWarning,
         StorageError,
+        SystemsError,
         UnknownNameError,
     )
+    from orbits.forces.damping import Damping
     from orbits.forces.drag import Drag
+    from orbits.forces.gas_drag import GasDrag
+    from orbits.forces.mass_loss import MassLoss
+    from orbits.forces.non_gravitational import NonGravitational
+    from orbits.forces.radiation_pressure import RadiationPressure
     from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.gauss import Gauss
     from orbits.integrators.implicit_midpoint import ImplicitMidpoint
     from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
     from orbits.integrators.runge_kutta_4 import RungeKutta4
+    from orbits.integrators.saba import SABA
     from orbits.integrators.stormer_verlet import StormerVerlet
     from orbits.integrators.symplectic_euler import SymplecticEuler
     from orbits.integrators.vprk import VPRK
@@ -81,6 +88,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DIMENSIONLESS",
+    "SABA",
     "SOLAR",
     "VPRK",
     "Action",
@@ -97,6 +105,7 @@ __all__ = [
     "Composition",
     "Conjunction",
     "ConvergenceError",
+    "Damping",
     "DiscretePath",
     "Drag",
     "Ejection",
@@ -109,6 +118,7 @@ __all__ = [
     "ExplicitEuler",
     "FartherThan",
     "Flow",
+    "GasDrag",
     "Gauss",
     "Happening",
     "ImplicitMidpoint",
@@ -119,10 +129,12 @@ __all__ = [
     "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
+    "MassLoss",
     "Merge",
     "MissingPackageError",
     "Motion",
     "NodeCrossing",
+    "NonGravitational",
     "Occultation",
     "Opposition",
     "OrbitsError",
@@ -130,6 +142,7 @@ __all__ = [
     "Pericentre",
     "PlaneCrossing",
     "PostNewtonian",
+    "RadiationPressure",
     "RetiredWarning",
     "RungeKutta4",
     "Scenario",
@@ -142,6 +155,7 @@ __all__ = [
     "Symmetry",
     "SymplecticEuler",
     "System",
+    "SystemsError",
     "Table",
     "TimeTransformed",
     "Trajectory",
@@ -190,9 +204,15 @@ _HOME = {
         "SingularityError",
         "StepWarning",
         "StorageError",
+        "SystemsError",
         "UnknownNameError",
     ],
+    "forces.damping": ["Damping"],
     "forces.drag": ["Drag"],
+    "forces.gas_drag": ["GasDrag"],
+    "forces.mass_loss": ["MassLoss"],
+    "forces.non_gravitational": ["NonGravitational"],
+    "forces.radiation_pressure": ["RadiationPressure"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],
@@ -202,6 +222,7 @@ _HOME = {
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
     "integrators.runge_kutta_4": ["RungeKutta4"],
+    "integrators.saba": ["SABA"],
     "integrators.stormer_verlet": ["StormerVerlet"],
     "integrators.symplectic_euler": ["SymplecticEuler"],
     "integrators.vprk": ["VPRK"],

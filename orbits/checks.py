@@ -16,11 +16,11 @@ NOT_NUMBERS = str | bytes | bool | np.bool_ | np.timedelta64 | np.datetime64
 """Types that NumPy would convert to floats, but that are never meant as numbers."""
 
 
-def checked_flag(value: Any, what: str) -> bool:
-    """Return True or False as it was given. Raises InputError, naming it, for anything else."""
+def checked_flag(value: Any, what: str, expected: str = "True or False") -> bool:
+    """Return True or False as it was given. Raises InputError, naming it and what is expected, for anything else."""
     if isinstance(value, bool | np.bool_):
         return bool(value)
-    raise InputError(f"{what} is {shown(value)}; expected True or False")
+    raise InputError(f"{what} is {shown(value)}; expected {expected}")
 
 
 def checked_choice(value: Any, what: str) -> bool | None:
@@ -138,3 +138,32 @@ def direction(value: Any, what: str, *, width: int | None = None) -> Floats:
         of = "" if width is None else f" of {width} numbers"
         raise InputError(f"{what} needs a direction, a finite vector{of} that is not zero; got {shown(value)}")
     return vector
+
+
+def pole_direction(value: Any, what: str, units: Any) -> tuple[float, float, float]:
+    """Return a unit vector from (right ascension, declination) or from three numbers.
+
+    Raises InputError for anything else, and for a declination beyond a right angle (degrees without a unit).
+    """
+    expected = "expected (right ascension, declination), such as (286.13 * u.deg, 63.87 * u.deg), or a vector x, y, z"
+    if value is None:
+        raise InputError(f"{what} is missing; {expected}.")
+    try:
+        count = len(value)
+    except TypeError:
+        count = 0
+    if count == 2:
+        ra, dec = (float(units.angle_value(angle, what)) for angle in value)
+        if not abs(dec) <= np.pi / 2 + 1e-12:
+            raise InputError(f"{what} has the declination {dec:g} rad; plain numbers are radians, degrees need u.deg.")
+        found = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    elif count == 3:
+        found = np.asarray(units.pure_value(value, what), dtype=np.float64)
+    else:
+        raise InputError(f"{what} is {shown(value)}; {expected}.")
+    length = float(np.linalg.norm(found))
+    if not (np.isfinite(length) and length > 0.0):
+        raise InputError(f"{what} is {shown(value)}; expected finite numbers, not all of them 0.")
+    # A vector of length 1 is not changed, so that stored vectors are restored bit for bit.
+    unit = found if abs(length - 1.0) <= 4e-16 else found / length
+    return float(unit[0]), float(unit[1]), float(unit[2])

@@ -104,12 +104,15 @@ class _ListsPeers(TyperCommand):
 
     def get_params(self, ctx: Any) -> Any:
         """Return the options, that of the peers with its help."""
-        from orbits.regression.peers import PEERS
+        from orbits.regression.peer_choice import PEERS
 
         params = super().get_params(ctx)
         for option in params:
             if isinstance(option, TyperOption) and option.name == "against":
-                option.help = f"Peers, with commas: {', '.join(PEERS)}."
+                option.help = (
+                    f"Peers, with commas: {', '.join(PEERS)}; with options after a colon: "
+                    "whfast:kernel=lazy,corrector=17."
+                )
         return params
 
 
@@ -127,7 +130,7 @@ def compare(
 ) -> None:
     """Compare the methods of a scenario with REBOUND's on its systems; tables, JSON and pictures.
 
-    Example: orbits compare solar_system --against whfast-corrector17,ias15 --duration '100 yr'
+    Example: orbits compare solar_system --against whfast:kernel=lazy,corrector=17,ias15 --duration '100 yr'
     """
     with guarded():
         raise typer.Exit(
@@ -250,7 +253,7 @@ def _compare(
     scenario = command.changed(load(name), *typed)
     if isinstance(scenario, Study):
         raise InputError(f"{scenario.name!r} is a study, which has no system to compare on; use: orbits run {name}")
-    peers = scenario.against if against is None else [p.strip() for p in against.split(",") if p.strip()]
+    peers = scenario.against if against is None else against
     folder = results_folder(out or Path("results") / scenario.name)
     console, ok, records = command.stdout(), True, {}
     with located():

@@ -19,10 +19,10 @@ OTHER_NAMES = {
 }
 """Names that other packages use for methods of this one."""
 
-PEERS = {"whfast": "whfast", "ias15": "ias15", "saba": "saba-10-6-4"}
+PEERS = {name: name for name in ("whfast", "whfast512", "saba", "mercurius", "trace", "ias15")}
 """Methods of REBOUND, and the name of the peer to compare with."""
 
-OTHERS_OF_REBOUND = ("mercurius", "trace", "janus", "eos", "bs", "sei")
+OTHERS_OF_REBOUND = ("janus", "eos", "bs", "sei")
 """Methods of REBOUND that are not among the peers."""
 
 PUBLIC_NAMES = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 
@@ -61,7 +61,8 @@ class OrbitsWarning(UserWarning):
 class StepWarning(OrbitsWarning):
     """The step is too long for the motion, as predicted before a run or as seen after it.
 
-    trajectory : the completed run, if warnings are errors and this one was raised after it; else None
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None. Of a list of
+        systems, a list of these
     """
 
     trajectory: Any = None
@@ -70,7 +71,8 @@ class StepWarning(OrbitsWarning):
 class RetiredWarning(OrbitsWarning):
     """Massless particles could not be integrated any further, and the run went on without them; see `run.retired`.
 
-    trajectory : the completed run, if warnings are errors and this one was raised after it; else None
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None. Of a list of
+        systems, a list of these
     """
 
     trajectory: Any = None
@@ -79,7 +81,8 @@ class RetiredWarning(OrbitsWarning):
 class EventWarning(OrbitsWarning):
     """Events of a run mean nothing, or may be incomplete: their function is round-off, or they happen in every step.
 
-    trajectory : the completed run, if warnings are errors and this one was raised after it; else None
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None. Of a list of
+        systems, a list of these
     """
 
     trajectory: Any = None
@@ -116,13 +119,36 @@ class EventError(IntegrationError):
     """
 
 
+class SystemsError(IntegrationError):
+    """Some systems of a list could not be propagated to the end; the others were.
+
+    failures : the error of each that failed, by its number in the list
+    trajectories : of all systems, in the order of the list: complete, or the samples before the failure; None for a
+        system without any
+    step, time, bodies, trajectory : those of the first that failed
+    """
+
+    def __init__(self, message: str, *, failures: Mapping[int, BaseException], trajectories: Sequence[Any]) -> None:
+        first = min(failures)
+        cause = failures[first]
+        super().__init__(
+            message,
+            step=getattr(cause, "step", -1),
+            time=getattr(cause, "time", float("nan")),
+            bodies=getattr(cause, "bodies", ()),
+        )
+        self.failures, self.trajectories = dict(failures), list(trajectories)
+        self.trajectory = self.trajectories[first]
+        self.__cause__ = cause
+
+
 class Interrupted(KeyboardInterrupt):
     """A run was stopped by a signal, at the end of a chunk of steps.
 
     It is a KeyboardInterrupt, not an `OrbitsError`, so that Ctrl-C also ends a loop over many runs that continues after
     failed ones (`except Exception: continue`).
 
-    trajectory : the samples computed so far, a `Trajectory`
+    trajectory : the samples computed so far, a `Trajectory`; of a list of systems, a list of these, in its order
     """
 
     exit_code = 130

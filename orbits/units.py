@@ -109,6 +109,11 @@ class UnitSystem:
         return self.length / self.time
 
     @cached_property
+    def acceleration(self) -> u.UnitBase:
+        """The unit of acceleration, length/time^2."""
+        return self.length / self.time**2
+
+    @cached_property
     def gm(self) -> u.UnitBase:
         """The unit of GM, length^3/time^2."""
         return self.length**3 / self.time**2
@@ -137,6 +142,13 @@ class UnitSystem:
 
         return float(constants.c.to_value(self.speed))
 
+    @cached_property
+    def astronomical_unit(self) -> float:
+        """The astronomical unit in the unit of length. Raises InputError if the units are dimensionless."""
+        if not self.is_physical:
+            raise InputError(f"{self.name} has no physical units, hence no astronomical unit; give a length.")
+        return float(u.au.to(self.length))
+
     def length_value(self, x: Any, what: str = "length") -> Floats:
         """Return a length as float64 in this system's unit; `what` names it in errors."""
         return self._value(x, self.length, what, "length")
@@ -148,6 +160,10 @@ class UnitSystem:
     def speed_value(self, x: Any, what: str = "speed") -> Floats:
         """Return a velocity as float64 in this system's unit; `what` names it in errors."""
         return self._value(x, self.speed, what, "velocity")
+
+    def acceleration_value(self, x: Any, what: str = "acceleration") -> Floats:
+        """Return an acceleration as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.acceleration, what, "acceleration")
 
     def mass_value(self, x: Any, what: str = "mass") -> Floats:
         """Return a mass as float64 in this system's unit; `what` names it in errors."""
@@ -168,6 +184,10 @@ class UnitSystem:
     def frequency_value(self, x: Any, what: str = "rate") -> Floats:
         """Return a number per time as float64 in this system's unit; `what` names it in errors."""
         return self._value(x, self.time**-1, what, "number per time")
+
+    def wavenumber_value(self, x: Any, what: str = "number per length") -> Floats:
+        """Return a number per length as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.length**-1, what, "number per length")
 
     def angular_momentum_value(self, x: Any, what: str = "angular momentum") -> Floats:
         """Return an angular momentum as float64 in this system's unit; `what` names it in errors."""

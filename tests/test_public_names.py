@@ -90,7 +90,8 @@ def test_an_unknown_name_is_an_attribute_error_that_lists_what_there_is() -> Non
     [
         ("WHFast", "which is REBOUND's: compare with it by against=['whfast'] or --against whfast."),
         ("IAS15", "which is REBOUND's: compare with it by against=['ias15']"),
-        ("MERCURIUS", "which is REBOUND's, and not available for comparison."),
+        ("MERCURIUS", "compare with it by against=['mercurius']"),
+        ("JANUS", "which is REBOUND's, and not available for comparison."),
         ("Simulation", ": here that is orbits.System(...), which orbits.propagate integrates."),
         ("gauss", "; did you mean Gauss?"),
         ("RK4", "; did you mean RungeKutta4?"),

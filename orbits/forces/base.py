@@ -14,8 +14,8 @@ P_i = p + h sum_j a_ij (dL/dq + f)_j.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence, Set
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -56,6 +56,13 @@ class Force:
     def bound(self, massive: NDArray[np.bool_], particles: NDArray[np.bool_], units: Any) -> BoundForce:
         """Return this force, in the units of the system, bound to these massive bodies and particles (masks)."""
         raise NotImplementedError
+
+    def without(self, gone: Set[str]) -> Self | None:
+        """Return this force for a system without some bodies, None if nothing is left of it."""
+        if self.bodies is None:
+            return self
+        left = tuple(name for name in self.bodies if name not in gone)
+        return replace(self, bodies=left) if left else None
 
     def later(self, time: Any) -> Self:
         """Return this force for a system whose epoch is later by `time`, a quantity: a force that depends on the time

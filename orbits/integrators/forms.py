@@ -116,6 +116,12 @@ class Form:
         """Return the shape of the scratch of the kernels, for `size` coordinates and for particles."""
         return 1, padded(size)
 
+    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
+        """Return the kernel that marches eight systems of `size` coordinates at once, to the bits of each alone, and
+        how many rows of workspace it needs; None if there is none. See `orbits.marching.systems_in_lanes`.
+        """
+        return None
+
     def forget(self, carry: Array) -> None:
         """Delete the part of the carry that depends on the length of the steps, for a step of another length."""
         carry[:] = 0.0

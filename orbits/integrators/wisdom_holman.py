@@ -13,6 +13,9 @@ kick, by the potential V - h^2/24 sum_i m'_i |a_i|^2 with a the acceleration by 
 kick is the acceleration by V at q + h^2/12 a: the same to the second order in the masses, beyond which it is not
 symplectic. State and corrected state are in doubled precision.
 
+Terms of the dominant body, such as relativity and oblateness, are a part of B: those of positions alone in its kicks,
+all others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.terms_about`.
+
 Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom
 (2006), AJ 131, 2294; Rein, Tamayo & Brown (2019), MNRAS 489, 4632.
 """
@@ -27,6 +30,8 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
+from orbits.integrators.dominant import registers, require_dominant
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
@@ -67,6 +72,8 @@ from orbits.kernels.jacobi_particles import (
 )
 from orbits.kernels.lanes import WIDTH, full
 from orbits.kernels.steps import OK, Particles
+from orbits.kernels.systems.planets import MOST_PLANETS, march_planets
+from orbits.kernels.systems.planets import ROWS as SYSTEMS_ROWS
 from orbits.kernels.terms_about import flow, flow_among, kick_more, strength_of, to_momenta, to_velocities
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
@@ -80,10 +87,9 @@ KERNELS = "modified-kick", "lazy", "standard"
 NO_TABLE = -1
 """The row of a table of the flow of terms that nobody reads."""
 
-ENCOUNTERS = "warn", "retire"
+COORDINATES = "jacobi", "democratic-heliocentric"
 
-DOMINANT = 0.9
-"""Fraction of the total mass that the dominant body must have."""
+ENCOUNTERS = "warn", "follow", "retire"
 
 
 @kernel
@@ -323,13 +329,14 @@ def stretch(method, unit, factor):
 class KeplerSplitting(Form):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
 
-    kernel : the kick, and corrector : its order; see `WisdomHolman`
+    kernel : the kick, corrector : its order, and corrector2 : whether there is a second one; see `WisdomHolman`
     among_particles : whether the planets leave tables for massless particles
     with_terms : whether the Lagrangian has terms of the dominant body
     """
 
     kernel: str
     corrector: int
+    corrector2: bool = False
     among_particles: bool = False
     with_terms: bool = False
 
@@ -370,7 +377,7 @@ class KeplerSplitting(Form):
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
-        stages = h * corrector_lengths(self.corrector) if self.corrector else np.zeros((0, 2))
+        stages = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
         rows = np.zeros((1 + len(stages), WIDTH))
         rows[0, [HALF, WHOLE, LAZY]] = h / 2, h, self.kernel == "lazy"
         rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
@@ -379,7 +386,7 @@ class KeplerSplitting(Form):
 
     def carry_rows(self, size: int) -> int:
         """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * _registers(size) + 2
+        return (STATE_ROWS + 1) * registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The tables before and after a step, and workspace; see `orbits.kernels.jacobi_particles`. None are kept
@@ -389,7 +396,7 @@ class KeplerSplitting(Form):
             return 1, padded(size)
         planets = size // 3 - 1
         flows = 6 * (planets + 1) if self.with_terms else 0
-        return 2 * (3 * (planets + 1) + planets) + flows + 3 * _registers(size), WIDTH
+        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers(size), WIDTH
 
     @property
     def particle_carry_rows(self) -> int:
@@ -398,7 +405,13 @@ class KeplerSplitting(Form):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
-        return ROWS * _registers(size) + WIDTH, WIDTH
+        return ROWS * registers(size) + WIDTH, WIDTH
+
+    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
+        """The march of up to eight planets of each."""
+        own = self.own_kernels()
+        plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
+        return (march_planets, SYSTEMS_ROWS) if plain else None
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
@@ -406,19 +419,8 @@ class KeplerSplitting(Form):
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""
         newton, *own = parameters if isinstance(parameters, tuple) else (parameters,)
+        require_dominant(newton)
         gm = newton[1:]
-        if newton[0] > 0.0:
-            raise InputError(
-                "a Wisdom–Holman step moves the planets on Kepler orbits about point masses; got a softening. Use "
-                "softening = 0, or a method such as Gauss(stages=8)."
-            )
-        if len(gm) < 2 or not gm.max() > DOMINANT * gm.sum():
-            share = gm.max() / gm.sum()
-            got = "a single body" if len(gm) < 2 else f"the heaviest of {len(gm)} bodies has {100 * share:.3g} %"
-            raise InputError(
-                f"a Wisdom–Holman step needs a body that dominates the others, with more than {100 * DOMINANT:.0f} % "
-                f"of the mass; got {got}. Use a method such as Gauss(stages=8)."
-            )
         others = [int(vector[0]) for vector in own if int(vector[0]) != int(gm.argmax())]
         if others:
             raise InputError(
@@ -435,7 +437,7 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
     form = KeplerSplitting("standard", 0)
     planets = np.zeros((form.carry_rows(q.size), WIDTH))
     number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
-    first = STATE_ROWS * _registers(q.size)
+    first = STATE_ROWS * registers(q.size)
     return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
 
 
@@ -445,34 +447,46 @@ def _ordinal(row: int) -> str:
     return f"{row + 1}{'th' if (row + 1) % 100 in (11, 12, 13) else last}"
 
 
-def _registers(size: int) -> int:
-    """Return the number of registers of eight planets of `size` coordinates of bodies."""
-    return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)
-
-
 @dataclass(frozen=True)
 class WisdomHolman(Integrator):
     """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
 
-    coordinates : "jacobi"
+    coordinates : "jacobi", in which the interaction is small; or "democratic-heliocentric", in which the order of the
+        planets plays no part, but the error is larger, by far for planets close to the dominant body, and has no
+        corrector: the map of WHFast in these coordinates, for comparison
     kernel : the kick: "modified-kick", by the potential with the correction of the second order in the masses; "lazy",
-        the same approximately, by the interaction at displaced positions; or "standard", by the interaction
-    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel
+        the same approximately, by the interaction at displaced positions; or "standard", by the interaction. By default
+        the modified kick, and "standard", the only one, in democratic heliocentric coordinates
+    corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel. By default
+        17, and 0, the only one, in democratic heliocentric coordinates
+    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
+        oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
-        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
+        step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
+        step of that passage, with time and place
 
-    For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
-    planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
-    particle moves about the centre of mass of the dominant body and the planets whose semi-major axes are below its
-    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and
-    conserves the momenta, but for the lazy kick, which does so up to the third order in the planets' masses; it is
-    symmetric without a corrector, and up to that order with one.
+    For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
+    (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
+    hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
+    bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major
+    axes are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets
+    is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the planets'
+    masses; it is symmetric without a corrector, and up to that order with one. With terms, what is left is of the
+    second order in them, too, times h^2; of oblateness the lazy kick removes that.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
-    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
+    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances, and with relativity
+    velocities by (v/c)^2 of them.
 
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
+
+    With `encounters="follow"` a particle leaves the map at the beginning of the step in which it comes within four Hill
+    radii of a planet, or so close that kicks do not add up to the planet's attraction, or in which h v / r about the
+    dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
+    of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
+    enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
+    others do not change.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
@@ -482,8 +496,9 @@ class WisdomHolman(Integrator):
     """
 
     coordinates: str = "jacobi"
-    kernel: str = "modified-kick"
-    corrector: int = 17
+    kernel: str | None = None
+    corrector: int | None = None
+    corrector2: bool = option(False)
     encounters: str = option("warn")
 
     name: ClassVar[str] = "wisdom-holman"
@@ -495,15 +510,25 @@ class WisdomHolman(Integrator):
     )
 
     def __post_init__(self) -> None:
-        if self.coordinates != "jacobi":
-            raise InputError(f"coordinates is {shown(self.coordinates)}; expected 'jacobi'")
+        if self.coordinates not in COORDINATES:
+            known = " or ".join(map(repr, COORDINATES))
+            raise InputError(f"coordinates is {shown(self.coordinates)}; expected {known}")
+        if self.kernel is None:
+            object.__setattr__(self, "kernel", "standard" if self._heliocentric else KERNELS[0])
+        if self.corrector is None:
+            object.__setattr__(self, "corrector", 0 if self._heliocentric else 17)
         if self.kernel not in KERNELS:
             raise InputError(f"kernel is {shown(self.kernel)}; expected {', '.join(map(repr, KERNELS))}")
         if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
+        if not isinstance(self.corrector2, bool):
+            raise InputError(f"corrector2 is {shown(self.corrector2)}; expected True or False")
+        if self._heliocentric:
+            self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
-            known = " or ".join(map(repr, ENCOUNTERS))
+            *others, last = map(repr, ENCOUNTERS)
+            known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
@@ -511,6 +536,35 @@ class WisdomHolman(Integrator):
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "
                 "without one; use corrector=17, or kernel='standard'"
             )
+        if self.corrector2 and self.kernel == "standard":
+            raise InputError(
+                "corrector2=True removes oscillations that are hidden by the larger error of kernel='standard'; use "
+                "kernel='modified-kick' or 'lazy'"
+            )
+
+    @property
+    def _heliocentric(self) -> bool:
+        return self.coordinates == "democratic-heliocentric"
+
+    def _require_neither_kernel_nor_corrector(self) -> None:
+        """Raise InputError for what is made for Jacobi coordinates."""
+        for name, fits in (("kernel", "standard"), ("corrector", 0), ("corrector2", False)):
+            if getattr(self, name) != fits:
+                raise InputError(
+                    f"{name}={getattr(self, name)!r} is made for Jacobi coordinates, and does not fit "
+                    f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
+                    f"together; leave it away, or use coordinates='jacobi'"
+                )
+        if self.encounters == "follow":
+            raise InputError(
+                "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
+                "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
+            )
+
+    @property
+    def follows_encounters(self) -> bool:
+        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
+        return self.encounters == "follow"
 
     @property
     def retires_in_encounters(self) -> bool:
@@ -520,7 +574,11 @@ class WisdomHolman(Integrator):
     @property
     def order(self) -> int:
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
-        return 2 if self.kernel == "standard" or self.corrector < 5 else 4
+        return 2 if self.kernel == "standard" or self.corrector in (0, 3) else 4
+
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return 2 with terms, whose second order, h^2 times their square, is not in the kick."""
+        return self.order if NEWTONIAN in lagrangian.traits else 2
 
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
@@ -531,23 +589,44 @@ class WisdomHolman(Integrator):
 
     @property
     def variational(self) -> bool:  # type: ignore[override]
-        """Whether the step is that of L_d: without a corrector, which changes variables."""
-        return self.corrector == 0
+        """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
+        return self.corrector == 0 and not self._heliocentric
 
     @property
-    def second_order(self) -> KeplerSplitting:
+    def exact_for_two(self) -> bool:  # type: ignore[override]
+        """Whether the motion of a single planet is exact: in Jacobi coordinates."""
+        return not self._heliocentric
+
+    @property
+    def own_discrete_lagrangian(self) -> str:  # type: ignore[override]
+        """What L_d a map has that is not variational."""
+        if self._heliocentric:
+            return super().own_discrete_lagrangian
+        return "that of the same method without a corrector, after a change of variables"
+
+    @property
+    def second_order(self) -> KeplerSplitting | DemocraticHeliocentric:
         """Kepler motions and kicks."""
-        return KeplerSplitting(self.kernel, self.corrector)
+        if self._heliocentric:
+            return DemocraticHeliocentric()
+        return KeplerSplitting(str(self.kernel), self.corrector or 0, self.corrector2)
 
     def form(self, lagrangian: Lagrangian, *, canonical: bool = False) -> Form | None:
         """Return the form for this Lagrangian: with terms of the dominant body, if it has any."""
         form = super().form(lagrangian, canonical=canonical)
-        return form if form is None or NEWTONIAN in lagrangian.traits else replace(self.second_order, with_terms=True)
+        if form is None or NEWTONIAN in lagrangian.traits or not isinstance(form, KeplerSplitting):
+            return form
+        return replace(form, with_terms=True)
 
     def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
         """Raise InputError, naming the terms that have no flow here."""
         summands = getattr(lagrangian, "summands", ())
         strange = [term.name for term in summands if ABOUT_ONE_BODY not in term.traits]
+        if summands and self._heliocentric:
+            raise InputError(
+                f"{self.label} takes no terms besides Newton's gravity, got {', '.join(x.name for x in summands)}; in "
+                "Jacobi coordinates it takes those of the dominant body, and Gauss(stages=8) takes all."
+            )
         if strange:
             raise InputError(
                 f"{self.label} takes terms of the dominant body such as PostNewtonian and ZonalHarmonics, each with a "
@@ -557,8 +636,8 @@ class WisdomHolman(Integrator):
 
     @classmethod
     def examples(cls) -> tuple[WisdomHolman, ...]:
-        """Return the default and the plain map."""
-        return cls(), cls(kernel="standard", corrector=0)
+        """Return the default, the plain map, and that in democratic heliocentric coordinates."""
+        return cls(), cls(kernel="standard", corrector=0), cls(coordinates="democratic-heliocentric")
 
 
 __all__ = ["KeplerSplitting", "WisdomHolman", "outwards"]

@@ -112,7 +112,7 @@ def interact(planets, room, count, shifted):
         register = registers - 1 - k
         first = ROWS * register
         masses, (ux, uy, uz) = masses_of(room, register), load_three(room, first + PLACE)
-        (fx, fy, fz), _ = _pulls_within(ux, uy, uz, masses.mass)
+        (fx, fy, fz), _ = pulls_within(ux, uy, uz, masses.mass)
         for source in range(registers):
             other = ROWS * source
             for slot in range(min(WIDTH, count - WIDTH * source) if source != register else 0):
@@ -139,7 +139,7 @@ def interaction(x, y, z, masses):
     ux = x + sums_before(masses.share * x)
     uy = y + sums_before(masses.share * y)
     uz = z + sums_before(masses.share * z)
-    own, pairs = _pulls_within(ux, uy, uz, masses.mass)
+    own, pairs = pulls_within(ux, uy, uz, masses.mass)
     near, near2 = inverse_powers(fma(ux, ux, fma(uy, uy, uz * uz)))
     kepler, kepler2 = inverse_powers(fma(x, x, fma(y, y, z * z)))
     sx, sy, sz = _pulls_on_inner(masses, own, (ux, uy, uz), near)
@@ -187,7 +187,7 @@ def _component(masses, own, further, x, kepler, u, pull):
 
 
 @kernel(inline=True)
-def _pulls_within(x, y, z, mass):
+def pulls_within(x, y, z, mass):
     """Return the accelerations of the planets of a register at (x, y, z) by each other, and their pairs."""
     a, b = _pairs(x, y, z, 1), _pairs(x, y, z, 2)
     c, d = _pairs(x, y, z, 3), _pairs(x, y, z, 4)
@@ -260,7 +260,7 @@ def modify(planets, room, count, shift):
         first = ROWS * register
         masses, (ux, uy, uz) = masses_of(room, register), load_three(room, first + PLACE)
         ex, ey, ez = load_three(room, first + MOVED)
-        _, pairs = _pulls_within(ux, uy, uz, masses.mass)
+        _, pairs = pulls_within(ux, uy, uz, masses.mass)
         fx, fy, fz = _tides_within(pairs, (ex, ey, ez), masses.mass)
         for source in range(registers):
             other = ROWS * source
@@ -329,7 +329,7 @@ def _changed(masses, force, own, beyond, kepler, centre):
 
 @kernel(inline=True)
 def _tides_within(pairs, moved, mass):
-    """Return the changes of the accelerations of `_pulls_within` with the places moved."""
+    """Return the changes of the accelerations of `pulls_within` with the places moved."""
     ex, ey, ez = moved
     ax, ay, az = _tide(pairs[0], turned(ex, 1) - ex, turned(ey, 1) - ey, turned(ez, 1) - ez)
     bx, by, bz = _tide(pairs[1], turned(ex, 2) - ex, turned(ey, 2) - ey, turned(ez, 2) - ez)

@@ -145,7 +145,7 @@ def _move(planets, room, h, kick, short):
         _advance(planets, first + 1, dy)
         _advance(planets, first + 2, dz)
         store_three(room, other + CHANGE, _kicked((dvx, dvy, dvz), kick, ax, ay, az))
-    _move_centre(planets, registers, h)
+    move_centre(planets, registers, h)
 
 
 @kernel(inline=True)
@@ -154,7 +154,7 @@ def _kicked(v, kick, ax, ay, az):
 
 
 @kernel(inline=True)
-def _move_centre(planets, registers, h):
+def move_centre(planets, registers, h):
     """Advance the centre of mass: its position is in lanes 0 ... 2, its velocity in the next three."""
     centre = STATE_ROWS * registers
     there, rest = load(planets, centre), load(planets, centre + 1)
@@ -217,7 +217,7 @@ def _step(planets, room, h, shift, modified, lazy):
     store_three(planets, 9, (u_lo, v_lo, w_lo))
     store_three(room, PLACE, place)
     store_three(room, FORCE, force)
-    _move_centre(planets, 1, h)
+    move_centre(planets, 1, h)
 
 
 @kernel(inline=True)

@@ -12,8 +12,8 @@ mass of all, g has the displacement of the dominant body from it, which far insi
 particle has those planets inside it whose semi-major axes are below its pericentre distance at the start: where it is
 fastest, and the steps are longest for it, g is small.
 
-`memory` is (particles, 2, 8), what is marched: r' and its velocity, i + 1 (0 for a particle that has no place yet) and
-M_i; then the low parts of the first six numbers.
+`memory` is (particles, 2, 8), what is marched: r' and its velocity, i + 1 (0 for a particle that has no place yet,
+`ELSEWHERE` for one that other steps march) and M_i; then the low parts of the first six numbers.
 
 A table is what particles need of the planets at one time; the stages of a step have two, before and after it. It has
 three rows for each place i = 0 ... n - 1: C_i and B_i; the same for the second evaluation of a modified or a lazy kick;
@@ -80,6 +80,9 @@ MEMORY_ROWS = 2
 
 NUMBER, ATTRACTED = 6, 7
 """Columns of the first row of a particle: i + 1, and M_i."""
+
+ELSEWHERE = -1.0
+"""In the place of i + 1: the particle is not marched by the map, and its state is what is seen of it."""
 
 PLAIN, DISPLACED, MODIFIED = 0, 1, 2
 """The evaluations of the interaction: the first; that at displaced positions; and its change along itself."""
@@ -450,7 +453,7 @@ def _correct(model, coefficients, planets, room, table, particles, sign):
 def _correct_eight(model, memory, retired, table, rows, p, drift, kick, sign):
     """Apply a stage of the corrector to eight particles: a Kepler motion, then a kick with the flow of terms."""
     flows = flow_rows(strength_of(model).shape[0] - 2)
-    marched = take_particles(memory, p, _there(retired, p), rows)
+    marched = take_particles(memory, p, _there(memory, retired, p), rows)
     marched, ax, ay, az = drifted_particles(marched, drift, 0.0)
     g = full(0.0), full(0.0), full(0.0)
     if kick != 0.0 and has_flow(model) and sign > 0.0:
@@ -535,17 +538,17 @@ def _change_all(model, table, particles, sign):
     memory, retired, rows, share = particles
     first = flow_rows(strength_of(model).shape[0] - 2)
     for p in range(share.start, share.stop, WIDTH):
-        marched = take_particles(memory, p, _there(retired, p), rows)
+        marched = take_particles(memory, p, _there(memory, retired, p), rows)
         x, y, z, _, _, _ = _rates(model, table, first, marched, rows, 0.0, sign > 0.0)
         store_marched(memory, p, kicked_particles(marched, (sign * x, sign * y, sign * z), 0.0, (x, y, z)), rows)
 
 
 @kernel(inline=True)
-def _there(retired, p):
-    """Return 1 in the lanes of particles that are not retired."""
+def _there(memory, retired, p):
+    """Return 1 in the lanes of particles that are neither retired nor marched elsewhere."""
     there = full(1.0)
     for k in range(WIDTH):
-        if retired[p + k, 0] != 0:
+        if retired[p + k, 0] != 0 or (p + k < memory.shape[0] and memory[p + k, 0, NUMBER] == ELSEWHERE):
             there = there - unit(k)
     return there
 
@@ -562,7 +565,7 @@ def enter_among(model, coefficients, planets, room, table, particles, rows, shar
     strength = strength_of(model)
     count = strength.shape[0] - 2
     for p in range(share.start, share.stop):
-        if retired[p, 0] != 0:
+        if retired[p, 0] != 0 or memory[p, 0, NUMBER] == ELSEWHERE:
             continue
         own = memory[p]
         if own[0, NUMBER] == 0.0:
@@ -598,7 +601,7 @@ def leave_among(model, coefficients, planets, room, table, particles, rows, shar
     to_velocities(model, planets, room, table, flow_rows(count))
     change_momenta(model, table, (memory, retired, rows, share), 1.0)
     for p in range(share.start, share.stop):
-        if retired[p, 0] != 0:
+        if retired[p, 0] != 0 or memory[p, 0, NUMBER] == ELSEWHERE:
             continue
         i = int(memory[p, 0, NUMBER]) - 1
         for component in range(6):

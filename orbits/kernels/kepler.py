@@ -94,7 +94,7 @@ def _wide_tails(z):
 
 
 @kernel
-def _anomaly_functions(s, beta):
+def anomaly_functions(s, beta):
     """Return G0 ... G3 of any s: by the series up to x^2 = 2.5, beyond it by the series of x/2^n and n doublings.
 
     Beyond x = 1.6 the series of G1 and G0 of a circle would cancel; each doubling adds some rounding errors.
@@ -227,7 +227,7 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
     done = 1.0 - (hard * (gm > 0.0) * (t > 0.0))
     start, motion, turn = (r0, r_lo, eta, zeta), (beta, t, gm), (gm_e, pericentre, passage, incoming)
     for _ in range(ROUNDS):
-        _, G1, G2, G3 = _anomaly_functions(s, beta)
+        _, G1, G2, G3 = anomaly_functions(s, beta)
         miss, r, slope = _time(s, (G1, G2, G3), start, motion, turn)
         low = select(miss < 0.0, s, low)
         high = select(miss < 0.0, high, s)
@@ -242,7 +242,7 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
         done = maximum(done, select(settled, 1.0, 0.0) + 0.0 * t)
         if not any_lane(1.0 - done):
             break
-    G0, G1, G2, G3 = _anomaly_functions(s, beta)
+    G0, G1, G2, G3 = anomaly_functions(s, beta)
     miss, r, slope = _time(s, (G1, G2, G3), start, motion, turn)
     r = maximum(r, nearest)
     d = -miss / r
@@ -278,10 +278,10 @@ def _time(s, G, start, motion, turn):
     r = r0 + fma(zeta, G2, fma(eta, G1, r_lo))
     slope = fma(-beta * eta, G2, fma(zeta, G1, eta))
     if any_lane(incoming):
-        _, G1, _, G3 = _anomaly_functions(0.5 * s, beta)
-        _, _, G2, _ = _anomaly_functions(fma(0.5, s, -passage), beta)
+        _, G1, _, G3 = anomaly_functions(0.5 * s, beta)
+        _, _, G2, _ = anomaly_functions(fma(0.5, s, -passage), beta)
         miss = select(incoming, fma(2.0 * fma(gm_e, G2, pericentre), G1, fma(2.0 * gm, G3, -t)), miss)
-        _, G1, G2, _ = _anomaly_functions(s - passage, beta)
+        _, G1, G2, _ = anomaly_functions(s - passage, beta)
         r = select(incoming, fma(gm_e, G2, pericentre), r)
         slope = select(incoming, gm_e * G1, slope)
     return miss, r, slope

@@ -27,8 +27,8 @@ def reading(watch, step, s):
         return watch.first + step + s
     begin = watch.times[step]
     if s > 0.0:
-        return watch.origin + (begin + s * (watch.times[step + 1] - begin))
-    return watch.origin + begin
+        return watch.origin + watch.pace * (begin + s * (watch.times[step + 1] - begin))
+    return watch.origin + watch.pace * begin
 
 
 @kernel(inline=True)

@@ -6,7 +6,8 @@ path : flat; n bodies' q and v at the beginning of each step and at the end, eac
 stride : length of a padded vector
 bodies : n
 first : steps taken before this block
-origin : time at which this block begins; for clocks whose steps differ
+origin : reading of the clock at which this block begins, and pace : by how much it grows in a unit of time, where steps
+    differ in length: 1, but 1 / h for a particle with steps of its own among constant steps of h
 times : times, since `origin`, at which its steps begin and the last one ends; empty if all steps have the same length
 dominant : the body that dominates the motion of the others, or -1
 mu : its GM
@@ -65,6 +66,7 @@ _KINDS: dict[str, Any] = {
     "bodies": types.int64,
     "first": types.int64,
     "origin": types.float64,
+    "pace": types.float64,
     "times": _array(1),
     "dominant": types.int64,
     "mu": types.float64,

@@ -16,6 +16,7 @@ from orbits.errors import ConvergenceError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.dense import times_reached
+from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
@@ -177,6 +178,10 @@ class Blocks:
 
     def _reached(self, lost: Lost) -> dict[str, Array]:
         """Return where lost particles have got to by steps of their own, within a step of the bodies."""
+        if self.integrator.follows_encounters:
+            away = lost.particles[self._state["particle_memory"][lost.particles, 0, NUMBER] == ELSEWHERE]
+            state = {name: self._state[f"particle_{name}"][:, away] for name in ("q", "v")}
+            return {"away": away, **state, "memory": self._state["particle_memory"][away]}
         if not self.clock.changes:
             return {}
         reached = {f"particle_{name}": lost.particles for name in ("q", "q_lo", "v", "v_lo")}
@@ -190,9 +195,13 @@ class Blocks:
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         if self._form.transforms:  # what is left of them is what is seen
-            seen = self._as_seen()
+            seen, away, alone = self._as_seen(), reached.get("away", np.zeros(0, dtype=np.intp)), reached
             reached = {f"particle_{name}": seen[f"particle_{name}"][:, lost.particles] for name in ("q", "v")}
             self._state["particle_memory"][lost.particles] = 0.0
+            if len(away):
+                self._state["particle_memory"][away] = alone["memory"]
+                for name in ("q", "v"):
+                    reached[f"particle_{name}"][:, np.isin(lost.particles, away)] = alone[name]
         self._retired.add(lost, step)
         for name, values in reached.items():
             if name == "particle_clock":
@@ -287,7 +296,7 @@ class Blocks:
             self._encountered = None
             # Not from a list that is not complete: shorter blocks follow.
             if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
-                where = (self._bodies, self._watcher.dominant, h, self.step)
+                where = (self._bodies, self._watcher.dominant, h, self.step, self.integrator.least_steps)
                 self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
             self._passages.add(self._watcher.lists)
         return count

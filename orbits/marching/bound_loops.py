@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future, wait
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
+from orbits.lagrangians.newtonian import newtonian
 from orbits.marching import changing, driver
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
-from orbits.marching.bodies_between import PLACES, chart
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.driver import NOWHERE
-from orbits.marching.own_clocks import ABSENT, COLUMNS, march_own_clocks
-from orbits.marching.own_steps_log import BESIDES
+from orbits.marching.hand_over import MORE_ROWS
+from orbits.marching.handing_over import Followed, HandOver
+from orbits.marching.own_clocks import COLUMNS, march_own_clocks
+from orbits.marching.own_memory import OwnClocks
 from orbits.marching.parallel import Parallel, shares
 from orbits.marching.pool import Pool
+from orbits.marching.ready import Ready
 from orbits.marching.watcher import Watcher
 
 STAGES_BYTES = 512 * 1024
@@ -46,13 +48,24 @@ class BoundLoops:
     threads : how many threads particles, and thousands of massive bodies, may use
     dense : whether the carry after each step is recorded, for the dense output of methods with a polynomial, whose
         kicks it holds, and of those that march other variables than those seen
+    followed : the passages in which massless particles take steps of their own, of a map that cannot follow them
 
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
+    ready : the next block, if it was computed along with those of other systems
     """
 
     def __init__(
-        self, form: Form, tag: Tag, vectors: Any, clock: Clock, n: int, m: int, threads: int, dense: bool = False
+        self,
+        form: Form,
+        tag: Tag,
+        vectors: Any,
+        clock: Clock,
+        n: int,
+        m: int,
+        threads: int,
+        dense: bool = False,
+        followed: Followed | None = None,
     ) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
         # Coefficients of steps of different lengths are written before each step, others made for each length.
@@ -74,7 +87,7 @@ class BoundLoops:
             "particle_q_lo": columns,
             "particle_v": columns,
             "particle_v_lo": columns,
-            "particle_memory": (m, form.particle_carry_rows, WIDTH),
+            "particle_memory": (m, form.particle_carry_rows + (MORE_ROWS if followed else 0), WIDTH),
         }
         own = bool(m) and clock.changes
         if own:
@@ -91,19 +104,47 @@ class BoundLoops:
         many = Parallel.serves(form, tag, n)
         self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
-        recorded = own or (dense and (form.is_dense or form.transforms))
+        recorded = own or followed is not None or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
         self._n = n
         self._copies: tuple[Array, ...] | None = None
-        self._own_clocks = [_OwnClocks(form, self._usual, n, self.steps) for _ in self.tasks] if own else []
+        self._own_clocks = [OwnClocks(form, self._usual, n, self.steps) for _ in self.tasks] if own else []
+        self._hand_over = None
+        if followed is not None and m:
+            self._hand_over = HandOver(form, followed, n, self.steps, len(self.tasks))
+        self._begun = aligned(self.state["memory"].shape)[0]
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
+        self.ready: Ready | None = None
 
     @property
     def kind(self) -> tuple[Any, ...]:
         """What is compiled for it: the same for those that need the same."""
-        return self._form.tag.name, self._tag.name, bool(self.tasks), self.parallel is None
+        alone = bool(self.tasks), self.parallel is None, self._hand_over is not None
+        return self._form.tag.name, self._tag.name, *alone
+
+    @property
+    def form(self) -> Form:
+        """The form of the method."""
+        return self._form
+
+    @property
+    def bodies(self) -> int:
+        """The number of massive bodies."""
+        return self._n
+
+    @property
+    def coefficients(self) -> Any:
+        """The coefficients of whole steps."""
+        return self._usual
+
+    def kind_in_lanes(self) -> Hashable | None:
+        """What marches have in common whose blocks can be computed together, in lanes; None for one alone."""
+        plain = self._tag is newtonian.tag and isinstance(self._clock, ConstantSteps)
+        if not plain or self.tasks or self.kicks.size or self.parallel is not None:
+            return None
+        return None if self._form.lanes_of_systems(3 * self._n) is None else (self._form, self._clock, self._n)
 
     def begin(self, q: Array, v: Array, massive: NDArray[np.intp], particles: NDArray[np.intp]) -> None:
         """Write the initial state; q, v : (n + m, 3), with the numbers of the massive bodies and of the particles."""
@@ -136,9 +177,13 @@ class BoundLoops:
 
         Returns (status, steps done, body, evaluations); see `orbits.marching.driver`.
         """
+        ready, self.ready = self.ready, None
+        if ready is not None and state is self.state and path.size and count == ready.count:
+            return ready.take(state)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
-        if self._own_clocks:
+        if self._own_clocks or self._hand_over:
+            self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles
                 if self._of_copies is None:
                     self._of_copies = np.zeros(2 * (self.steps + 1) * len(state["q"])), np.empty_like(self.kicks)
@@ -225,13 +270,18 @@ class BoundLoops:
             return self._march_own_clocks(state, bound, retired, watcher, count)
         particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
         observer = 0 if watcher is None else watcher.observer
+        if self._hand_over is not None and count:
+            self._hand_over.prepare(state, *self._record, bound, self._begun, watcher, count)
 
         def share(task: int) -> int:
             start, stop = self.tasks[task]
             context = 0 if watcher is None else watcher.contexts.addresses[1 + task]
             room = (self._task_scratch[task], self._stages, retired)
             watched = (observer, context, self.tracks[task])
-            return int(driver.march_particles(*bound, *particles, *room, count, start, stop, *watched))
+            block = (*bound, *particles, *room, count, start, stop, *watched)
+            if self._hand_over is not None and count:
+                return self._hand_over.march(block, task, 0 if watcher is None else watcher.own_steps.addresses[task])
+            return int(driver.march_particles(*block))
 
         return self._in_tasks(share)
 
@@ -281,32 +331,6 @@ class BoundLoops:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-
-
-class _OwnClocks:
-    """The memory of a task that marches particles with clocks of their own; see `march_own_clocks`.
-
-    table : the coefficients of a step of a particle; field, shared : the arrays of a `Field` and of a `Shared` that
-        belong to the task
-    log, arrays : the arrays of a `Log`, and those of its context
-    """
-
-    def __init__(self, form: Form, coefficients: Array, n: int, steps: int) -> None:
-        entries, rows, stride = steps + BESIDES, form.stages_shape(3 * n)[0], padded(3 * n)
-        self.table, modes, room, shared = aligned(
-            coefficients.shape,
-            (steps, 3 * n, 2 * WIDTH),
-            (PLACES + rows + stride, WIDTH),
-            (steps, *coefficients.shape[1:]),
-        )
-        self.table[...], shared[...] = coefficients, coefficients
-        self.shared = shared, np.zeros(steps), np.full((steps + 1, 6, padded(n)), ABSENT)
-        assert isinstance(form, Collocation)
-        self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
-        path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)
-        self.arrays = {"path": path, "times": times}
-        counts, found = np.zeros(2, dtype=np.int64), np.zeros(5, dtype=np.int64)
-        self.log = counts, np.zeros((entries, 2)), times, path, track, found
 
 
 def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) -> tuple[Array, float]:

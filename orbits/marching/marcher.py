@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -32,6 +32,8 @@ from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies
+from orbits.marching.hand_over import parts_taken
+from orbits.marching.handing_over import Followed
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
 from orbits.marching.partial_steps import PartialSteps
@@ -110,7 +112,10 @@ class Marcher(Blocks):
         )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
-        self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense)
+        followed = None
+        if m and integrator.follows_encounters:
+            followed = Followed.of(lagrangian, self.parameters[1 : 1 + n], int(self.parameters[1 : 1 + n].argmax()))
+        self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
         if self._form.transforms:
             self._form.check_start(self.model, q[self._massive], v[self._massive])
@@ -141,7 +146,7 @@ class Marcher(Blocks):
         self._stopped = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         if integrator.follows_kepler:
-            limits = kepler_passages.LISTED
+            limits = kepler_passages.listed(integrator.least_steps)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -187,7 +192,11 @@ class Marcher(Blocks):
         if self.clock.changes:
             self._state["clock"][changing.LIMIT] = place.rest
         self._stopped = self._arrived = False
-        self._one_block(self.block if self.clock.changes else min(self.block, place.steps - self.step))
+        self._one_block(self.next_block(place))
+
+    def next_block(self, place: Place) -> int:
+        """Return the most steps of the next block on the way to a place."""
+        return self.block if self.clock.changes else min(self.block, place.steps - self.step)
 
     def go_back(self, steps: int) -> None:
         """Return to the state after the first `steps` steps of the last block."""
@@ -376,7 +385,10 @@ class Marcher(Blocks):
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
         q, v = self._state["particle_q"], self._state["particle_v"]
-        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"))
+        parts = None
+        if self.integrator.follows_encounters and len(self._particles):
+            parts = parts_taken(self._state["particle_memory"])
+        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"), parts)
 
     def retired_by(self, time: float) -> list[Retirement]:
         """Return the particles that are retired, or cannot be followed up to a time less than a step ahead, in the
@@ -386,8 +398,9 @@ class Marcher(Blocks):
             return self.retired()
         end = self.ended_at(time) if self.clock.changes else self.part_of_a_step(time - self.time)
         known = {one.body: one for one in self.retired()}
-        changes, step = self.clock.changes, self.step
-        lost = [one._replace(step=step, reading=one.reading if changes else step) for one in end.retired()]
+        share = 1.0 if self.clock.changes else (time - self.time) / self.clock.h
+        begun = 0 if self.clock.changes else self.step
+        lost = [one._replace(step=self.step, reading=begun + share * one.reading) for one in end.retired()]
         return [known.get(one.body, one) for one in lost]
 
     def touching(self) -> NDArray[np.intp]:
@@ -474,6 +487,19 @@ class Marcher(Blocks):
         the number of those left out: `UNKNOWN` for a march that was restored from a checkpoint without a list.
         """
         return self._passages.passages, self._passages.left_out
+
+    @property
+    def loops(self) -> BoundLoops:
+        """The compiled loops."""
+        return self._loops
+
+    def kind_in_lanes(self) -> Hashable | None:
+        """Return what marches have in common whose blocks can be computed together; None for one that goes alone."""
+        return None if self._dense or self._keep is not None else self._loops.kind_in_lanes()
+
+    def observe_path(self, path: Array) -> None:
+        """Record the steps of blocks in this array, which has room for the longest."""
+        self._watcher.use_path(path)
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""

@@ -54,12 +54,18 @@ class Retirement(NamedTuple):
 
 
 def retirements(
-    table: NDArray[np.int64], q: Array, v: Array, particles: NDArray[np.intp], clocks: Array | None = None
+    table: NDArray[np.int64],
+    q: Array,
+    v: Array,
+    particles: NDArray[np.intp],
+    clocks: Array | None = None,
+    parts: Array | None = None,
 ) -> list[Retirement]:
     """Return the retired particles of a table from a checkpoint.
 
     table : (m, 2), status and step; q, v : (3, padded); particles : (m,), their numbers among all bodies
     clocks : (m, columns), of particles with clocks of their own; see `orbits.marching.own_clocks`
+    parts : (m,), the part of the next step that each has taken, among constant steps
     Raises InputError for an unknown status.
     """
     gone = (table[:, 0] != OK).nonzero()[0]
@@ -71,6 +77,8 @@ def retirements(
             f"its checkpoint has retired particles with the reasons {sorted(unknown)}; known are {sorted(REASONS)}."
         )
     readings = table[:, 1] if clocks is None else clocks[:, REACHED]
+    if parts is not None and parts[gone].any():
+        readings = table[:, 1] + parts
     return [
         Retirement(
             int(particles[k]),

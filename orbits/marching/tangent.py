@@ -171,11 +171,6 @@ class Tangents:
 
 def require_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
     """Raise InputError, with the reason, if the derivative of a method or of a Lagrangian of bodies is not known."""
-    if integrator.follows_kepler:
-        raise InputError(
-            f"{integrator.label} moves bodies along Kepler orbits, and the derivative of that motion is not available "
-            "yet. Use Gauss(stages=8), or Composition(StormerVerlet(), order=4) for many steps."
-        )
     if not isinstance(getattr(type(integrator), "tableau", None), property):
         raise InputError(
             f"{integrator.label} has no tableau from which its derivative could be computed; use Gauss(stages=8)."

@@ -136,6 +136,7 @@ class Watcher:
             least_eccentricity=least_eccentricity,
             pericentre_angle=pericentre_angle,
             times=times,
+            pace=1.0,
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
@@ -196,6 +197,11 @@ class Watcher:
             self.contexts.enter(path=self._path)
         return self._path
 
+    def use_path(self, path: Array) -> None:
+        """Record blocks of steps in this array."""
+        self._path = path
+        self.contexts.enter(path=path)
+
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
         return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
@@ -223,9 +229,16 @@ class Watcher:
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
-    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]]) -> None:
-        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task."""
+    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]], among: tuple[int, float] | None = None) -> None:
+        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task.
+
+        among : for those among constant steps, the number of these before the block, and their length. Passages are
+            recorded, but not listed as such for which a step may be too long
+        """
         self.own_steps.follow(self.contexts, arrays)
+        if among is not None:
+            none = np.zeros_like(self.listed_within)
+            self.own_steps.enter(origin=float(among[0]), pace=1.0 / among[1], reaches=none, pericentre_angle=math.inf)
 
     def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
         """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,

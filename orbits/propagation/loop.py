@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Generator
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from astropy import units as u
@@ -25,6 +25,7 @@ from orbits.errors import (
     with_unit,
 )
 from orbits.integrators.base import Integrator
+from orbits.marching.clocks import Place
 from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
 from orbits.propagation.events.base import Happening, Sought
@@ -52,6 +53,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
 
+
+Marching = Generator[Place | None, None, Trajectory]
+"""A run that is marched block by block; see `marching`."""
 
 AT_ONCE = 256
 """The most samples within a step whose states are computed together."""
@@ -141,40 +145,78 @@ class RunEnds:
         self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
 
 
-def march(
-    system: System,
-    integrator: Integrator,
-    marcher: March,
-    grid: TimeGrid,
-    first: int,
-    begin: Callable[[], ArchiveWriter | None],
-    progress: bool | None,
-    watch: RunEnds,
-    accounts: Array,
-    steps: StepStore | None = None,
-) -> Trajectory:
-    """March from sample `first` to the last one; however it ends, the archive is left closed and readable.
+class Bar(Protocol):
+    """What shows the progress of a run."""
 
-    accounts, steps : see `SampleStore`
+    def update(self, done: float) -> None:
+        """Take note of the time reached."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+class Run(NamedTuple):
+    """A run that is ready to be marched from sample `first` to the last one.
+
     begin : opens the archive to write to, if there is one
+    accounts, steps : see `SampleStore`
+    release : gives up an archive that was claimed to go on with it; for a run that is not marched
     """
+
+    system: System
+    integrator: Integrator
+    marcher: March
+    grid: TimeGrid
+    first: int
+    begin: Callable[[], ArchiveWriter | None]
+    progress: bool | None
+    watch: RunEnds
+    accounts: Array
+    steps: StepStore | None = None
+    release: Callable[[], None] = lambda: None
+
+
+def march(run: Run) -> Trajectory:
+    """March a run; however it ends, the archive is left closed and readable."""
+    return to_its_end(marching(run))
+
+
+def to_its_end(steps: Marching) -> Trajectory:
+    """Go on with what `marching` returned to its end."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            trajectory: Trajectory = end.value
+            return trajectory
+
+
+def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = None) -> Marching:
+    """March a run block by block: before each block, yield the place to which it leads; when all is marched, and before
+    warnings are given, None.
+
+    stopped_by : a request for several runs at once; None for one of its own
+    bar : what shows progress; None for a bar of its own
+    """
+    system, integrator, marcher, grid, first, begin, progress, watch, accounts, steps, _ = run
     begun, known = time.perf_counter(), len(marcher.retired())
     failure: Any = None  # an IntegrationError, a StorageError, or what a function of the user raised
     writer: ArchiveWriter | None = None
-    finished = False
+    complete = False
     try:
         # Signals are caught before there is a file, so that no file is left without a message on how to go on.
-        with StopRequest() as stop:
+        with StopRequest() if stopped_by is None else nullcontext(stopped_by) as stop:
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
             store = SampleStore(len(system.names), len(grid) - first, writer, accounts, steps, watch.events)
             unit, count = system.units.time, grid.whole_steps
-            bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
+            if bar is None:
+                bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
             try:
                 try:
                     particles = _Particles(system, integrator, marcher, grid, watch)
-                    finished = _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
+                    complete = yield from _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
                     watch.events.flush()
                     particles.end()
                 except (IntegrationError, Raised) as error:
@@ -183,7 +225,7 @@ def march(
                         watch.events.flush()
                 finally:
                     bar.close()
-                store.ended = _how(marcher, grid, finished, watch, failure, stop)
+                store.ended = _how(marcher, grid, complete, watch, failure, stop)
                 store.commit(marcher)
             except StorageError as error:
                 failure = error
@@ -206,7 +248,7 @@ def march(
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
-    trajectory.span = 0.0, _reached(marcher, grid, finished, watch)
+    trajectory.span = 0.0, _reached(marcher, grid, complete, watch)
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
@@ -215,6 +257,7 @@ def march(
     else:
         end = trajectory.reached if trajectory.complete else trajectory.last_time
         trajectory.record = Record.of(of_this_leg(marcher), end)
+    yield None
     try:
         if len(trajectory.retired) > known:
             judgement.warn_of_retired(trajectory)
@@ -370,13 +413,13 @@ def _sample(
     grid: TimeGrid,
     first: int,
     store: SampleStore,
-    bar: Progress,
+    bar: Bar,
     stop: StopRequest,
     watch: RunEnds,
     particles: _Particles,
-) -> bool:
+) -> Generator[Place, None, bool]:
     """Visit every sample from `first` on, and the end of the run, until a stop is requested; return whether the run
-    came to its end.
+    came to its end. The place to which the next block leads is yielded before it.
     """
     watch.begun = time.perf_counter()
     known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
@@ -385,6 +428,7 @@ def _sample(
             return False
         place = grid.place(index)
         while not known and marcher.is_before(place):
+            yield place
             try:
                 marcher.approach(place)
             except IntegrationError:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -15,20 +16,30 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.propagation import kepler_splitting, step_check
+from orbits.propagation.before_the_start import check_before_start, check_bodies
 from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.particles import Sample
 from orbits.propagation.events.seeking import Seeking
-from orbits.propagation.loop import Callback, RunEnds, march
+from orbits.propagation.loop import Callback, Run, RunEnds, march
 from orbits.propagation.marchers import differences, provenance, restore
-from orbits.propagation.precision import check_length, warn_if_far
+from orbits.propagation.precision import check_length
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
+from orbits.propagation.systems import (
+    archives_of,
+    check_samples,
+    each,
+    make_folder,
+    march_each,
+    released_if_it_fails,
+    systems_of,
+    threads_of_each,
+)
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
@@ -40,33 +51,75 @@ if TYPE_CHECKING:
 Path = str | PathLike[str]
 
 
+class Options(TypedDict, total=False):
+    """The options of `propagate`."""
+
+    dt: Any
+    duration: Any
+    until: Any
+    samples: Any
+    overwrite: bool
+    certificate: bool | Certificate
+    stop: Condition | Sequence[Condition]
+    events: Sought | Sequence[Sought]
+    callback: Callback | None
+    check_step: bool | Literal["refuse"]
+    dense: bool
+    progress: bool | None
+    threads: int | None
+    error_estimate: bool
+
+
+@overload
 def propagate(
     system: System,
+    integrator: Integrator | str | None = None,
+    *,
+    archive: Path | None = None,
+    **options: Unpack[Options],
+) -> Trajectory: ...
+
+
+@overload
+def propagate(
+    system: Iterable[System],
+    integrator: Integrator | str | None = None,
+    *,
+    archive: Path | Sequence[Path] | None = None,
+    **options: Unpack[Options],
+) -> list[Trajectory]: ...
+
+
+def propagate(
+    system: System | Iterable[System],
     integrator: Integrator | str | None = None,
     *,
     dt: Any = None,
     duration: Any = None,
     until: Any = None,
     samples: Any = 101,
-    archive: Path | None = None,
+    archive: Path | Sequence[Path] | None = None,
     overwrite: bool = False,
     certificate: bool | Certificate = False,
     stop: Condition | Sequence[Condition] = (),
     events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
     error_estimate: bool = False,
     **others: Unpack[NoOthers],
-) -> Trajectory:
+) -> Trajectory | list[Trajectory]:
     """Propagate `system` and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
 
         run = orbits.propagate(system, duration=100 * u.yr)  # steps chosen one by one
         run = orbits.propagate(system, "gauss", dt=6 * u.day, duration="100 yr")  # constant steps, symplectic
+        runs = orbits.propagate([system, other], "wisdom-holman", dt="3 d", duration="1e5 yr")  # one for each
 
-    system : a `System`; bodies with GM = 0 are massless particles in the field of the others
+    system : a `System`; bodies with GM = 0 are massless particles in the field of the others. Or a list of systems of
+        equal shape, with the same numbers of massive bodies and of massless particles, the same units and the same
+        samples: the result is a list of trajectories, each with the bits that it has alone
     integrator : a method such as `Gauss(stages=8)`, the default, or its name as on the command line: "gauss",
         "gauss(stages=4)"
     dt : None or `orbits.Adaptive()` chooses steps one by one, also through encounters, with errors at the level of
@@ -81,7 +134,9 @@ def propagate(
     samples : a number of samples, including both ends, or a sequence of times in the formats of `until`, within the
         run, which goes on to its end wherever they are; a sample off the grid of steps is computed by a partial step on
         a copy, so that samples never change the run
-    archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed
+    archive : path of an HDF5 file to write; the trajectory then reads from it, and an interrupted run can be resumed.
+        For a list of systems a folder, with a file for each, "{}" in the name of the files for the number of the
+        system, as in "runs/{}.h5", or a list of paths
     overwrite : whether an existing archive may be replaced
     certificate : True certifies the integrator on this system with this step before the run, as `orbits.certify`
         does, and stores the certificate in the archive; or an existing certificate
@@ -90,16 +145,17 @@ def propagate(
     events : what is sought on the motion within steps, such as `orbits.CloseApproach("Apophis", "Earth")`, one event or
         a list of them: `run.events` is their table. They change the run only if they stop it, or act
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
-        the run
+        the run. With it, or with events, the systems of a list are propagated one after the other
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
         about close passages that the step did not resolve (see `run.closest_approaches()`); with `OrbitsWarning` about
-        bodies so far from the origin that their separations have few digits
+        bodies so far from the origin that their separations have few digits. "refuse" raises InputError instead of the
+        warning before the run; False leaves all of this out
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
         once: about 0.3 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
         an event changes the bodies there is a warning, and `run.at` marches from the samples, as without it
     progress : None or True shows a progress bar on a terminal, False does not
-    threads : number of threads for massless particles and thousands of bodies; None for all processors. The bits of
-        the result do not depend on it
+    threads : number of threads for massless particles, thousands of bodies and lists of systems; None for all
+        processors. The bits of the result do not depend on it
     error_estimate : whether the two companions of `run.error_estimate()` are marched after the run, in 2.4 times its
         time; there are none, and a warning, if massive bodies merge, bounce or are changed on the way
 
@@ -108,29 +164,49 @@ def propagate(
     particle is retired alone, see `run.retired`, with a `RetiredWarning`); StorageError if writing fails or the archive
     is deleted or replaced during the run; Interrupted (a KeyboardInterrupt) after Ctrl-C, SIGTERM or SIGHUP; and what
     your own functions raise, in `events` or `callback`. All except the first two have the samples so far as
-    `.trajectory`.
+    `.trajectory`. For a list of systems, SystemsError if some of them fail, with the trajectories of all.
     """
     for name in others:
         raise unknown_argument(propagate, name)
-    if not isinstance(system, System):
-        raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
-    integrator = integrators.named("gauss" if integrator is None else integrator)
+    method = integrators.named("gauss" if integrator is None else integrator)
     estimated = checked_flag(error_estimate, "error_estimate")
-    run = propagated(
-        system,
-        integrator,
-        TimeGrid.of(system, dt, duration=duration, until=until, samples=samples),
-        archive=archive,
-        overwrite=overwrite,
-        certificate=certificate,
-        stop=stop,
-        events=events,
-        callback=callback,
-        check_step=check_step,
-        dense=dense,
-        progress=progress,
-        threads=threads,
-    )
+
+    def grid_of(one: System) -> TimeGrid:
+        return TimeGrid.of(one, dt, duration=duration, until=until, samples=samples)
+
+    options: dict[str, Any] = {
+        "certificate": certificate,
+        "stop": stop,
+        "events": events,
+        "callback": callback,
+        "check_step": check_step,
+        "dense": dense,
+        "progress": progress,
+    }
+    if isinstance(system, System):
+        options |= {"archive": archive, "overwrite": overwrite, "threads": threads}
+        return _completed(propagated(system, method, grid_of(system), **options), dense, estimated, threads)
+    several = systems_of(system)
+    grids = each(len(several), lambda k: grid_of(several[k]))
+    check_samples(grids)
+    replace = checked_flag(overwrite, "overwrite")
+    paths = archives_of(archive, len(several), replace)
+    in_turn = bool(callback) or not (isinstance(events, Sequence) and not events)
+    of_each = threads if in_turn else threads_of_each(len(several), threads)
+
+    def prepared(k: int) -> Run:
+        place = paths[k] if paths else None
+        own = {**options, "archive": place, "overwrite": replace, "threads": of_each}
+        return begun(several[k], method, grids[k], **own)
+
+    ready = each(len(several), prepared)
+    make_folder(archive)
+    runs = march_each(ready, threads, progress, in_turn=in_turn)
+    return each(len(runs), lambda k: _completed(runs[k], dense, estimated, threads))
+
+
+def _completed(run: Trajectory, dense: bool, estimated: bool, threads: int | None) -> Trajectory:
+    """Return a run with its error bars, if they are asked for; warn of what a run with changes does not have."""
     merged = run.changes is not None and run.changes.acted_on_massive
     if merged and dense:
         warnings.warn(
@@ -151,7 +227,12 @@ def propagate(
     return run
 
 
-def propagated(
+def propagated(system: System, integrator: Integrator, grid: TimeGrid, **options: Any) -> Trajectory:
+    """Propagate `system` on an existing grid of steps and samples; the options are those of `propagate`."""
+    return march(begun(system, integrator, grid, **options))
+
+
+def begun(
     system: System,
     integrator: Integrator,
     grid: TimeGrid,
@@ -162,25 +243,22 @@ def propagated(
     stop: Condition | Sequence[Condition] = (),
     events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
-) -> Trajectory:
-    """Propagate `system` on an existing grid of steps and samples; otherwise as `propagate`."""
+) -> Run:
+    """Return a run on an existing grid of steps and samples, ready to be marched; otherwise as `propagate`."""
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_choice(progress, "progress")
     seeking = Seeking(system, events, grid.clock.direction)
+    check_bodies(system, integrator)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
         check_length(system, grid)
-    if checked_flag(check_step, "check_step"):
-        warn_if_far(system, grid.end)
-    if check_step and not grid.clock.changes:
-        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
-        check(system, integrator, grid.h, grid.end)
-    watch = RunEnds(conditions, callback, check_step, seeking)
+    check_before_start(system, integrator, grid, check_step)
+    watch = RunEnds(conditions, callback, bool(check_step), seeking)
     accounts = no_accounts(len(grid), len(system.forces))
     if checked_flag(dense, "dense") and seeking.touching:
         raise InputError(
@@ -198,7 +276,7 @@ def propagated(
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        return march(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
+        return Run(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
@@ -225,21 +303,39 @@ def propagated(
             overwrite=replace,
         )
 
-    return march(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
+    return Run(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
+
+
+class ResumeOptions(TypedDict, total=False):
+    """The options of `resume`."""
+
+    until: Any
+    events: Sought | Sequence[Sought]
+    progress: bool | None
+    threads: int | None
+    same_bits: bool
+
+
+@overload
+def resume(path: Path, **options: Unpack[ResumeOptions]) -> Trajectory: ...
+
+
+@overload
+def resume(path: list[Any] | tuple[Any, ...], **options: Unpack[ResumeOptions]) -> list[Trajectory]: ...
 
 
 def resume(
-    path: Path,
+    path: Path | list[Any] | tuple[Any, ...],
     *,
     until: Any = None,
     events: Sought | Sequence[Sought] = (),
     progress: bool | None = None,
     threads: int | None = None,
     same_bits: bool = True,
-) -> Trajectory:
+) -> Trajectory | list[Trajectory]:
     """Continue the run in an archive, bit for bit as if it had never stopped.
 
-    path : an archive written by `propagate`
+    path : an archive written by `propagate`; or a list of archives, as of a list of systems, for a list of trajectories
     until : for a finished run, the date or the time since the epoch to which it is extended, as in `propagate`, with
         samples as dense as before; None completes an interrupted run
     events : those of the run, if an archive cannot hold them: functions of your own, and what acts. Others are known
@@ -248,6 +344,40 @@ def resume(
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
+    options = {"until": until, "events": events, "progress": progress, "same_bits": same_bits}
+    if isinstance(path, str | PathLike):
+        if os.path.isdir(path):
+            raise ArchiveError(
+                f"{path} is a folder; expected an archive, or a list of them: for those in it, "
+                f"orbits.resume(sorted(pathlib.Path({os.fspath(path)!r}).glob('*.h5')))."
+            )
+        run = _resumed(path, threads=threads, **options)
+        return run if isinstance(run, Trajectory) else march(run)
+    paths = list(path)
+    if not paths:
+        raise ArchiveError("the list of archives is empty; expected a path, or a list with at least one.")
+    in_turn = not (isinstance(events, Sequence) and not events)
+    of_each = threads if in_turn else threads_of_each(len(paths), threads)
+    runs: list[Run | Trajectory] = []
+
+    def take(k: int) -> None:
+        runs.append(_resumed(paths[k], threads=of_each, **options))
+
+    with released_if_it_fails(runs):
+        each(len(paths), take)
+    return march_each(runs, threads, checked_choice(progress, "progress"), in_turn=in_turn)
+
+
+def _resumed(
+    path: Path,
+    *,
+    until: Any,
+    events: Sought | Sequence[Sought],
+    progress: bool | None,
+    threads: int | None,
+    same_bits: bool,
+) -> Run | Trajectory:
+    """Return the rest of the run in an archive, ready to be marched; the trajectory if it is complete."""
     from orbits.archive import Archive, ArchiveWriter, extended
     from orbits.trajectory.archived import made_by
 
@@ -291,7 +421,7 @@ def resume(
         return extended(old, grid, now)
 
     watch = RunEnds(Conditions(system, ()), None, True, seeking, _last_sample(old))
-    return march(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps)
+    return Run(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps, old.close)
 
 
 def _last_sample(archive: Archive) -> Sample | None:

@@ -7,6 +7,6 @@ from __future__ import annotations
 
 from orbits.regression.comparison import compare
 from orbits.regression.conversion import from_rebound, run_from_rebound, to_rebound
-from orbits.regression.peers import PEERS
+from orbits.regression.peer_choice import PEERS
 
 __all__ = ["PEERS", "compare", "from_rebound", "run_from_rebound", "to_rebound"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Unpack
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from orbits import integrators as methods
 from orbits.body_names import few
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning, shown
+from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.marcher import available_threads
@@ -25,6 +25,7 @@ from orbits.propagation.run import propagated
 from orbits.regression import peers
 from orbits.regression import tolerances as tolerance
 from orbits.regression.conserved_quantities import Invariants
+from orbits.regression.peer_choice import Peer, listed
 from orbits.regression.problem import Problem, Sampled, time_axis
 from orbits.regression.reference_choice import kind_of_reference, reference_positions
 from orbits.regression.report import ReferenceNote, Report, Row
@@ -69,8 +70,9 @@ def compare(
     dt, duration, until, samples, threads : as in `propagate`. Every method is sampled at the same times. dt is also
         exactly the step of the fixed-step peers, and the first one that IAS15 tries. Without dt, or with
         `orbits.Adaptive(...)`, ours choose their steps one by one, as IAS15 does at its default epsilon
-    against : names of peers: "whfast", "whfast-corrector17", "whfast-heliocentric", "saba-10-6-4", "ias15",
-        "leapfrog"; may be empty. By default WHFast and IAS15; without dt, IAS15
+    against : names of peers: "whfast", "whfast512", "saba", "mercurius", "trace", "ias15", "leapfrog", with options as
+        in "whfast:kernel=lazy,corrector=17" or "saba:type=8-6-4"; several in a list, or with commas; may be empty. By
+        default WHFast and IAS15; without dt, IAS15
     tolerances : bounds for our methods, on the largest values over the samples: {"energy": 1e-12,
         "angular_momentum": 1e-14, "position_km": 1.0}; for positions also by body, {"position_km": {"Mercury": 0.1,
         "particles": 100}}, or as a length in the system's unit, {"position": 1e-9}; for one method only,
@@ -129,9 +131,7 @@ def compared(
         grid.clock.check(method)
     if against is None:
         against = ("ias15",) if grid.clock.changes else ("whfast", "ias15")
-    if not isinstance(against, Iterable):
-        raise InputError(f"against must be names of peers, such as ['whfast'], or [] for none; got {shown(against)}")
-    theirs = [peers.lookup(name) for name in ([against] if isinstance(against, str) else against)]
+    theirs = listed(against)
     problem = Problem.of(system)
     kind = kind_of_reference(system, reference, problem, grid)
     wanted = tolerance.parse(
@@ -262,7 +262,7 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
     )
 
 
-def _peer(problem: Problem, peer: peers.Peer, grid: TimeGrid, say: _Say) -> Sampled:
+def _peer(problem: Problem, peer: Peer, grid: TimeGrid, say: _Say) -> Sampled:
     """Return a peer's samples, or the reason why it has none."""
     reason = peers.unsuited(peer, problem.start.gm, problem.start.softening)
     if grid.clock.changes and peer.fixed_step:
@@ -298,12 +298,13 @@ def _judged(row: Row, bounds: tolerance.Bounds, note: ReferenceNote | None, prob
     return replace(row, verdict="FAIL" if failures else "ok", failures=failures)
 
 
-def _steps_note(ours: list[Integrator], theirs: list[peers.Peer], grid: TimeGrid) -> tuple[str, ...]:
+def _steps_note(ours: list[Integrator], theirs: list[Peer], grid: TimeGrid) -> tuple[str, ...]:
     if not isinstance(grid.clock, Adaptive):
         return ()
     tolerances = {f"{grid.clock.tolerance_for(method):.2g}" for method in ours}
-    adaptive = any(not peer.fixed_step for peer in theirs)
-    theirs_too = "; IAS15 chooses its own, at its default epsilon" if adaptive else ""
+    epsilons = [dict(peer.options).get("epsilon") for peer in theirs if not peer.fixed_step]
+    at = ", ".join("its default epsilon" if each is None else f"epsilon {each:g}" for each in dict.fromkeys(epsilons))
+    theirs_too = f"; IAS15 chooses its own, at {at}" if epsilons else ""
     return (f"Steps: ours are chosen one by one, tolerance {' and '.join(sorted(tolerances))}{theirs_too}.",)
 
 

@@ -5,74 +5,42 @@ so that no constant is multiplied in. Bodies are passed in order (the central on
 then massless ones as test particles), and the results are returned in the caller's order.
 
 Fixed-step peers stay on t0 + k dt with exactly the step of this package; a sample off that grid is a partial step of a
-copied simulation. WHFast runs with `safe_mode = 0` and `keep_unsynchronized = 1`: REBOUND then synchronizes a copy for
-each sample, and the run itself is not affected. IAS15 keeps its default epsilon and ends each interval exactly at the
-sample (`exact_finish_time = 1`), as is common.
+copied simulation. WHFast and SABA run with `safe_mode = 0` and `keep_unsynchronized = 1`: REBOUND then synchronizes a
+copy for each sample, and the run itself is not affected. WHFast512 takes all steps up to a sample at once
+(`concatenate_steps`), and is synchronized there, which changes its last digits. MERCURIUS keeps its safe mode, without
+which it does not continue from samples. IAS15 keeps its default epsilon and ends each interval exactly at the sample
+(`exact_finish_time = 1`), as is common.
 
 Wall time is the time within REBOUND's integrating calls (`Simulation.steps`, `Simulation.integrate`); setup and copying
 of positions are not counted.
 
-Source: Rein & Liu (2012), Rein & Spiegel (2015), Rein & Tamayo (2015), Rein, Tamayo & Brown (2019).
+Source: Rein & Liu (2012), Rein & Spiegel (2015), Rein & Tamayo (2015), Rein, Tamayo & Brown (2019), Rein et al. (2019),
+Javaheri et al. (2023), Lu, Hernandez & Rein (2024).
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import IntegrationError, Interrupted, UnknownNameError, shown
+from orbits.errors import IntegrationError, Interrupted, shown
 from orbits.point_masses import PointMasses
+from orbits.regression.peer_choice import Peer, lookup
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class Peer:
-    """A configuration of REBOUND: its name, settings and limitations.
-
-    name : the name for callers
-    integrator : REBOUND's name for the integrator
-    options : attributes set on `Simulation.integrator`; everything else has REBOUND's defaults
-    fixed_step : whether it uses the given step on the grid t0 + k dt
-    keplerian : whether it splits off Kepler orbits about the first body, which must then dominate, without softening
-    """
-
-    name: str
-    integrator: str
-    fixed_step: bool
-    keplerian: bool = False
-    options: tuple[tuple[str, Any], ...] = ()
-
-    @property
-    def label(self) -> str:
-        """The name in tables: `REBOUND whfast`."""
-        return f"REBOUND {self.name}"
-
-
-_WHFAST = (("safe_mode", 0), ("keep_unsynchronized", 1))
-
-PEERS: dict[str, Peer] = {
-    peer.name: peer
-    for peer in (
-        Peer("whfast", "whfast", True, True, _WHFAST),
-        Peer("whfast-corrector17", "whfast", True, True, (*_WHFAST, ("corrector", 17))),
-        Peer("whfast-heliocentric", "whfast", True, True, (*_WHFAST, ("coordinates", "democraticheliocentric"))),
-        Peer("saba-10-6-4", "saba", True, True, (*_WHFAST, ("type", "10_6_4"))),
-        Peer("ias15", "ias15", False),
-        Peer("leapfrog", "leapfrog", True),
-    )
-}
-"""Every peer by its name."""
+MOST_IN_LANES = 9
+"""Bodies that WHFast512 takes: a star, and eight planets in the lanes of a register."""
 
 
 @dataclass(frozen=True)
@@ -90,16 +58,6 @@ class PeerRun:
     steps: int
     wall_s: float
     warnings: tuple[str, ...] = field(default=())
-
-
-def lookup(name: str) -> Peer:
-    """The peer of that name; `UnknownNameError` with the nearest names otherwise."""
-    peer = PEERS.get(name.strip().lower()) if isinstance(name, str) else None
-    if peer is None:
-        near = get_close_matches(str(name).lower(), PEERS, n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise UnknownNameError(f"no peer is called {shown(name)}; there are {', '.join(PEERS)}.{hint}")
-    return peer
 
 
 def order_of_bodies(gm: Array, q: Array, v: Array) -> NDArray[np.intp]:
@@ -127,6 +85,20 @@ def unsuited(peer: Peer, gm: Array, softening: float) -> str | None:
     massive = np.sort(gm[gm > 0])
     if massive.size > 2 and massive[-1] <= massive[:-1].sum():
         return "it needs one body that outweighs all the others together, and this system has none"
+    return _unsuited_in_lanes(gm) if peer.bundles_steps else None
+
+
+def _unsuited_in_lanes(gm: Array) -> str | None:
+    """Why WHFast512 cannot do this problem, on this machine."""
+    import rebound
+
+    if not rebound.avx512_available:
+        return "it needs a processor with AVX-512, and this one has none"
+    massless = int(np.count_nonzero(gm == 0))
+    if massless:
+        return f"it takes no massless bodies, and this system has {massless:,}"
+    if len(gm) > MOST_IN_LANES:
+        return f"it takes at most {MOST_IN_LANES} bodies, and this system has {len(gm):,}"
     return None
 
 
@@ -174,12 +146,12 @@ def run(
     dt: float,
     advance: Callable[[int], None] | None = None,
 ) -> PeerRun:
-    """Integrate with the peer `name` and sample it at `times`.
+    """Integrate with the peer `name`, such as "whfast:kernel=lazy,corrector=17", and sample it at `times`.
 
     times (samples,) : from the epoch, all of one sign, in order of growing |t|
     dt : step of the fixed-step peers and first step that IAS15 tries, > 0
     advance : called after each sample with its index
-    Raises UnknownNameError (no such peer), IntegrationError (REBOUND failed or the problem does not suit the peer),
+    Raises InputError (no such peer or option), IntegrationError (REBOUND failed or the problem does not suit the peer),
     Interrupted (Ctrl-C).
     """
     peer = lookup(name)
@@ -211,6 +183,20 @@ def run(
     return PeerRun(q_out, v_out, steps, wall, messages)
 
 
+@contextlib.contextmanager
+def arithmetic_kept() -> Iterator[None]:
+    """Give the thread its floating-point mode back.
+
+    WHFast512 of REBOUND 5.2 leaves one in which numbers below 2.2e-308 are zero, in all that is computed afterwards.
+    """
+    library, mode = ctypes.CDLL(None), ctypes.create_string_buffer(256)  # fenv_t has 32 bytes on x86-64
+    library.fegetenv(mode)
+    try:
+        yield
+    finally:
+        library.fesetenv(mode)
+
+
 # (t) -> the simulation that stands at t, the steps taken to get there, the seconds spent inside REBOUND
 _Advancer = Callable[[float], "tuple[Any, int, float]"]
 
@@ -221,13 +207,25 @@ def _configured(peer: Peer, start: PointMasses, dt: float) -> Any:
     for option, value in peer.options:
         setattr(sim.integrator, option, value)
     sim.dt = dt
+    if peer.bundles_steps:
+        sim.exact_finish_time = 0  # it has no other
     return sim
+
+
+def _take(peer: Peer, sim: Any, steps: int) -> None:
+    if not peer.bundles_steps:
+        sim.steps(steps)
+        return
+    sim.integrator.concatenate_steps = steps
+    with arithmetic_kept():
+        sim.steps(1)
 
 
 def _on_grid(peer: Peer, sim: Any, start: PointMasses, dt: float, backwards: bool) -> _Advancer:
     """Whole steps in `sim`; what is left over in a scratch simulation that is set to the state on the grid."""
     scratch = _configured(peer, start, dt)
-    if peer.keplerian:  # set anew for each sample, so it must start from its particles and end synchronized
+    if "keep_unsynchronized" in dict(peer.options):
+        # Set anew for each sample, it must start from its particles and end synchronized.
         scratch.integrator.keep_unsynchronized = 0
         scratch.integrator.safe_mode = 1
     q, v = np.empty_like(start.q), np.empty_like(start.v)
@@ -239,7 +237,7 @@ def _on_grid(peer: Peer, sim: Any, start: PointMasses, dt: float, backwards: boo
         more, done = k - done, k
         wall = -perf_counter()
         if more:
-            sim.steps(more)
+            _take(peer, sim, more)
         wall += perf_counter()
         if rest == 0.0:
             return sim, more, wall
@@ -247,7 +245,7 @@ def _on_grid(peer: Peer, sim: Any, start: PointMasses, dt: float, backwards: boo
         scratch.set_serialized_particle_data(xyz=q, vxvyvz=v)
         scratch.dt = -rest if backwards else rest
         wall -= perf_counter()
-        scratch.steps(1)
+        _take(peer, scratch, 1)
         wall += perf_counter()
         return scratch, more, wall
 

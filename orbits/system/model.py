@@ -20,6 +20,7 @@ from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
     from orbits.forces.base import BoundForce, Force
+    from orbits.forces.central import CentralForce
     from orbits.lagrangians.base import Lagrangian
     from orbits.lagrangians.terms.base import SumOfTerms, Term
     from orbits.system.system import System
@@ -101,11 +102,12 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
     return tuple(found)
 
 
-def checked_forces(forces: Any, names: Sequence[str], units: UnitSystem) -> tuple[Force, ...]:
+def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSystem) -> tuple[Force, ...]:
     """Return forces in the units of a system. Raises as `Modelled.with_forces`."""
     if isinstance(forces, list | tuple) and not forces:
         return ()
     from orbits.forces.base import Force
+    from orbits.forces.central import CentralForce
 
     found: list[Force] = []
     for force in _each(forces, Force, "a force, such as orbits.Drag(...)", "forces"):
@@ -117,8 +119,24 @@ def checked_forces(forces: Any, names: Sequence[str], units: UnitSystem) -> tupl
             bodies = tuple(names[index_of(name, names, f"body, for {kind},")] for name in given)
             if len(set(bodies)) < len(bodies):
                 raise InputError(f"{kind}: bodies names one body twice, {shown(given)}; expected each once.")
-        found.append(replace(force, bodies=bodies).in_units(units))
+        named: dict[str, Any] = {"bodies": bodies}
+        if isinstance(force, CentralForce):
+            named["source"] = _source(force, bodies, names, gm)
+        found.append(replace(force, **named).in_units(units))
     return tuple(found)
+
+
+def _source(force: CentralForce, bodies: Any, names: Sequence[str], gm: Array) -> str:
+    """Return the name of the body that a force comes from."""
+    kind = type(force).__name__
+    i = int(np.argmax(gm)) if force.source is None else index_of(force.source, names, f"source, for {kind},")
+    if not gm[i] > 0.0:
+        raise InputError(
+            f"{kind} comes from a body with mass, but gm of {names[i]!r} is 0; expected a massive body as source."
+        )
+    if bodies is not None and names[i] in bodies:
+        raise InputError(f"{kind} comes from {names[i]!r} and cannot act on it; leave {names[i]!r} out of bodies.")
+    return names[i]
 
 
 def _each(given: Any, kind: type, expected: str, what: str) -> Sequence[Any]:
@@ -136,11 +154,7 @@ def together(one: System, other: System) -> dict[str, Any]:
 
 def without(system: System, gone: Set[str]) -> dict[str, Any]:
     """Return what acts in a system without some bodies: terms of others, and forces on others that they name."""
-    forces = []
-    for force in system.forces:
-        left = force.bodies if force.bodies is None else [name for name in force.bodies if name not in gone]
-        if left is None or left:
-            forces.append(replace(force, bodies=left))
+    forces = [left for left in (force.without(gone) for force in system.forces) if left is not None]
     return {"terms": [term for term in system.terms if term.body not in gone], "forces": forces}
 
 
@@ -181,9 +195,15 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
     """Return the model of the bodies of a system, or of some of them, which must include all massive ones."""
     from orbits.lagrangians.newtonian import newtonian, parameters
 
-    forces = []
+    forces: list[BoundForce] = []
+    if system.forces:
+        from orbits.forces.central import CentralForce
     for force in system.forces:
         massive, names = system.massive[bodies], np.asarray(system.names)[bodies]
+        if isinstance(force, CentralForce):
+            heavy, light = names[massive].tolist(), names[~massive].tolist()
+            forces.append(force.about(heavy.index(force.source), heavy, light, system.units))
+            continue
         on = np.ones(len(names), dtype=bool) if force.bodies is None else np.isin(names, force.bodies)
         forces.append(force.bound(on[massive], on[~massive], system.units))
     if not system.terms:
@@ -237,7 +257,12 @@ def depends_on_time(system: System) -> bool:
 def acts_on_massive(system: System) -> tuple[str, ...]:
     """Return the kinds of the forces that act on massive bodies."""
     massive = {name for name, has_mass in zip(system.names, system.massive, strict=True) if has_mass}
-    return tuple(type(f).__name__ for f in system.forces if f.bodies is None or massive.intersection(f.bodies))
+    found = []
+    for force in system.forces:
+        on = massive if force.bodies is None else massive.intersection(force.bodies)
+        if on - {getattr(force, "source", None)}:
+            found.append(type(force).__name__)
+    return tuple(found)
 
 
 def to_json(system: System) -> str:

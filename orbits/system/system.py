@@ -88,7 +88,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
             ("_units", units),
             ("_radii", state_checks.checked_radii(names, radii, units)),
             ("_terms", model.checked_terms(terms, names, values.gm, units)),
-            ("_forces", model.checked_forces(forces, names, units)),
+            ("_forces", model.checked_forces(forces, names, values.gm, units)),
         ):
             object.__setattr__(self, attribute, value)
 

@@ -63,12 +63,12 @@ class Scheme:
 
     def binary_steps(self, h: float) -> Array:
         """Return gamma h, (s,), rounded symmetrically; their sum is exactly h if h has at most 48 bits."""
-        return _balanced(self.steps, h)
+        return balanced(self.steps, h)
 
     def binary_kicks_and_drifts(self, h: float) -> tuple[Array, Array]:
         """Return k h, (s + 1,), and d h, (s,), rounded in the same way."""
         if not self.steps:
-            return _balanced(self.kicks, h), _balanced(self.drifts, h)
+            return balanced(self.kicks, h), balanced(self.drifts, h)
         d = self.binary_steps(h)
         return 0.5 * (np.append(d, 0.0) + np.append(0.0, d)), d
 
@@ -176,7 +176,7 @@ def _recursive(name: str, base_order: int, order: int) -> Exact:
     return steps
 
 
-def _balanced(values: Exact, h: float) -> Array:
+def balanced(values: Exact, h: float) -> Array:
     """Return `values` times h, rounded symmetrically to a grid; the middle value, or two, make the sum right."""
     n = len(values)
     bits = ceil(log2(2.0 * max(1.0, float(max(abs(x) for x in values)))))

@@ -12,11 +12,19 @@ motions, two for each a_k,
 so that n pairs can match the first n terms of (g(x) - 1) / x = x/12 - x^3/720 + ...: a corrector of order 2 n + 1. The
 a_k are free; equidistant ones give a linear system for the b_k, which is solved exactly.
 
+To second order in Y, the corrected map with the modified kick, Y + [Y, [X, Y]] / 24 for Y, is
+
+    X + Y + ([X, Z] + [[X, [X, Y]], [X, Y]]) / 1440 + O(h^7),     Z = [X, [[X, Y], Y]]
+
+whose first bracket a second corrector e^(Z / 1440) removes: by kicks of +-b at Kepler motions of -1, 0 and 1 step, the
+sum of which is 0 to first order in Y, and b^2 Z to second order. The second bracket no change of variables removes.
+
 Source: Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom (2006), AJ 131, 2294, for drift–kick–drift.
 """
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from functools import lru_cache
 from math import factorial
@@ -31,6 +39,9 @@ order 17 is 3 here, and 28 for a spacing of 1/4."""
 PAIRS = {0: 0, 3: 1, 5: 2, 7: 3, 11: 5, 17: 8}
 """The number of pairs of kicks of a corrector, by its order."""
 
+SECOND = math.sqrt(1.0 / 1440.0)
+"""Kicks of the second corrector, in fractions of a step."""
+
 
 @lru_cache(maxsize=8)
 def corrector(order: int) -> tuple[tuple[Fraction, Fraction], ...]:
@@ -41,24 +52,32 @@ def corrector(order: int) -> tuple[tuple[Fraction, Fraction], ...]:
     return tuple(zip(a, _solved(rows), strict=True))
 
 
-def corrector_lengths(order: int) -> NDArray[np.float64]:
+def corrector_lengths(order: int, second: bool = False) -> NDArray[np.float64]:
     """Return the stages of a corrector, (stages, 2): each a Kepler motion and then a kick, in fractions of a step.
+
+    second : whether the second corrector is applied before it
 
     The pairs are applied with half of their kicks each, then once more in reverse: a palindrome of exponentials has no
     terms of second order in Y. The last kick is 0. Reversed with the opposite signs, the stages are the inverse.
     """
     forth = [(sign * a, sign * b / 2) for a, b in corrector(order) for sign in (1, -1)]
-    drifts, kicks = [Fraction(0)], list[Fraction]()
+    drifts, kicks = list[Fraction](), list[Fraction]()
     at = Fraction(0)
-    for a, b in [*forth, *reversed(forth)]:
-        if a == at:
+    for a, b in [*(second_corrector() if second else []), *forth, *reversed(forth)]:
+        if kicks and a == at:
             kicks[-1] += b
         else:
-            drifts[-1] = a - at
-            drifts.append(-a)
+            drifts.append(a - at)
             kicks.append(b)
         at = a
+    drifts.append(-at)
     return np.array([[float(d), float(k)] for d, k in zip(drifts, [*kicks, Fraction(0)], strict=True)])
+
+
+def second_corrector() -> list[tuple[Fraction, Fraction]]:
+    """Return (a_k, b_k), kicks b_k after Kepler motions of a_k, of the second corrector."""
+    b = Fraction(SECOND)
+    return [(Fraction(sign * a), s * b) for sign in (1, -1) for a, s in ((0, 1), (1, -1), (0, -1), (1, 1))]
 
 
 def _wanted(j: int) -> Fraction:

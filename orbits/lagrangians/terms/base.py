@@ -28,7 +28,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 from orbits.kernels.binding import SumTag, Tag
 from orbits.lagrangians.base import TIME_DEPENDENT, Compiled, Lagrangian
 from orbits.lagrangians.symmetry import Symmetry, rotation
@@ -81,6 +81,9 @@ class Term:
     def summand(self, row: int, units: Any) -> Summand:
         """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
+
+    def check_start(self, system: Any) -> None:
+        """Raise InputError if this term does not describe the motion of a system in its state at the start of a run."""
 
     def later(self, time: Any) -> Self:
         """Return this term for a system whose epoch is later by `time`, a quantity: a term that depends on the time
@@ -139,35 +142,6 @@ def kept(symmetries: Sequence[Symmetry], summands: Sequence[Summand], bodies: in
     if any(axis):
         others.append(rotation(axis, copies=bodies, name="rotation about the pole"))
     return tuple(others)
-
-
-def direction(value: Any, what: str, units: Any) -> Vector:
-    """Return a unit vector from (right ascension, declination) or from three numbers.
-
-    Raises InputError for anything else, and for a declination beyond a right angle (degrees without a unit).
-    """
-    expected = "expected (right ascension, declination), such as (286.13 * u.deg, 63.87 * u.deg), or a vector x, y, z"
-    if value is None:
-        raise InputError(f"{what} is missing; {expected}.")
-    try:
-        count = len(value)
-    except TypeError:
-        count = 0
-    if count == 2:
-        ra, dec = (float(units.angle_value(angle, what)) for angle in value)
-        if not abs(dec) <= np.pi / 2 + 1e-12:
-            raise InputError(f"{what} has the declination {dec:g} rad; plain numbers are radians, degrees need u.deg.")
-        found = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
-    elif count == 3:
-        found = np.asarray(units.pure_value(value, what), dtype=np.float64)
-    else:
-        raise InputError(f"{what} is {shown(value)}; {expected}.")
-    length = float(np.linalg.norm(found))
-    if not (np.isfinite(length) and length > 0.0):
-        raise InputError(f"{what} is {shown(value)}; expected finite numbers, not all of them 0.")
-    # A vector of length 1 is not changed, so that stored vectors are restored bit for bit.
-    unit = found if abs(length - 1.0) <= 4e-16 else found / length
-    return float(unit[0]), float(unit[1]), float(unit[2])
 
 
 def number(value: Any, what: str) -> float:

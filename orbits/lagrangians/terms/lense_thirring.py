@@ -16,12 +16,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.checks import pole_direction
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
-from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
+from orbits.lagrangians.terms.base import Summand, Term, Vector, number
 from orbits.lagrangians.terms.pairs import add_differences, difference
 
 
@@ -167,7 +168,7 @@ class LenseThirring(Term):
                 f"LenseThirring{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the "
                 "other way has the opposite pole."
             )
-        pole = direction(self.pole, f"pole{whose}", units)
+        pole = pole_direction(self.pole, f"pole{whose}", units)
         return replace(self, spin=spin * units.angular_momentum, pole=pole, c=c * units.speed)
 
     def summand(self, row: int, units: Any) -> Summand:

@@ -20,12 +20,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.checks import pole_direction
 from orbits.errors import InputError, with_unit
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
-from orbits.lagrangians.terms.base import Summand, Term, Vector, direction, number
+from orbits.lagrangians.terms.base import Summand, Term, Vector, number
 
 HARMONICS = 4
 """The index of J_2 R^2 in the parameters."""
@@ -265,7 +266,7 @@ class ZonalHarmonics(Term):
         if not radius > 0.0:
             shown = with_unit(f"{radius:g}", units.length)
             raise InputError(f"ZonalHarmonics{whose}: radius is {shown}; expected a length > 0.")
-        pole = direction(self.pole, f"pole{whose}", units)
+        pole = pole_direction(self.pole, f"pole{whose}", units)
         return replace(self, **found, radius=radius * units.length, pole=pole)
 
     def summand(self, row: int, units: Any) -> Summand:

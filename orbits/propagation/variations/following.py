@@ -12,11 +12,13 @@ from orbits.checks import whole_number
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.marching.choice import form_of_bodies
+from orbits.marching.clocks import Clock
+from orbits.marching.map_tangents import MapTangents, require_map_tangents
 from orbits.marching.marcher import available_threads
 from orbits.marching.pool import Pool
 from orbits.marching.tangent import Tangents, require_tangents
 from orbits.marching.transformed import TimeTransformed
-from orbits.propagation import step_check
+from orbits.propagation import kepler_splitting, step_check
 from orbits.propagation.events.particles import stretches, with_light
 from orbits.propagation.marchers import bound
 from orbits.system import System
@@ -41,7 +43,10 @@ class Followed(NamedTuple):
 def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -> None:
     """Raise InputError, with the reason, if the variations of a run are not known."""
     acting = model(system)
-    require_tangents(integrator, acting.lagrangian)
+    if integrator.follows_kepler:
+        require_map_tangents(integrator, acting.lagrangian)
+    else:
+        require_tangents(integrator, acting.lagrangian)
     form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False)
     if acting.forces:
         raise InputError(
@@ -58,7 +63,8 @@ def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -
 def warn_if_too_long(system: System, integrator: Integrator, grid: TimeGrid) -> None:
     """Warn, as `propagate` does, if the step is too long for the fastest passage ahead."""
     if not grid.clock.changes:
-        step_check.warn_if_too_long(system, integrator, grid.h, grid.end)
+        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
+        check(system, integrator, grid.h, grid.end)
 
 
 def massive_of(system: System) -> Followed:
@@ -103,22 +109,36 @@ def each_in_threads(
 
 
 def tangents_of(
-    followed: Followed, integrator: Integrator, vectors: Array, scale: float | None = None
-) -> Tangents:
-    """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`."""
+    followed: Followed,
+    integrator: Integrator,
+    vectors: Array,
+    scale: float | None = None,
+    *,
+    clock: Clock | None = None,
+) -> Tangents | MapTangents:
+    """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`.
+
+    clock : of constant steps, for a map on Kepler orbits, which is marched with them
+    """
     acting = model(followed.system)
     values = followed.system.values
-    which = (followed.varied, values.q, values.v)
-    return Tangents(acting.lagrangian, acting.vectors, integrator, *which, vectors, scale)
+    which = (followed.varied, values.q, values.v, vectors, scale)
+    if integrator.follows_kepler:
+        assert clock is not None
+        return MapTangents(acting.lagrangian, acting.vectors, integrator, clock.h, *which)
+    return Tangents(acting.lagrangian, acting.vectors, integrator, *which)
 
 
 def at_samples(
-    followed: Followed, integrator: Integrator, grid: TimeGrid, tangents: Tangents, *, exactly: bool
-) -> Iterator[tuple[Tangents, float]]:
+    followed: Followed, integrator: Integrator, grid: TimeGrid, tangents: Tangents | MapTangents, *, exactly: bool
+) -> Iterator[tuple[Tangents | MapTangents, float]]:
     """Yield the tangent vectors at each sample, and the time there.
 
     exactly : at the sample, after a part of a step; otherwise after the last whole step before it
     """
+    if isinstance(tangents, MapTangents):
+        yield from _at_samples_of_a_map(grid, tangents, exactly=exactly)
+        return
     march = bound(followed.system, integrator, grid.clock, threads=1, dense=True)
     for sample, time in enumerate(grid.times.tolist()):
         place = grid.place(sample)
@@ -131,3 +151,12 @@ def at_samples(
         for motion, _ in stretches(*march.towards(time)):
             part.follow(motion)
         yield part, time
+
+
+def _at_samples_of_a_map(
+    grid: TimeGrid, tangents: MapTangents, *, exactly: bool
+) -> Iterator[tuple[MapTangents, float]]:
+    for sample, time in enumerate(grid.times.tolist()):
+        place = grid.place(sample)
+        tangents.advance(place)
+        yield (tangents.seen(place.rest), time) if exactly else (tangents, tangents.time)

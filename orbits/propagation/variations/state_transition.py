@@ -153,8 +153,8 @@ def state_transition(
 
     It is the derivative of what the method computes: of its steps, for as many as are taken, at fixed lengths. That of
     a symplectic method is symplectic to round-off. The orbit is that of `orbits.propagate` to the last bit for massive
-    bodies, and to round-off for massless particles. For all methods but `WisdomHolman`, and for all terms whose forces
-    depend on positions alone. Nothing is stored: an interrupted computation is lost.
+    bodies, and to round-off for massless particles. For all methods, and for all terms that give second derivatives;
+    `WisdomHolman` takes Newton's gravity alone. Nothing is stored: an interrupted computation is lost.
 
     Raises InputError for invalid arguments, for a method, a term or a force whose derivative is not known, and for a
     matrix that exceeds the range of numbers; otherwise as `orbits.propagate`. The blocks of a
@@ -242,7 +242,7 @@ def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array
     """
     numbers, count = followed.numbers, len(followed.varied)
     vectors = np.eye(6 * count).reshape(6 * count, count, 2, 3).swapaxes(1, 2)
-    tangents = tangents_of(followed, integrator, vectors)
+    tangents = tangents_of(followed, integrator, vectors, clock=grid.clock)
     momenta = [tangents.to_momenta()]
     for k, (now, _) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=True)):
         # (columns, 2, bodies, 3) to (bodies, 6, columns)

@@ -1,0 +1,102 @@
+"""The loss or gain of mass by a body, such as the Sun's by light and wind: GM that changes uniformly with time.
+
+    f_i = -m_i k (t - t0) r / r^3
+
+on all other bodies, with r the place relative to it, k = dGM/dt = fraction x GM, and t0 the time at which its GM is
+that of the system. What it loses takes its momentum along: the body itself feels nothing. Numbers: the fraction, t0;
+coefficients: 1. For slow loss, a of an orbit grows as 1 / GM, and e stays.
+
+Source: Jeans (1924), MNRAS 85, 2; for the Sun, Park et al. (2021), AJ 161, 105.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from orbits.errors import InputError, shown
+from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
+from orbits.kernels.binding import Tag
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import get, put, rsqrt_cubed
+
+RATE, NOMINAL = OWN, OWN + 1
+
+FIRST = OWN + 2
+"""Index of the first block."""
+
+
+@kernel(inline=True)
+def _missing(strength, own, gm, t, r):
+    """Return the acceleration by the mass that is gone."""
+    x, y, z = r
+    size = -1.0 * (gm * own[RATE] * (t - own[NOMINAL])) * rsqrt_cubed(strength[0] + x * x + y * y + z * z)
+    return size * x, size * y, size * z
+
+
+@kernel
+def force(strength, own, t, q, v, f):
+    """Add the forces to f."""
+    n, b = strength.shape[0] - 1, int(own[SOURCE])
+    for i in range(n):
+        if i != b:
+            weight = strength[1 + i] * of_body(own, FIRST, 0, i)
+            found = _missing(strength, own, strength[1 + b], t, relative(q, i, b, n))
+            for a in range(3):
+                put(f, a * n + i, get(f, a * n + i) + weight * found[a])
+
+
+@kernel
+def particle_force(strength, own, t, particle, sources, speeds, place, velocity):
+    """Return the acceleration."""
+    n, b = strength.shape[0] - 1, int(own[SOURCE])
+    found = _missing(strength, own, strength[1 + b], t, relative_to(place, sources, b, n))
+    here = of_particle(own, FIRST, 0, n, particle, sources, place[0])
+    return here * found[0], here * found[1], here * found[2]
+
+
+TAG = Tag("mass-loss", {"force": force, "particle_force": particle_force})
+
+
+@dataclass(frozen=True)
+class MassLoss(CentralForce):
+    """A body whose GM changes uniformly with time, as the Sun's does by light and wind.
+
+        system.with_forces(orbits.MassLoss(fraction=-9e-14 / u.yr))
+
+    bodies : names of those that feel it, massive or not; by default all others
+    source : the body that loses mass; by default the most massive one
+    fraction : (dGM/dt) / GM, a number per time; < 0 for loss
+    since : the time after the epoch of the system at which its GM is that of the system; by default 0
+    """
+
+    kind: ClassVar[str] = "mass-loss"
+    tag: ClassVar[Tag] = TAG
+    fraction: Any = None
+    since: Any = 0.0
+
+    def in_units(self, units: Any) -> Self:
+        """Return it in the system's units."""
+        if self.fraction is None:
+            raise InputError("MassLoss: fraction is missing; expected a number per time, such as -9e-14 / u.yr.")
+        rate = np.asarray(units.frequency_value(self.fraction, "fraction of MassLoss"))
+        since = np.asarray(units.time_value(self.since, "since of MassLoss"))
+        for name, value in (("fraction", rate), ("since", since)):
+            if value.shape != () or not np.isfinite(value):
+                raise InputError(f"MassLoss: {name} is {shown(value.tolist())}; expected one finite number.")
+        return replace(self, fraction=float(rate) / units.time, since=float(since) * units.time)
+
+    def later(self, time: Any) -> Self:
+        """Return it for a system whose epoch is later by `time`."""
+        return replace(self, since=self.since - time)
+
+    def constants(self, row: int, units: Any) -> Sequence[float]:
+        """Return the fraction and t0."""
+        return float(units.frequency_value(self.fraction)), float(units.time_value(self.since))
+
+    def coefficients(self, units: Any) -> Sequence[float | tuple[float, ...]]:
+        """Return 1."""
+        return (1.0,)

@@ -1,0 +1,134 @@
+"""Radiation pressure with Poynting–Robertson drag: light of a star on dust, to first order in v / c.
+
+    f_i = beta_i (m_i mu / r^2) [(1 - r' / c) r/r - w / c]
+
+with mu = GM of the star, r and w place and velocity relative to it, and r' = r . w / r. The star does not feel it.
+Numbers: 1 / c; coefficients: beta. Over an orbit,
+
+    da/dt = -beta mu (2 + 3 e^2) / [c a (1 - e^2)^(3/2)],   de/dt = -5 beta mu e / [2 c a^2 (1 - e^2)^(1/2)]
+
+Source: Burns, Lamy & Soter (1979), Icarus 40, 1; Wyatt & Whipple (1950), ApJ 111, 134.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from orbits.errors import InputError, shown
+from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
+from orbits.kernels.binding import Tag
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import get, put, rsqrt_cubed
+
+FIRST = OWN + 1
+"""Index of the first block."""
+
+SUNLIGHT = 3 * 3.828e26 / (16 * np.pi * 1.3271244e20 * 299792458.0)
+"""3 L / (16 pi GM c) of the Sun, with the nominal values of the IAU (2015, resolution B3), in kg/m2: beta of a sphere
+times its radius and density."""
+
+
+@kernel(inline=True)
+def _push(strength, own, b, r, w):
+    """Return the acceleration for beta = 1."""
+    x, y, z = r
+    vx, vy, vz = w
+    r2 = strength[0] + x * x + y * y + z * z
+    near3 = rsqrt_cubed(r2)
+    near = near3 * r2
+    size = strength[1 + b] * near3
+    shade = 1.0 - own[OWN] * near * (x * vx + y * vy + z * vz)
+    far = own[OWN] * near * r2
+    return size * (shade * x - far * vx), size * (shade * y - far * vy), size * (shade * z - far * vz)
+
+
+@kernel
+def force(strength, own, t, q, v, f):
+    """Add the forces to f."""
+    n, b = strength.shape[0] - 1, int(own[SOURCE])
+    for i in range(n):
+        if i != b:
+            weight = strength[1 + i] * of_body(own, FIRST, 0, i)
+            push = _push(strength, own, b, relative(q, i, b, n), relative(v, i, b, n))
+            for a in range(3):
+                put(f, a * n + i, get(f, a * n + i) + weight * push[a])
+
+
+@kernel
+def particle_force(strength, own, t, particle, sources, speeds, place, velocity):
+    """Return the acceleration."""
+    n, b = strength.shape[0] - 1, int(own[SOURCE])
+    push = _push(strength, own, b, relative_to(place, sources, b, n), relative_to(velocity, speeds, b, n))
+    beta = of_particle(own, FIRST, 0, n, particle, sources, place[0])
+    return beta * push[0], beta * push[1], beta * push[2]
+
+
+TAG = Tag("radiation-pressure", {"force": force, "particle_force": particle_force})
+
+
+@dataclass(frozen=True)
+class RadiationPressure(CentralForce):
+    """Light of a star on dust: radiation pressure with Poynting–Robertson drag, to first order in v/c.
+
+        system.with_forces(orbits.RadiationPressure(beta=0.05, bodies=["grain"]))
+
+    bodies : names of the bodies that it acts on, massive or not; by default all but the source
+    source : the star; by default the most massive body
+    beta : the ratio of radiation pressure to gravity, >= 0: one number, or one for each of `bodies`; `beta_of_sphere`
+        computes it
+    c : the speed of light; required if units are dimensionless
+    """
+
+    kind: ClassVar[str] = "radiation-pressure"
+    per_body: ClassVar[tuple[str, ...]] = ("beta",)
+    tag: ClassVar[Tag] = TAG
+    beta: Any = None
+    c: Any = None
+
+    @staticmethod
+    def beta_of_sphere(radius: Any, density: Any, efficiency: float = 1.0) -> Any:
+        """Return beta in sunlight of spheres of a radius and a density, quantities; floats or arrays.
+
+        efficiency : of radiation pressure, averaged over the spectrum; 1 for spheres larger than about 1 um
+
+        Raises InputError for what is not a length > 0, a density > 0 or a number >= 0.
+        """
+        try:
+            surface = np.asarray((radius * density).to_value("kg / m2"))
+        except (AttributeError, TypeError, ValueError) as error:
+            raise InputError(
+                f"radius is {shown(radius)} and density {shown(density)}; expected a length and a density, such as "
+                "1 * u.um and 2500 * u.kg / u.m**3."
+            ) from error
+        if not (np.all(surface > 0.0) and np.all(np.asarray(efficiency) >= 0.0)):
+            raise InputError(
+                f"radius x density is {shown(surface.tolist())} kg/m2 and efficiency {shown(efficiency)}; expected "
+                "radius and density > 0 and efficiency >= 0."
+            )
+        return efficiency * SUNLIGHT / surface
+
+    def in_units(self, units: Any) -> Self:
+        """Return it with floats for beta, and c in the system's unit."""
+        if self.beta is None:
+            raise InputError("RadiationPressure: beta is missing; expected a number >= 0, such as beta=0.05.")
+        beta = self.in_unit(1.0, "beta", units.pure_value)
+        if np.any(np.asarray(beta) < 0.0):
+            raise InputError(f"RadiationPressure: beta is {shown(beta)}; expected numbers >= 0.")
+        if self.c is None and not units.is_physical:
+            raise InputError(f"RadiationPressure: c is missing; {units.name} has no speed of light: give c=...")
+        c = np.asarray(units.speed_of_light if self.c is None else units.speed_value(self.c, "c of RadiationPressure"))
+        if c.shape != () or not (np.isfinite(c) and c > 0.0):
+            raise InputError(f"RadiationPressure: c is {shown(c.tolist())}; expected a speed > 0.")
+        return replace(self, beta=beta, c=float(c) * units.speed)
+
+    def constants(self, row: int, units: Any) -> Sequence[float]:
+        """Return 1 / c."""
+        return (1.0 / float(units.speed_value(self.c)),)
+
+    def coefficients(self, units: Any) -> Sequence[float | tuple[float, ...]]:
+        """Return beta."""
+        return (self.beta,)

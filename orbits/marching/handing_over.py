@@ -1,0 +1,123 @@
+"""What lets massless particles leave a map: the passages that it cannot follow, and the memory that this takes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orbits.integrators.collocation import Collocation
+from orbits.integrators.forms import Array, Form, coefficients_of, padded
+from orbits.integrators.gauss import Gauss
+from orbits.kernels.lanes import WIDTH
+from orbits.lagrangians.base import Lagrangian
+from orbits.marching.adaptive import Adaptive
+from orbits.marching.alignment import aligned
+from orbits.marching.choice import form_of_bodies
+from orbits.marching.hand_over import GROUP, MORE_ROWS, march_handing_over
+from orbits.marching.kepler_passages import LEAST_STEPS, near_planets
+from orbits.marching.own_clocks import COLUMNS
+from orbits.marching.own_memory import OwnClocks
+from orbits.marching.watcher import Watcher
+
+METHOD = Gauss(stages=8)
+"""The method of a particle's own steps."""
+
+
+class Followed(NamedTuple):
+    """The passages of massless particles that a map leaves to steps of their own.
+
+    near : (2, n), see `orbits.kernels.encounters_ahead.Rules`; limits : (3,), see `march_handing_over`
+    form : that of their own steps
+    """
+
+    near: Array
+    limits: Array
+    form: Collocation
+
+    @classmethod
+    def of(cls, lagrangian: Lagrangian, gm: Array, dominant: int) -> Followed:
+        """Return those among massive bodies, one of which dominates the others; gm : (n,)
+
+        Raises InputError if particles cannot take steps of their own in this problem.
+        """
+        form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
+        assert isinstance(form, Collocation)
+        limits = np.array([dominant, gm[dominant], 2.0 * np.pi / LEAST_STEPS])
+        return cls(near_planets(gm, dominant), limits, form)
+
+
+class HandOver:
+    """The memory of the tasks that march particles which may leave the map.
+
+    form : of the map; n : the number of massive bodies; steps : the most in a block; tasks : their number
+    """
+
+    def __init__(self, form: Form, followed: Followed, n: int, steps: int, tasks: int) -> None:
+        self._followed, self._block = followed, steps
+        self._numbers = Adaptive().numbers_for(METHOD)
+        self._tasks = [_Task(form, followed.form, n, steps) for _ in range(tasks)]
+        self._now: tuple[Any, ...] = ()
+
+    def prepare(
+        self,
+        state: dict[str, Array],
+        path: Array,
+        carries: Array,
+        bound: tuple[Any, ...],
+        begun: Array,
+        watcher: Watcher | None,
+        count: int,
+    ) -> None:
+        """Prepare for a block of `count` steps that the planets have just taken, recorded in `path` and `carries`.
+
+        bound : the first arguments of `march_handing_over`; begun : the carry of the planets before the block
+        """
+        width, numbers = len(state["q"]), bound[5]
+        path[2 * count * width : 2 * count * width + width] = state["q"]
+        path[2 * count * width + width : 2 * (count + 1) * width] = state["v"]
+        h = float(numbers[2])
+        self._now = begun, carries, path, coefficients_of(self._followed.form, h)
+        if watcher is not None:
+            watcher.follow_own_steps([task.own.arrays for task in self._tasks], (round(numbers[1]), h))
+
+    def march(self, block: tuple[Any, ...], task: int, context: int) -> int:
+        """March the particles of a task; block : the arguments of `march_particles`; context : of their own steps."""
+        mine, (begun, carries, path, whole) = self._tasks[task], self._now
+        near, limits, form = self._followed
+        chart, *field = mine.own.field
+        bodies = begun, carries, path, near, mine.extent, limits
+        own = form.tag, mine.own.table, whole, self._numbers, mine.times, *mine.steps, chart, *field, *mine.own.shared
+        log = mine.reached, context, *mine.own.log
+        return int(march_handing_over(*block, *bodies, *mine.of_map, *own, *mine.ways, *log))
+
+
+class _Task:
+    """The memory of a task; see `march_handing_over`."""
+
+    def __init__(self, form: Form, own: Collocation, n: int, steps: int) -> None:
+        size, rows = 3 * n, own.stages_shape(3 * n)
+        tables, carry, memory = form.stages_shape(size), form.carry_rows(size), form.particle_carry_rows
+        kept, mine, table, columns, room, bodies, planets, scratch, stages, kicks, ways = aligned(
+            (GROUP, memory + MORE_ROWS, WIDTH),
+            (1, memory, WIDTH),
+            tables,
+            (4, 3, 2 * WIDTH),
+            (2 * WIDTH, WIDTH),
+            (4, padded(size)),
+            (carry, WIDTH),
+            own.scratch_shape(size),
+            (steps, *rows),
+            (steps, own.carry_rows(size), WIDTH),
+            (own.particle_carry_rows, WIDTH),
+        )
+        none = np.zeros((2 * WIDTH, 2), dtype=np.int64)
+        self.extent = np.zeros((3, n))
+        self.of_map = kept, mine, table, columns, none, room, bodies, planets
+        self.own = OwnClocks(own, coefficients_of(own, 1.0), n, steps)
+        path = np.zeros(2 * (steps + 1) * padded(size))
+        # As the workspace of a clock whose steps differ: see `orbits.marching.bodies_between.length_of`.
+        self.times = np.zeros(2 * (steps + 1) + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
+        self.steps = scratch, stages, path, kicks
+        self.ways = ways, np.zeros(COLUMNS)
+        self.reached = np.zeros(steps, dtype=np.bool_)

@@ -1,0 +1,194 @@
+"""Tangent vectors that follow a Wisdom–Holman map of massive bodies; see `orbits.kernels.jacobi_tangent`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import InputError, SingularityError
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array, coefficients_of, padded
+from orbits.integrators.wisdom_holman import KERNELS, KeplerSplitting
+from orbits.kernels.interaction import STATE_ROWS
+from orbits.kernels.jacobi_tangent import (
+    FLOW,
+    LAZY,
+    MODIFIED,
+    STANDARD,
+    VectorRoom,
+    enter_with_vectors,
+    follow_map,
+    leave_with_vectors,
+)
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.tangent import AREA, LOGARITHM, SQUARE
+from orbits.lagrangians.base import NEWTONIAN, Lagrangian
+from orbits.marching.alignment import aligned
+from orbits.marching.choice import form_for
+from orbits.marching.clocks import Place
+
+KICKS = dict(zip(KERNELS, (MODIFIED, LAZY, STANDARD), strict=True))
+
+BLOCK = 4096
+"""The most steps between two looks at the state, and for an interrupt."""
+
+
+def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
+    """Raise InputError, with the reason, if the derivative of a map on Kepler orbits is not known."""
+    form = form_for(integrator, lagrangian)
+    if type(form) is not KeplerSplitting or NEWTONIAN not in lagrangian.traits:
+        with_terms = "" if NEWTONIAN in lagrangian.traits else f" with {lagrangian.name}"
+        raise InputError(
+            f"the derivative of {integrator.label}{with_terms} is not known; expected WisdomHolman in Jacobi "
+            "coordinates, with Newton's gravity alone. Use that, or Gauss(stages=8)."
+        )
+
+
+class MapTangents:
+    """Tangent vectors of massive bodies in a Wisdom–Holman map, which is marched again with them, to the same bits.
+
+    lagrangian, parameters : of the bodies; Newton's gravity alone
+    integrator : the map; h : the length of its steps
+    bodies : the numbers of the bodies that are varied, in ascending order; the others have no variations at the start
+    q, v : (n, 3) of all bodies at t = 0
+    vectors, scale : as in `orbits.marching.tangent.Tangents`; lengths are those of dr' and its velocity of each planet
+        and of the centre of mass, corrected, as they are marched
+
+    Raises InputError if the derivative is not known, or no body dominates the others.
+    """
+
+    def __init__(
+        self,
+        lagrangian: Lagrangian,
+        parameters: Array,
+        integrator: Integrator,
+        h: float,
+        bodies: NDArray[np.intp],
+        q: Array,
+        v: Array,
+        vectors: Array,
+        scale: float | None = None,
+    ) -> None:
+        require_map_tangents(integrator, lagrangian)
+        form = form_for(integrator, lagrangian)
+        assert isinstance(form, KeplerSplitting)
+        form.check_start(parameters, q, v)
+        self._form, self._tag, self._integrator = form, lagrangian.tag, integrator
+        self._strength = np.ascontiguousarray(parameters)
+        self._h, self._steps, self._kick = h, 0, KICKS[form.kernel]
+        self._bodies, self._count = np.asarray(bodies), len(vectors)
+        n, groups = len(q), (len(vectors) + WIDTH - 1) // WIDTH
+        width, rows = padded(3 * n), 3 * (n - 1)
+        self._state = dict(
+            zip(
+                ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages"),
+                aligned(*[(width,)] * 4, (form.carry_rows(3 * n), WIDTH), form.scratch_shape(3 * n), (1, 1, width)),
+                strict=True,
+            )
+        )
+        self._state["q"][: 3 * n], self._state["v"][: 3 * n] = q.T.ravel(), v.T.ravel()
+        self._vectors, self._growth = aligned(
+            (groups, 4, 3 * n, WIDTH), (0 if scale is None else groups, 5, WIDTH)
+        )
+        wide = (rows, WIDTH)
+        self._room = VectorRoom(*aligned((n - 1, FLOW), (3, n - 1, 6), (groups, *wide), wide, wide, wide, wide))
+        given = np.zeros((groups * WIDTH, 2, n, 3))
+        given[: self._count, :, self._bodies] = vectors
+        given[self._count :] = given[:1]  # lanes that are not used move like the first one
+        self._vectors[:, [0, 2]] = given.reshape(groups, WIDTH, 2, 3 * n).transpose(0, 2, 3, 1)
+        self._scale, self._start = 1.0 if scale is None else float(scale), self._vectors.copy()
+        self._change(enter_with_vectors, h)
+        if scale is not None:
+            parts = self._vectors[:, [0, 2]] * np.array([1.0, self._scale])[:, None, None]
+            self._growth[:, SQUARE] = np.sum(parts**2, axis=(1, 2))
+
+    def advance(self, place: Place) -> None:
+        """Follow the map up to the last whole step before a place.
+
+        Raises SingularityError if bodies meet, InputError if the vectors become too large.
+        """
+        while self._steps < place.steps:
+            count = min(BLOCK, place.steps - self._steps)
+            state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages")]
+            follow_map(
+                self._form.tag, coefficients_of(self._form, self._h), self._tag, self._strength,
+                self._h * self._steps, self._h, *state, count, self._kick, self._scale,
+                self._vectors, self._growth, self._room,
+            )  # fmt: skip
+            self._steps += count
+            n = len(self._strength) - 1
+            if not np.isfinite(self._state["carry"][: STATE_ROWS * ((n + WIDTH - 2) // WIDTH)]).all():
+                raise SingularityError(
+                    f"{self._integrator.label}: bodies meet by step {self._steps} (t = {self.time:.10g}), where their "
+                    "states are no longer finite. Use a smaller dt, or softening if they come very close.",
+                    step=self._steps,
+                    time=self.time,
+                )
+            if not np.isfinite(self._vectors).all():
+                raise InputError(
+                    f"tangent vectors exceed 1e308, the range of numbers, by t = {self.time:.10g}; expected a shorter "
+                    "duration, or orbits.megno, which scales them on the way."
+                )
+
+    @property
+    def time(self) -> float:
+        """The time reached."""
+        return self._h * self._steps
+
+    def seen(self, rest: float) -> MapTangents:
+        """Return a copy with the vectors of what is seen, uncorrected, after a part of a step if `rest` is not 0; it
+        cannot be followed on.
+        """
+        copy = self._copied()
+        if self._steps:
+            copy._change(leave_with_vectors, self._h)
+        else:  # exactly what it was
+            copy._vectors[...] = self._start
+        if rest != 0.0:
+            copy._change(enter_with_vectors, rest)
+            copy._h, copy._steps = rest, 0
+            copy.advance(Place(1, 0.0))
+            copy._change(leave_with_vectors, rest)
+        return copy
+
+    def _copied(self) -> MapTangents:
+        copy: MapTangents = object.__new__(MapTangents)
+        copy.__dict__.update(self.__dict__)
+        copy._state = {name: array.copy() for name, array in self._state.items()}
+        copy._vectors, copy._growth = self._vectors.copy(), self._growth[:0].copy()
+        copy._room = VectorRoom(*(x.copy() for x in self._room))
+        return copy
+
+    def _change(self, kernel: Any, h: float) -> None:
+        """Change the variables of state and vectors, by `enter_with_vectors` or its inverse for steps of h."""
+        state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch")]
+        kernel(coefficients_of(self._form, h), self._strength, *state, self._vectors, self._room)
+
+    def state(self) -> tuple[Array, Array]:
+        """Return q and v, (n, 3), of what `seen` returned, rounded to float64."""
+        q, v = (self._state[name][: 3 * (len(self._strength) - 1)].reshape(3, -1).T.copy() for name in "qv")
+        return q, v
+
+    def marched(self) -> Array:
+        """Return the vectors as they are marched, (count, 2, n, 3): of the planets outwards, then of the centre."""
+        groups, _, rows, _ = self._vectors.shape
+        lanes = self._vectors[:, [0, 2]].transpose(0, 3, 1, 2)
+        return np.ascontiguousarray(lanes.reshape(groups * WIDTH, 2, rows // 3, 3)[: self._count])
+
+    def vectors(self) -> Array:
+        """Return the vectors of what `seen` returned, (count, 2, bodies, 3), rounded to float64."""
+        return np.ascontiguousarray(self.marched()[:, :, self._bodies])
+
+    def growth(self, time: float) -> tuple[Array, Array]:
+        """Return MEGNO, the mean of Y over the time |time| > 0 of the march, and ln(|x| / |x0|), of each vector,
+        (count,) each.
+        """
+        mean, log = self._growth[:, AREA].ravel() / abs(time), self._growth[:, LOGARITHM].ravel()
+        return mean[: self._count], log[: self._count].copy()
+
+    def to_momenta(self) -> Array:
+        """Return the derivative of (q, p) by (q, v), (2 d, 2 d): x, y, z of each varied body in turn, p times G."""
+        mass = np.repeat(self._strength[1 + self._bodies], 3)
+        return np.diag(np.concatenate([np.ones(len(mass)), mass]))

@@ -1,0 +1,27 @@
+"""A block of steps of a march that was computed along with those of other systems."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from orbits.integrators.forms import Array
+from orbits.kernels.state import all_finite
+from orbits.kernels.steps import NOT_FINITE, OK
+
+NAMES = "q", "q_lo", "v", "v_lo", "memory"
+"""What a march of massive bodies changes."""
+
+
+class Ready:
+    """The block: its steps and evaluations, and the arrays of `NAMES` at its end; of `size` coordinates."""
+
+    def __init__(self, count: int, evaluations: int, size: int, arrays: Sequence[Array]) -> None:
+        self.count, self._evaluations = count, evaluations
+        self._size, self._arrays = size, arrays
+
+    def take(self, state: Mapping[str, Array]) -> tuple[int, int, int, int]:
+        """Write the state at its end; return what `march` of `orbits.marching.driver` returns."""
+        for name, array in zip(NAMES, self._arrays, strict=True):
+            state[name][...] = array
+        status = OK if all_finite(state["q"], state["v"], self._size) else NOT_FINITE
+        return status, self.count, 0, self._evaluations

@@ -1,0 +1,333 @@
+"""Lists of systems: their runs side by side, on all cores, each with the bits that it has alone.
+
+A run that fails does not end the others: all that was computed is in the error that is raised at the end. The warnings
+of the systems are given together.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
+
+from orbits.archive.creation import check_target
+from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, level_of_caller, shown
+from orbits.marching.marcher import available_threads
+from orbits.propagation.loop import Marching, Run, marching, to_its_end
+from orbits.propagation.progress import Progress
+from orbits.propagation.side_by_side import march_in_threads
+from orbits.propagation.signals import StopRequest
+from orbits.system import System
+from orbits.time_grid import TimeGrid
+from orbits.trajectory import Trajectory
+
+T = TypeVar("T")
+
+SHOWN = 5
+"""The most different texts of warnings, or errors, that are shown of the systems of a list."""
+
+
+def systems_of(given: object) -> list[System]:
+    """Return a list of systems of equal shape. Raises InputError for anything else, naming those that differ."""
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise InputError(
+            f"system must be an orbits.System, or a list of systems of equal shape, got {type(given).__name__}"
+        )
+    systems = list(given)
+    if not systems:
+        raise InputError("the list of systems is empty; expected an orbits.System, or a list with at least one.")
+    for k, system in enumerate(systems):
+        if not isinstance(system, System):
+            raise InputError(f"systems[{k}] is {shown(system)}; expected an orbits.System.")
+    first = _shape(systems[0])
+    for k, system in enumerate(systems):
+        for what, own in _shape(system).items():
+            if own != first[what]:
+                raise InputError(
+                    f"the systems of a list have equal shapes: systems[{k}] has {what} {own}, but systems[0] "
+                    f"{first[what]}. Propagate those of each shape by a call of their own."
+                )
+    return systems
+
+
+def _shape(system: System) -> dict[str, object]:
+    """Return what the systems of a list have in common, by its name in messages."""
+    massive = int(system.massive.sum())
+    units = system.units
+    return {
+        "massive bodies:": massive,
+        "massless particles:": len(system) - massive,
+        "units": ", ".join(str(unit) or "dimensionless" for unit in (units.length, units.time, units.mass)),
+        "G =": units.G,
+    }
+
+
+def check_samples(grids: Sequence[TimeGrid]) -> None:
+    """Raise InputError unless all runs have samples, and ends, at the same times since the epoch."""
+    first = grids[0]
+    for k, grid in enumerate(grids):
+        if grid.end != first.end or grid.times.shape != first.times.shape or (grid.times != first.times).any():
+            raise InputError(
+                f"the runs of a list have the same samples: those of systems[{k}], up to {grid.end:.10g} after its "
+                f"epoch, differ from those of systems[0], up to {first.end:.10g}. Give duration=, and samples as a "
+                "number or times since the epoch, where the epochs differ."
+            )
+
+
+def archives_of(archive: object, count: int, overwrite: bool) -> list[Path]:
+    """Return the path of the archive of each system of a list; [] for none.
+
+    archive : None; a folder, for files 0.h5, 1.h5, ... in it; a path with {} for the number; or a list of paths
+    Raises InputError for other values and for a file, ArchiveError for archives that exist.
+    """
+    if archive is None:
+        return []
+    if isinstance(archive, str | PathLike):
+        paths = _numbered(os.fspath(archive), count)
+    elif isinstance(archive, Sequence) and all(isinstance(path, str | PathLike) for path in archive):
+        if len(archive) != count:
+            raise InputError(f"archive has {len(archive)} paths for {count} systems; expected one for each.")
+        paths = [Path(path) for path in archive]
+        if len({path.absolute() for path in paths}) < count:
+            raise InputError("archive has the same path twice; expected a file of its own for each system.")
+    else:
+        raise InputError(f"archive is {shown(archive)}; expected a folder, a path with {{}}, or a list of paths.")
+    for path in paths:
+        if path.parent.exists() or path.parent != _folder(archive):
+            check_target(path.absolute(), overwrite)
+    return paths
+
+
+def make_folder(archive: object) -> None:
+    """Make the folder for the archives of a list, if `archive` is one."""
+    folder = _folder(archive)
+    if folder is not None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ArchiveError(f"the folder {folder} cannot be made: {error.strerror}.") from error
+
+
+def _folder(archive: object) -> Path | None:
+    """Return the folder that stands for the archives in it, or None."""
+    if not isinstance(archive, str | PathLike) or "{}" in Path(os.fspath(archive)).name:
+        return None
+    return Path(os.fspath(archive))
+
+
+def _numbered(text: str, count: int) -> list[Path]:
+    digits = len(str(count - 1))
+    if "{}" in Path(text).name:
+        folder, name = Path(text).parent, Path(text).name
+        return [folder / name.replace("{}", f"{k:0{digits}d}") for k in range(count)]
+    folder = Path(text)
+    if folder.suffix in (".h5", ".hdf5", ".hdf") or folder.is_file():
+        raise InputError(
+            f"archive = {text!r} is one file, for {count} systems; expected a folder, a path with {{}} for the "
+            f"number of the system, such as {folder.stem + '-{}.h5'!r}, or a list of paths."
+        )
+    paths = [folder / f"{k:0{digits}d}.h5" for k in range(count)]
+    if strangers := sorted(path.name for path in folder.glob("*.h5") if path not in paths):
+        raise InputError(
+            f"archive = {text!r} is a folder with archives of other runs, such as {strangers[0]}, which would be "
+            "taken for systems of this list; expected one without."
+        )
+    return paths
+
+
+def each(count: int, make: Callable[[int], T]) -> list[T]:
+    """Call a function with the number of each system; warnings are given together, and an error names the system."""
+    made, found = [], _Warnings(count)
+    for k in range(count):
+        with found.of(k):
+            try:
+                made.append(make(k))
+            except OrbitsError as error:
+                error.args = (f"systems[{k}]: {error}",)
+                raise
+    found.give()
+    return made
+
+
+class _Warnings:
+    """The warnings of several systems, given together: each text once, with the numbers of its systems."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._found: dict[tuple[type[Warning], str], list[int]] = {}
+
+    def of(self, k: int) -> _Caught:
+        """Return a context in which warnings are those of system k."""
+        return _Caught(k, self._found)
+
+    def give(self) -> None:
+        """Give them, in the order of their first systems."""
+        for category in dict.fromkeys(category for category, _ in self._found):
+            texts = {text: numbers for (own, text), numbers in self._found.items() if own is category}
+            lines = [f"{_names(numbers, self._count)}: {text}" for text, numbers in list(texts.items())[:SHOWN]]
+            hidden = list(texts.values())[SHOWN:]
+            if hidden:
+                others = sorted({k for numbers in hidden for k in numbers})
+                lines.append(f"And {_names(others, self._count)} have such warnings of their own.")
+            warnings.warn("\n".join(lines), category, stacklevel=level_of_caller())
+
+
+class _Caught:
+    """A context that collects warnings instead of giving them."""
+
+    def __init__(self, k: int, found: dict[tuple[type[Warning], str], list[int]]) -> None:
+        self._k, self._found = k, found
+        self._recording = warnings.catch_warnings(record=True)
+        self._caught: list[warnings.WarningMessage] = []
+
+    def __enter__(self) -> None:
+        caught = self._recording.__enter__()
+        self._caught = [] if caught is None else caught
+        warnings.simplefilter("always")
+
+    def __exit__(self, *raised: Any) -> None:
+        self._recording.__exit__(*raised)
+        for one in self._caught:
+            numbers = self._found.setdefault((one.category, str(one.message)), [])
+            if not numbers or numbers[-1] != self._k:
+                numbers.append(self._k)
+
+
+def _names(numbers: Sequence[int], count: int) -> str:
+    """Return the systems of these numbers in words."""
+    if len(numbers) == count > 1:
+        return f"all {count} systems"
+    some = ", ".join(map(str, numbers[:8])) + f" and {len(numbers) - 8:,} more" * (len(numbers) > 8)
+    return f"systems[{some}]"
+
+
+class _Bars:
+    """The progress of several runs, shown as one; each run reports to one of `bars`."""
+
+    def __init__(self, runs: Sequence[Run], progress: bool | None) -> None:
+        one, count = runs[0], len(runs)
+        label = f"{one.integrator.label}, {count} systems"
+        steps = sum(run.grid.whole_steps for run in runs)
+        self._shown = Progress(progress, label=label, total=one.grid.end, unit=one.system.units.time, steps=steps)
+        self.bars = [_Reached() for _ in runs]
+
+    def show(self) -> None:
+        """Show the mean of what they have reached."""
+        self._shown.update(sum(bar.done for bar in self.bars) / len(self.bars))
+
+    def close(self) -> None:
+        """Remove it."""
+        self._shown.close()
+
+
+class _Reached:
+    done = 0.0
+
+    def update(self, done: float) -> None:
+        self.done = done
+
+    def close(self) -> None:
+        pass
+
+
+def threads_of_each(count: int, threads: int | None) -> int:
+    """Return how many threads each of several runs has that are marched at the same time."""
+    whole = available_threads() if threads is None else threads
+    return max(1, whole // count)
+
+
+@contextmanager
+def released_if_it_fails(runs: Sequence[Run | Trajectory]) -> Iterator[None]:
+    """A context in which archives are claimed for runs; if it raises, they are left as they are."""
+    try:
+        yield
+    except BaseException:
+        for run in runs:
+            if isinstance(run, Run):
+                run.release()
+        raise
+
+
+def march_each(
+    runs: Sequence[Run | Trajectory], threads: int | None, progress: bool | None, *, in_turn: bool
+) -> list[Trajectory]:
+    """March several runs to their ends, and return their trajectories; those that are trajectories are done already.
+
+    threads : how many of them run at the same time; None for all processors
+    in_turn : one after another in this thread, as functions of the user are called on the way
+
+    Raises SystemsError if some fail, Interrupted after a signal; both have the trajectories of all.
+    """
+    done: list[Trajectory | None] = [run if isinstance(run, Trajectory) else None for run in runs]
+    left = {k: run for k, run in enumerate(runs) if isinstance(run, Run)}
+    failures: dict[int, BaseException] = {}
+    found = _Warnings(len(runs))
+    if left:
+        bars = _Bars(list(left.values()), progress)
+        with StopRequest() as stop:
+            begun = {
+                k: marching(run, stop, bar) for (k, run), bar in zip(left.items(), bars.bars, strict=True)
+            }
+            try:
+                if not in_turn:
+                    failures |= march_in_threads(left, begun, stop, bars.show, threads)
+                for k, steps in begun.items():
+                    if k not in failures:
+                        _finish(k, steps, done, failures, found)
+                        bars.show()
+            finally:
+                bars.close()
+                for steps in begun.values():
+                    steps.close()
+    for k, failure in failures.items():
+        done[k] = getattr(failure, "trajectory", None)
+    try:
+        found.give()
+    except Warning as warning:  # raised as an error: the runs are not lost
+        if not failures:
+            with suppress(AttributeError, TypeError):
+                warning.trajectory = done  # type: ignore[attr-defined]
+            raise
+    if failures:
+        raise _error(failures, done, [run.grid for run in left.values()])
+    return [run for run in done if run is not None]
+
+
+def _finish(
+    k: int, steps: Marching, done: list[Trajectory | None], failures: dict[int, BaseException], found: _Warnings
+) -> None:
+    """Go on with a run to its end; note its result or its error."""
+    with found.of(k):
+        try:
+            done[k] = to_its_end(steps)
+        except KeyboardInterrupt as error:
+            if not isinstance(error, Interrupted):
+                raise
+            failures[k] = error
+        except Exception as error:
+            failures[k] = error
+
+
+def _error(
+    failures: dict[int, BaseException], done: list[Trajectory | None], grids: Sequence[TimeGrid]
+) -> SystemsError | Interrupted:
+    """Return the error for all those that failed."""
+    interrupted = {k: error for k, error in failures.items() if isinstance(error, Interrupted)}
+    others = {k: error for k, error in failures.items() if k not in interrupted}
+    whole = sum(run is not None and run.complete for run in done)
+    if interrupted:
+        message = f"{whole} of {len(done)} systems are complete. Of the others, "
+        return Interrupted(message + _listed(failures), trajectory=done)
+    message = f"{len(others)} of {len(done)} systems failed; the others are complete, and all are in .trajectories:\n"
+    return SystemsError(message + _listed(others), failures=others, trajectories=done)
+
+
+def _listed(failures: dict[int, BaseException]) -> str:
+    lines = [f"systems[{k}]: {error}" for k, error in list(failures.items())[:SHOWN]]
+    if len(failures) > SHOWN:
+        lines.append(f"And {len(failures) - SHOWN:,} more.")
+    return "\n".join(lines)
