@@ -4,8 +4,8 @@ Sun and planets from DE440, with relativity by the Sun, by a Wisdom–Holman map
 exp(i Omega) of each planet, about the centre of mass of the bodies inside its orbit and in the axes of the invariable
 plane, are sums of rotations: the frequencies g1 to g8 of the perihelia and s1 to s8 of the nodes, of which s5 is 0 in
 these axes, and combinations of them. Each is found by frequency analysis in one planet, as the largest term that is not
-another frequency's; g3 and g4, of which Earth and Mars have about equal parts, are in the order of their size. Published
-values serve for comparison only.
+another frequency's; g3 and g4, of which Earth and Mars have about equal parts, are in the order of their size.
+Published values serve for comparison only.
 
 Those of the giants are constant to five digits. Those of the inner planets change, as their motion is chaotic: over a
 hundred million years by 0.2 arcseconds a year. A Fourier transform of five million years resolves 0.26.
