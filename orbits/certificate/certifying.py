@@ -19,7 +19,7 @@ from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
-from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.lagrangians.base import NEWTONIAN, SEPARABLE, Lagrangian
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.flow import starting_state
 from orbits.marching.transformed import TimeTransformed
@@ -176,7 +176,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
         yield _finding("momenta of L_d", problem.legendre_transforms(), method.variational, needed=True)
     elif method.follows_kepler:
         reason = method.own_discrete_lagrangian
-        if method.variational and getattr(problem.lagrangian, "summands", ()):
+        if method.variational and NEWTONIAN not in problem.lagrangian.traits:
             reason = "that of Kepler motions and kicks is known, not that of other terms"
         yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, None, False, reason)
     else:

@@ -60,7 +60,7 @@ ENTRY, STAGES = 1, 2
 (drift, kick); then the stages of a step, (kick, drift). The first row is not used."""
 
 
-LEAST_STEPS = {(10, 6, 4): 8, (8, 6, 4): 10}
+LEAST_STEPS: dict[tuple[int, ...], int] = {(10, 6, 4): 8, (8, 6, 4): 10}
 """Steps in a full turn at the speed of a pericentre, where less than those of one kick do. Asteroids with e = 0.9 among
 the giants are then as accurate after a hundred years as in steps of a fifth of that; with two fewer, Mercury is 3 and 1
 km off after a thousand years."""
