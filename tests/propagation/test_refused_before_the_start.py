@@ -51,6 +51,13 @@ def test_all_that_is_wrong_is_said_at_once():
         assert part in str(caught.value)
 
 
+@pytest.mark.parametrize("derivative", [orbits.megno, orbits.state_transition])
+def test_derivatives_of_runs_are_refused_alike(derivative):
+    system = orbits.System.solar_system()
+    with pytest.raises(InputError, match=r"(?s)dt = 30 d is too long for Gauss\(stages=2\).*check_step='refuse'"):
+        derivative(system, orbits.Gauss(stages=2), dt="30 d", duration="1 yr", check_step="refuse")
+
+
 def test_an_archive_is_not_begun_by_a_run_that_is_refused(tmp_path):
     with pytest.raises(InputError):
         orbits.propagate(

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from astropy import units as u
@@ -27,6 +27,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, RetiredWarning, level_of_caller, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.integrators.base import Integrator
+from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.variations.following import (
     Followed,
     at_samples,
@@ -162,7 +163,7 @@ def megno(
     samples: Any = 101,
     coupled: bool = False,
     seed: int = 0,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> Megno:
@@ -198,8 +199,7 @@ def megno(
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
     seed = checked_seed(seed)
     require_followable(system, integrator, grid)
-    if checked_flag(check_step, "check_step"):
-        warn_if_too_long(system, integrator, grid)
+    warn_or_refuse(lambda: warn_if_too_long(system, integrator, grid), check_step)
     return megno_of(system, integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed, threads=threads)
 
 
