@@ -13,6 +13,9 @@ kick, by the potential V - h^2/24 sum_i m'_i |a_i|^2 with a the acceleration by 
 kick is the acceleration by V at q + h^2/12 a: the same to the second order in the masses, beyond which it is not
 symplectic. State and corrected state are in doubled precision.
 
+Terms of the dominant body, such as relativity and oblateness, are a part of B: those of positions alone in its kicks,
+all others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.terms_about`.
+
 Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom
 (2006), AJ 131, 2294; Rein, Tamayo & Brown (2019), MNRAS 489, 4632.
 """
@@ -86,7 +89,7 @@ NO_TABLE = -1
 
 COORDINATES = "jacobi", "democratic-heliocentric"
 
-ENCOUNTERS = "follow", "warn", "retire"
+ENCOUNTERS = "warn", "follow", "retire"
 
 
 @kernel
@@ -459,20 +462,31 @@ class WisdomHolman(Integrator):
     corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
         oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
-        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
+        step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
+        step of that passage, with time and place
 
-    For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
-    planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
-    particle moves about the centre of mass of the dominant body and the planets whose semi-major axes are below its
-    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and
-    conserves the momenta, but for the lazy kick, which does so up to the third order in the planets' masses; it is
-    symmetric without a corrector, and up to that order with one.
+    For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
+    (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
+    hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
+    bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major
+    axes are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets
+    is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the planets'
+    masses; it is symmetric without a corrector, and up to that order with one. With terms, what is left is of the
+    second order in them, too, times h^2; of oblateness the lazy kick removes that.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
-    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
+    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances, and with relativity
+    velocities by (v/c)^2 of them.
 
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
+
+    With `encounters="follow"` a particle leaves the map at the beginning of the step in which it comes within four Hill
+    radii of a planet, or so close that kicks do not add up to the planet's attraction, or in which h v / r about the
+    dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
+    of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
+    enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
+    others do not change.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
@@ -513,7 +527,8 @@ class WisdomHolman(Integrator):
         if self._heliocentric:
             self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
-            known = " or ".join(map(repr, ENCOUNTERS))
+            *others, last = map(repr, ENCOUNTERS)
+            known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
@@ -561,6 +576,10 @@ class WisdomHolman(Integrator):
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
         return 2 if self.kernel == "standard" or self.corrector in (0, 3) else 4
 
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return 2 with terms, whose second order, h^2 times their square, is not in the kick."""
+        return self.order if NEWTONIAN in lagrangian.traits else 2
+
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
         """All but for the lazy kick; symmetric without a corrector."""
@@ -572,6 +591,11 @@ class WisdomHolman(Integrator):
     def variational(self) -> bool:  # type: ignore[override]
         """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
         return self.corrector == 0 and not self._heliocentric
+
+    @property
+    def exact_for_two(self) -> bool:  # type: ignore[override]
+        """Whether the motion of a single planet is exact: in Jacobi coordinates."""
+        return not self._heliocentric
 
     @property
     def own_discrete_lagrangian(self) -> str:  # type: ignore[override]

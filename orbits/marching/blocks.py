@@ -296,7 +296,7 @@ class Blocks:
             self._encountered = None
             # Not from a list that is not complete: shorter blocks follow.
             if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
-                where = (self._bodies, self._watcher.dominant, h, self.step)
+                where = (self._bodies, self._watcher.dominant, h, self.step, self.integrator.least_steps)
                 self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
             self._passages.add(self._watcher.lists)
         return count

@@ -1,4 +1,4 @@
-"""What lets massless particles leave a map: the passages that it cannot follow, and the memory of those that are away."""
+"""What lets massless particles leave a map: the passages that it cannot follow, and the memory that this takes."""
 
 from __future__ import annotations
 
@@ -86,13 +86,10 @@ class HandOver:
         mine, (begun, carries, path, whole) = self._tasks[task], self._now
         near, limits, form = self._followed
         chart, *field = mine.own.field
-        return int(
-            march_handing_over(
-                *block, begun, carries, path, near, mine.extent, limits, *mine.of_map,
-                form.tag, mine.own.table, whole, self._numbers, mine.times, *mine.steps, chart, *field,
-                *mine.own.shared, *mine.ways, mine.reached, context, *mine.own.log,
-            )  # fmt: skip
-        )
+        bodies = begun, carries, path, near, mine.extent, limits
+        own = form.tag, mine.own.table, whole, self._numbers, mine.times, *mine.steps, chart, *field, *mine.own.shared
+        log = mine.reached, context, *mine.own.log
+        return int(march_handing_over(*block, *bodies, *mine.of_map, *own, *mine.ways, *log))
 
 
 class _Task:

@@ -22,7 +22,6 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
-from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
@@ -33,7 +32,7 @@ from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies
-from orbits.marching.hand_over import PART
+from orbits.marching.hand_over import parts_taken
 from orbits.marching.handing_over import Followed
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
@@ -147,7 +146,7 @@ class Marcher(Blocks):
         self._stopped = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         if integrator.follows_kepler:
-            limits = kepler_passages.LISTED
+            limits = kepler_passages.listed(integrator.least_steps)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -388,8 +387,7 @@ class Marcher(Blocks):
         q, v = self._state["particle_q"], self._state["particle_v"]
         parts = None
         if self.integrator.follows_encounters and len(self._particles):
-            memory = self._state["particle_memory"][:, 0]
-            parts = np.where(memory[:, NUMBER] == ELSEWHERE, memory[:, PART], 0.0)
+            parts = parts_taken(self._state["particle_memory"])
         return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"), parts)
 
     def retired_by(self, time: float) -> list[Retirement]:

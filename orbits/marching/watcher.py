@@ -232,8 +232,8 @@ class Watcher:
     def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]], among: tuple[int, float] | None = None) -> None:
         """Prepare to observe particles at steps of their own; arrays : the path and the times of each task.
 
-        among : for those among constant steps, the number of these before the block, and their length. Passages that they
-            follow are recorded, but not listed as such for which a step may be too long
+        among : for those among constant steps, the number of these before the block, and their length. Passages are
+            recorded, but not listed as such for which a step may be too long
         """
         self.own_steps.follow(self.contexts, arrays)
         if among is not None:

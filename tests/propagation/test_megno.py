@@ -179,6 +179,20 @@ def test_particles_in_a_map_are_told_apart_as_by_a_method_without_kepler_orbits(
     assert found[0]["calm"].passage is None
 
 
+def test_the_number_of_vectors_is_a_choice_and_the_first_ones_are_the_same():
+    system = a_star_and_a_planet().add("p", primary="S", a=0.4, e=0.1, M=1.0)
+    options = {"dt": 0.05, "duration": 50.0, "samples": [50.0], "check_step": False}
+    for method in ("wisdom-holman", "stormer-verlet"):
+        one, two = (orbits.megno(system, method, vectors=k, **options)["p"] for k in (1, 2))
+        assert math.isnan(one.spread[-1])
+        # The mean of both is the first and the second; the standard deviation is their distance over sqrt(2).
+        assert abs(abs(two.megno[-1] - one.megno[-1]) - two.spread[-1] / math.sqrt(2.0)) < 1e-12
+    with pytest.raises(InputError, match="vectors"):
+        orbits.megno(system, "gauss", vectors=0, **options)
+    with pytest.raises(InputError, match="steps of their own"):
+        orbits.megno(system, orbits.WisdomHolman(encounters="follow"), **options)
+
+
 @pytest.mark.parametrize("encounters", ["warn", "retire"])
 def test_a_particle_that_meets_a_planet_in_a_map_is_chaotic_and_never_silent(encounters):
     system = a_star_and_a_planet().add("wild", primary="S", a=0.86, e=0.05, M=2.0)
