@@ -1,5 +1,6 @@
 """Runs that a step or a method cannot follow are warned of before they start, or refused, by option, with a remedy."""
 
+import re
 import warnings
 
 import astropy.units as u
@@ -8,6 +9,7 @@ import pytest
 
 import orbits
 from orbits.errors import InputError, RetiredWarning, StepWarning
+from orbits.propagation.kepler_splitting import warn_if_unfit
 
 MAP = orbits.WisdomHolman()
 OPTIONS = {"samples": 2, "progress": False}
@@ -33,6 +35,21 @@ def test_a_dt_too_long_for_the_innermost_pericentre_is_refused_with_the_one_that
         orbits.propagate(system, "gauss", duration="30 d", check_step="refuse", **OPTIONS)  # steps chosen one by one
     with pytest.raises(InputError, match=r"dt = 30 d is too long for StormerVerlet"):
         orbits.propagate(system, "stormer-verlet", dt="30 d", duration="1 yr", check_step="refuse", **OPTIONS)
+
+
+@pytest.mark.parametrize("gm", [1e-5, 0.0])
+def test_the_dt_that_would_do_does(gm):
+    """It is rounded down: to the nearest two digits it would be too long for half of all orbits."""
+    for x in np.linspace(0.03, 0.3, 40):
+        system = around_a_star(("d", gm, x, 1.1 / np.sqrt(x)))
+        with pytest.raises(InputError) as caught:
+            orbits.propagate(system, MAP, dt=0.5, duration=2.0, check_step="refuse", **OPTIONS)
+        enough = min(map(float, re.findall(r"dt <= (\S+) resolves", str(caught.value))))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warn_if_unfit(system, MAP, enough, 2.0)
+        with pytest.warns(StepWarning):
+            warn_if_unfit(system, MAP, 1.12 * enough, 2.0)  # two digits
 
 
 def test_a_massive_orbit_that_crosses_another_is_refused_before_the_start():
