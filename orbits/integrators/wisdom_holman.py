@@ -28,6 +28,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from orbits.checks import finite_number
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
@@ -512,6 +513,14 @@ def _ordinal(row: int) -> str:
     return f"{row + 1}{'th' if (row + 1) % 100 in (11, 12, 13) else last}"
 
 
+def _distance(value: Any, name: str) -> float:
+    """Return a distance above 0. Raises InputError for anything else."""
+    number = finite_number(value, name)
+    if not number > 0.0:
+        raise InputError(f"{name} is {number:g}; expected a distance above 0, in the system's unit of length")
+    return number
+
+
 @dataclass(frozen=True)
 class WisdomHolman(Integrator):
     """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
@@ -530,6 +539,9 @@ class WisdomHolman(Integrator):
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
         step of that passage, with time and place
+    ejected_beyond, lost_within : the distance from the dominant body beyond which massless particles on open orbits are
+        retired, and the pericentre distance below which any are, in the system's unit of length; looked for after every
+        64th step
 
     For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
     (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
@@ -552,7 +564,7 @@ class WisdomHolman(Integrator):
     dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
     of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
     enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
-    others do not change.
+    others do not change. One that comes within the radius of a body, if the system has radii, is retired where it does.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
@@ -566,6 +578,8 @@ class WisdomHolman(Integrator):
     corrector: int | None = None
     corrector2: bool = option(False)
     encounters: str = option("warn")
+    ejected_beyond: float | None = option(None)
+    lost_within: float | None = option(None)
 
     name: ClassVar[str] = "wisdom-holman"
     summary: ClassVar[str] = "Wisdom–Holman: bodies about a dominant one, corrected Kepler orbits and kicks"
@@ -596,6 +610,15 @@ class WisdomHolman(Integrator):
             *others, last = map(repr, ENCOUNTERS)
             known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
+        if self._heliocentric and self.encounters == "follow":
+            raise InputError(
+                'encounters="follow" lets particles leave Jacobi coordinates, and return; got democratic heliocentric '
+                'ones. Use coordinates="jacobi", or encounters="warn".'
+            )
+        for name in ("ejected_beyond", "lost_within"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _distance(value, name))
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
             raise InputError(
@@ -626,6 +649,11 @@ class WisdomHolman(Integrator):
                 "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
                 "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
             )
+
+    @property
+    def departures(self) -> tuple[float | None, float | None]:
+        """Where massless particles are retired."""
+        return self.ejected_beyond, self.lost_within
 
     @property
     def follows_encounters(self) -> bool:
