@@ -33,8 +33,8 @@ def any_lane(typingctx, condition):
         return None
 
     def codegen(context, builder, sig, args):
-        mask = builder.fcmp_unordered("!=", args[0], constant(0.0))
-        return builder.icmp_unsigned("!=", builder.bitcast(mask, ir.IntType(8)), ir.IntType(8)(0))
+        mask, word = builder.fcmp_unordered("!=", args[0], constant(0.0, condition.count)), ir.IntType(condition.count)
+        return builder.icmp_unsigned("!=", builder.bitcast(mask, word), word(0))
 
     return types.boolean(condition), codegen
 

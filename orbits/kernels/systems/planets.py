@@ -27,7 +27,7 @@ from orbits.kernels.interaction import (
     store_three,
 )
 from orbits.kernels.jacobi import prepare_room
-from orbits.kernels.lanes import WIDTH, fma, full, inverse_powers, load, store
+from orbits.kernels.lanes import WIDTH, fma, full, halves, inverse_powers, joined, load, store
 from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate, add_product
 from orbits.kernels.systems.sums import before_each, minus, plus, times
@@ -356,23 +356,45 @@ def kick_in_lanes(rows, count, shift, lazy):
 
 @kernel
 def _advance(rows, count, h):
-    """Move the planets from velocities that are kicked, and write what this changes of the velocities."""
+    """Move the planets from velocities that are kicked, and write what this changes of the velocities: two planets at
+    once, whose instructions alternate, and the last one of an odd number with itself.
+    """
     kick = full(0.5 * h)
-    for i in range(count):
-        first = STATE_ROWS * i
-        x, y, z = load_three(rows, first)
-        u, v, w = load_three(rows, first + 3)
-        fx, fy, fz = load_three(rows, FORCE + 3 * i)
-        dx, dy, dz, dvx, dvy, dvz = short_increments(
-            x, y, z, fma(kick, fx, u), fma(kick, fy, v), fma(kick, fz, w), load(rows, CONSTANTS + 8 * i + 5), full(h)
-        )
-        store_three(rows, CHANGE + 3 * i, (fma(kick, fx, dvx), fma(kick, fy, dvy), fma(kick, fz, dvz)))
-        x_lo, y_lo, z_lo = load_three(rows, first + 6)
-        x, x_lo = accumulate(x, x_lo, dx)
-        y, y_lo = accumulate(y, y_lo, dy)
-        z, z_lo = accumulate(z, z_lo, dz)
-        store_three(rows, first, (x, y, z))
-        store_three(rows, first + 6, (x_lo, y_lo, z_lo))
+    for i in range(0, count, 2):
+        j = min(i + 1, count - 1)
+        (x, y, z), (u, v, w), (fx, fy, fz) = _begun(rows, i)
+        (X, Y, Z), (U, V, W), (Fx, Fy, Fz) = _begun(rows, j)
+        dx, dy, dz, du, dv, dw = short_increments(
+            joined(x, X), joined(y, Y), joined(z, Z),
+            joined(fma(kick, fx, u), fma(kick, Fx, U)), joined(fma(kick, fy, v), fma(kick, Fy, V)),
+            joined(fma(kick, fz, w), fma(kick, Fz, W)),
+            joined(load(rows, CONSTANTS + 8 * i + 5), load(rows, CONSTANTS + 8 * j + 5)), joined(full(h), full(h)),
+        )  # fmt: skip
+        (dx, dX), (dy, dY), (dz, dZ) = halves(dx), halves(dy), halves(dz)
+        (du, dU), (dv, dV), (dw, dW) = halves(du), halves(dv), halves(dw)
+        if j > i:
+            _store_advanced(rows, j, kick, (X, Y, Z), (dX, dY, dZ), (dU, dV, dW))
+        _store_advanced(rows, i, kick, (x, y, z), (dx, dy, dz), (du, dv, dw))
+
+
+@kernel(inline=True)
+def _begun(rows, i):
+    """Return r' of a planet, its velocity, and the interaction."""
+    first = STATE_ROWS * i
+    return load_three(rows, first), load_three(rows, first + 3), load_three(rows, FORCE + 3 * i)
+
+
+@kernel(inline=True)
+def _store_advanced(rows, i, kick, place, moved, change):
+    (x, y, z), (dx, dy, dz), (du, dv, dw) = place, moved, change
+    first, (fx, fy, fz) = STATE_ROWS * i, load_three(rows, FORCE + 3 * i)
+    store_three(rows, CHANGE + 3 * i, (fma(kick, fx, du), fma(kick, fy, dv), fma(kick, fz, dw)))
+    x_lo, y_lo, z_lo = load_three(rows, first + 6)
+    x, x_lo = accumulate(x, x_lo, dx)
+    y, y_lo = accumulate(y, y_lo, dy)
+    z, z_lo = accumulate(z, z_lo, dz)
+    store_three(rows, first, (x, y, z))
+    store_three(rows, first + 6, (x_lo, y_lo, z_lo))
 
 
 @kernel
