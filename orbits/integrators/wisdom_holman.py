@@ -77,8 +77,9 @@ from orbits.kernels.jacobi_particles import (
 )
 from orbits.kernels.lanes import WIDTH, full, halves
 from orbits.kernels.steps import OK, Particles
-from orbits.kernels.systems.planets import MOST_PLANETS, march_planets
-from orbits.kernels.systems.planets import ROWS as SYSTEMS_ROWS
+from orbits.kernels.systems.approaches import ALL_ROWS
+from orbits.kernels.systems.planets import MOST_PLANETS
+from orbits.kernels.systems.planets_march import march_planets
 from orbits.kernels.terms_about import flow, flow_among, kick_more, strength_of, to_momenta, to_velocities
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
@@ -477,7 +478,7 @@ class KeplerSplitting(Form):
         """The march of up to eight planets of each."""
         own = self.own_kernels()
         plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
-        return (march_planets, SYSTEMS_ROWS) if plain else None
+        return (march_planets, ALL_ROWS) if plain else None
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""

@@ -334,7 +334,7 @@ class Blocks:
             self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
             if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
-        if record is not None and count:
+        if record is not None and count and not self._loops.observed:
             if not watched[0]:
                 self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
             carry = state["memory"] if watched[0] else None

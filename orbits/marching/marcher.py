@@ -516,6 +516,16 @@ class Marcher(Blocks):
         """Record the steps of blocks in this array, which has room for the longest."""
         self._watcher.use_path(path)
 
+    def observing_elsewhere(self, record: Array) -> int:
+        """Prepare the observers for a block that is computed along with others, with a copy of the record; return the
+        address of their context, or 0 if they need all states of the block.
+        """
+        if not self._watcher.looks_for_planets_alone:
+            return 0
+        record[...] = self._state["approaches"]
+        self._watcher.begin(record, self.step)
+        return self._watcher.contexts.addresses[0]
+
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""
         kind = self._loops.kind

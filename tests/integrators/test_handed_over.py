@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from astropy import units as u
 
 import orbits
 from orbits.elements import ecliptic_to_icrf, state_from_elements
