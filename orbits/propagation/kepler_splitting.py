@@ -20,7 +20,7 @@ import numpy as np
 from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
-from orbits.lagrangians.base import ABOUT_ONE_BODY
+from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
@@ -91,6 +91,12 @@ def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
                 f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
                 f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
             )
+        of_places = SEPARABLE in term.summand(0, system.units).traits
+        if integrator.follows_encounters and not of_places and not system.massive.all():
+            raise InputError(
+                f"{integrator.label} lets massless particles take steps of their own, which take terms of positions "
+                f"alone; got {type(term).__name__}. Use encounters='retire' or 'warn', or Gauss(stages=8) with dt=..."
+            )
 
 
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
@@ -110,7 +116,7 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
             f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {least} "
-            f"they are in resonance with it; dt <= {in_digits(enough, units.time, 2)} resolves it, or leave dt and the "
+            f"they are in resonance with it; dt <= {_at_most(enough, units.time)} resolves it, or leave dt and the "
             "method away: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
@@ -154,7 +160,7 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
     count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
     enough = abs(h) * float(steps[worst[0]]) / least
-    remedy = f"dt <= {in_digits(enough, units.time, 2)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
     warnings.warn(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {least} "
         "steps in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
@@ -246,6 +252,12 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def _at_most(step: float, unit: object) -> str:
+    """Return a step to two digits, rounded down: one that is rounded up would not do."""
+    digit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return in_digits(math.floor(step / digit) * digit, unit, 2)
 
 
 def _dominant(system: System) -> int:
