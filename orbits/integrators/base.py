@@ -84,6 +84,13 @@ class Integrator:
         return self.order
 
     @property
+    def departures(self) -> tuple[float | None, float | None]:
+        """The distance beyond which massless particles on open orbits are retired, and the pericentre distance below
+        which all are; None for none.
+        """
+        return None, None
+
+    @property
     def follows_encounters(self) -> bool:
         """Whether massless particles take steps of their own in encounters that the method cannot follow."""
         return False

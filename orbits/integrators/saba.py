@@ -266,8 +266,8 @@ class SABA(Integrator):
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
-    For the systems that `WisdomHolman` is for, in the same Jacobi coordinates; see there for encounters and for the
-    places of massless particles. It has no corrector, so that the states between samples, which closest approaches and
+    For systems under Newton's gravity alone of the kind that `WisdomHolman` is for, in the same Jacobi coordinates; see
+    there for encounters and for the places of massless particles. It has no corrector, so that the states between samples, which closest approaches and
     conditions see, are as accurate as the samples, and events cost no more than they do with other methods. It is
     symplectic and symmetric, and conserves the momenta, to round-off.
 

@@ -34,6 +34,7 @@ from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies
 from orbits.marching.hand_over import parts_taken
 from orbits.marching.handing_over import Followed
+from orbits.marching.losses import Contact
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
 from orbits.marching.partial_steps import PartialSteps
@@ -64,6 +65,7 @@ class Marcher(Blocks):
     start : the time at which the march begins
     radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
     dense : whether each step is recorded for `motion`
+    surfaces : (n,), radii of the bodies: massless particles that are followed in encounters are retired if they hit one
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
     `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
@@ -88,6 +90,7 @@ class Marcher(Blocks):
         start: float = 0.0,
         dense: bool = False,
         radii: Array | None = None,
+        surfaces: Array | None = None,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -114,7 +117,11 @@ class Marcher(Blocks):
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         followed = None
         if m and integrator.follows_encounters:
-            followed = Followed.of(lagrangian, self.parameters[1 : 1 + n], int(self.parameters[1 : 1 + n].argmax()))
+            gm = self.parameters[1 : 1 + n]
+            own = None if surfaces is None else np.asarray(surfaces, dtype=np.float64)[self._massive]
+            followed = Followed.of(lagrangian, gm, int(gm.argmax()), own)
+        self._surfaces = None if followed is None else followed.radii
+        self._contacts: dict[int, Contact] = {}
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
         if self._form.transforms:
@@ -160,6 +167,7 @@ class Marcher(Blocks):
             len(self._loops.tasks),
             radii,
             integrator.follows_kepler,
+            self._form.trace_rows(3 * n),
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._encountered: Lost | None = None
@@ -291,6 +299,10 @@ class Marcher(Blocks):
         if len(q) > self._bodies:
             massive[self._particles] = False
         options = {"names": self.names, "retire": self._retire, "forces": self._forces, **options}
+        if self._surfaces is not None:
+            surfaces = np.zeros(len(q))
+            surfaces[massive] = self._surfaces
+            options = {"surfaces": surfaces, **options}
         return Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
 
     def state(self) -> tuple[Array, Array]:
@@ -299,12 +311,15 @@ class Marcher(Blocks):
         self._seen = self._state["memory"]
         return self._gather(self._as_seen())
 
-    def _as_seen(self) -> dict[str, Array]:
-        """Return the state as it is seen: a copy, unless it is what is marched."""
+    def _as_seen(self, particles: NDArray[np.intp] | None = None) -> dict[str, Array]:
+        """Return the state as it is seen: a copy, unless it is what is marched.
+
+        particles : those of which it is wanted; all by default
+        """
         if not (self._form.transforms and self.step):
             return self._state
         copy = self._copied()
-        self._loops.leave(copy, self.clock, self._retired.block)
+        self._loops.leave(copy, self.clock, self._retired.block, particles)
         return copy
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -500,6 +515,16 @@ class Marcher(Blocks):
     def observe_path(self, path: Array) -> None:
         """Record the steps of blocks in this array, which has room for the longest."""
         self._watcher.use_path(path)
+
+    def observing_elsewhere(self, record: Array) -> int:
+        """Prepare the observers for a block that is computed along with others, with a copy of the record; return the
+        address of their context, or 0 if they need all states of the block.
+        """
+        if not self._watcher.looks_for_planets_alone:
+            return 0
+        record[...] = self._state["approaches"]
+        self._watcher.begin(record, self.step)
+        return self._watcher.contexts.addresses[0]
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""

@@ -116,7 +116,7 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
             f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {least} "
-            f"they are in resonance with it; dt <= {in_digits(enough, units.time, 2)} resolves it, or leave dt and the "
+            f"they are in resonance with it; dt <= {_at_most(enough, units.time)} resolves it, or leave dt and the "
             "method away: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
@@ -160,7 +160,7 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
     count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
     enough = abs(h) * float(steps[worst[0]]) / least
-    remedy = f"dt <= {in_digits(enough, units.time, 2)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
     warnings.warn(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {least} "
         "steps in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
@@ -252,6 +252,12 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def _at_most(step: float, unit: object) -> str:
+    """Return a step to two digits, rounded down: one that is rounded up would not do."""
+    digit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return in_digits(math.floor(step / digit) * digit, unit, 2)
 
 
 def _dominant(system: System) -> int:

@@ -245,7 +245,7 @@ def test_steps_that_do_not_resolve_a_pericentre_are_warned_of_with_those_that_do
         warnings.simplefilter("error")
         orbits.propagate(start, DEFAULT, dt="7 d", **options)
     plunging = system({(2.2, 0.97): 0})
-    with pytest.warns(StepWarning, match=r"p0 passes Sun .*dt <= 0\.56 d") as seen:
+    with pytest.warns(StepWarning, match=r"p0 passes Sun [^§]*dt <= 0\.55 d") as seen:
         orbits.propagate(plunging, DEFAULT, dt="3 d", **{**options, "duration": 4 * u.yr})
     assert "SABA(10, 6, 4) needs 8 steps in a full turn" in str(seen[-1].message)
     with pytest.raises(InputError, match=r"derivative of SABA\(10, 6, 4\) is not known; expected WisdomHolman"):

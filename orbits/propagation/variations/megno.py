@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from astropy import units as u
@@ -27,6 +27,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, RetiredWarning, level_of_caller, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.integrators.base import Integrator
+from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.variations.following import (
     Followed,
     at_samples,
@@ -164,7 +165,7 @@ def megno(
     coupled: bool = False,
     vectors: int = VECTORS,
     seed: int = 0,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> Megno:
@@ -202,8 +203,7 @@ def megno(
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
     seed = checked_seed(seed)
     require_followable(system, integrator, grid)
-    if checked_flag(check_step, "check_step"):
-        warn_if_too_long(system, integrator, grid)
+    warn_or_refuse(lambda: warn_if_too_long(system, integrator, grid), check_step)
     count, coupled = whole_number(vectors, "vectors"), checked_flag(coupled, "coupled")
     return megno_of(system, integrator, grid, coupled=coupled, vectors=count, seed=seed, threads=threads)
 
