@@ -16,11 +16,11 @@ NOT_NUMBERS = str | bytes | bool | np.bool_ | np.timedelta64 | np.datetime64
 """Types that NumPy would convert to floats, but that are never meant as numbers."""
 
 
-def checked_flag(value: Any, what: str) -> bool:
-    """Return True or False as it was given. Raises InputError, naming it, for anything else."""
+def checked_flag(value: Any, what: str, expected: str = "True or False") -> bool:
+    """Return True or False as it was given. Raises InputError, naming it and what is expected, for anything else."""
     if isinstance(value, bool | np.bool_):
         return bool(value)
-    raise InputError(f"{what} is {shown(value)}; expected True or False")
+    raise InputError(f"{what} is {shown(value)}; expected {expected}")
 
 
 def checked_choice(value: Any, what: str) -> bool | None:

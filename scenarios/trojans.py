@@ -8,8 +8,8 @@ and the farther from Jupiter on average. Curves are those of the circular restri
 
 in which small librations take P / sqrt(27 mu / 4) = 148 years and end at 23.9° from Jupiter, where horseshoes begin.
 Inclined orbits librate more slowly. Two thirds as many bright Trojans trail Jupiter as lead it. None leaves within
-twenty thousand years; some do within a million: orbits run trojans --duration "1 Myr". Those that then come within
-three Hill radii of a planet are retired.
+twenty thousand years; those that come within three Hill radii of a planet in a longer run (--duration "1 Myr") are
+retired.
 
 Source: Murray & Dermott (1999), Solar System Dynamics, ch. 3; Érdi (1988), CeMDA 43, 303; Levison, Shoemaker &
 Shoemaker (1997), Nature 385, 42.
@@ -305,7 +305,7 @@ def tadpoles(panel, run, seen, swarms):
                 panel.plot(x, half * y, color=style.GREY, lw=1.0, ls=line, zorder=0)
     panel.axvline(0.0, color="#A0522D", lw=1.2)
     panel.text(0.0, 1.02, "Jupiter", transform=panel.get_xaxis_transform(), ha="center", fontsize=14)
-    panel.set(xlim=(-180, 180), ylim=(-0.3, 0.3), xticks=range(-180, 181, 60), ylabel="a, from Jupiter's [au]",
+    panel.set(xlim=(-180, 180), ylim=(-0.32, 0.32), xticks=range(-180, 181, 60), ylabel="a, from Jupiter's [au]",
               xlabel="longitude from Jupiter [°], means over a revolution")  # fmt: skip
 
 

@@ -23,6 +23,8 @@ import numpy as np
 from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_light_bodies, part_precision
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
 from benchmarks.energy import part_energy
+from benchmarks.jacobi_constant import part_jacobi
+from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
 from benchmarks.systems import part_systems
@@ -47,6 +49,7 @@ PARTS = {
     "adaptive": part_adaptive,
     "light_bodies": part_light_bodies,
     "crossers": part_crossers,
+    "jacobi": part_jacobi,
     "drift": part_drift,
     "precision": part_precision,
     "particles": part_particles,
@@ -150,8 +153,16 @@ def main() -> None:
     parser.add_argument(
         "--docs", action="store_true", help="write the tables to docs/benchmarks.md as well: of the parts that were run"
     )
+    parser.add_argument(
+        "--rebound", type=Path, metavar="FOLDER", help="an installation of REBOUND (pip install --target FOLDER) for "
+        "the columns `built here`; by default one from source with -O3 -march=native"
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "benchmark", help="folder for JSON and Markdown")
     options = parser.parse_args()
+    if options.rebound is not None:
+        if not (options.rebound / "rebound" / "__init__.py").is_file():
+            parser.error(f"--rebound: {options.rebound} has no folder rebound; expected what pip --target filled.")
+        Native.folder = options.rebound.resolve()
     results: dict[str, Any] = {"machine": machine(), "parts": {}}
     for name in options.parts or [name for name in PARTS if name not in LONG]:
         print(f"{name} ...", file=sys.stderr, flush=True)

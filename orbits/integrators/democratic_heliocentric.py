@@ -1,7 +1,7 @@
 """Wisdom–Holman maps in democratic heliocentric coordinates: the form of `WisdomHolman` for these.
 
-A step is half a kick and half of the motion of all planets by that of the dominant body, Kepler motions, and the other
-halves; see `orbits.kernels.heliocentric`. There is no corrector: those of `WisdomHolman` are made for Jacobi coordinates.
+A step is half of the Kepler motions, a kick with the motion of all planets by that of the dominant body, and the other
+half; see `orbits.kernels.heliocentric`. There is no corrector: those of `WisdomHolman` are made for Jacobi coordinates.
 
 Source: Duncan, Levison & Lee (1998), AJ 116, 2067.
 """
@@ -19,7 +19,7 @@ from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.heliocentric import (
     ROWS,
-    attract,
+    drift_heliocentric,
     enter_heliocentric,
     leave_heliocentric,
     prepare_heliocentric,
@@ -28,90 +28,106 @@ from orbits.kernels.heliocentric import (
 )
 from orbits.kernels.heliocentric_particles import (
     PLANETS,
-    attracted_particles,
     enter_among_heliocentric,
     leave_among_heliocentric,
     seen_among_heliocentric,
     stepped_particles,
-    tabulate_heliocentric,
+    tabulate_planets,
+    tabulate_the_rest,
 )
 from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.jacobi_particles import AWAY, MEMORY_ROWS, store_marched, take_particles
-from orbits.kernels.lanes import WIDTH, full
+from orbits.kernels.jacobi_stages import particles_at_the_end, registers_of
+from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Particles
+
+STEP, HALF = 0, 1
+"""Columns of the coefficients: the length of a step, and half of it, from what is seen to what is marched."""
+
+
+@kernel(inline=True)
+def _rooms(planets, scratch):
+    """Return the parts of the scratch: the room of the planets, and that for a copy of them."""
+    rows = ROWS * registers_of(planets)
+    return scratch[:rows], scratch[rows:]
+
+
+@kernel(inline=True)
+def _at_the_end(method, planets, room, copy):
+    """Write the planets at the end of a step into `copy`."""
+    for row in range(planets.shape[0]):
+        store(copy, row, load(planets, row))
+    drift_heliocentric(copy, room, -method.coefficients[0, HALF])
 
 
 @kernel
 def enter(method, model, h, state, storage):
-    """Change to democratic heliocentric coordinates."""
-    enter_heliocentric(
-        model.parameters, state.q, state.q_lo, state.p, state.p_lo, storage.carry, storage.scratch
-    )
+    """Change to democratic heliocentric coordinates in the middle of the Kepler motions."""
+    room, _ = _rooms(storage.carry, storage.scratch)
+    enter_heliocentric(model.parameters, state.q, state.q_lo, state.p, state.p_lo, storage.carry, room)
+    drift_heliocentric(storage.carry, room, method.coefficients[0, HALF])
 
 
 @kernel
 def leave(method, model, h, state, storage):
-    """Change back."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
+    """Change back; the marched state is lost."""
+    strength, planets = model.parameters, storage.carry
+    room, _ = _rooms(planets, storage.scratch)
     prepare_heliocentric(strength, planets, room)
+    drift_heliocentric(planets, room, -method.coefficients[0, HALF])
     leave_heliocentric(strength, planets, room, state.q, state.q_lo, state.p, state.p_lo)
 
 
 @kernel
 def show(method, model, state, storage):
     """Write the state of the bodies."""
-    show_heliocentric(model.parameters, storage.carry, storage.scratch, state.q, state.p)
+    room, copy = _rooms(storage.carry, storage.scratch)
+    _at_the_end(method, storage.carry, room, copy)
+    show_heliocentric(model.parameters, copy, room, state.q, state.p)
 
 
 @kernel
 def begin(method, model, t, h, state, storage):
-    """Compute the attraction of the first half of a kick, which later steps take over."""
-    prepare_heliocentric(model.parameters, storage.carry, storage.scratch)
-    attract(storage.carry, storage.scratch, model.parameters.shape[0] - 2)
+    """Write the constants of the planets."""
+    room, _ = _rooms(storage.carry, storage.scratch)
+    prepare_heliocentric(model.parameters, storage.carry, room)
 
 
 @kernel
 def step(method, model, t, h, state, storage):
     """Take one step."""
-    count = model.parameters.shape[0] - 2
-    step_heliocentric(storage.carry, storage.scratch, count, method.coefficients[0, 0])
+    room, _ = _rooms(storage.carry, storage.scratch)
+    step_heliocentric(storage.carry, room, model.parameters.shape[0] - 2, method.coefficients[0, STEP])
     return OK, 0, 1
 
 
 @kernel
-def begin_among_particles(method, model, t, h, state, storage):
-    """As `begin`, with the table before the first step of a block."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    prepare_heliocentric(strength, planets, room)
-    attract(planets, room, strength.shape[0] - 2)
-    tabulate_heliocentric(strength, planets, room, storage.stages, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-
-
-@kernel
 def step_among_particles(method, model, t, h, state, storage):
-    """As `step`, with the table after it."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    count = strength.shape[0] - 2
-    jumps = step_heliocentric(planets, room, count, method.coefficients[0, 0])
-    tabulate_heliocentric(strength, planets, room, storage.stages, PLANETS + count, jumps)
+    """As `step`, with the table: of the planets to the same bits."""
+    room, copy = _rooms(storage.carry, storage.scratch)
+    count = model.parameters.shape[0] - 2
+    tabulate_planets(storage.carry, room, storage.stages, count)
+    jump = step_heliocentric(storage.carry, room, count, method.coefficients[0, STEP])
+    _at_the_end(method, storage.carry, room, copy)
+    tabulate_the_rest(copy, room, storage.stages, count, jump)
     return OK, 0, 1
 
 
 @kernel(inline=True)
 def begin_particles(method, model, particles, storage):
-    """Return eight particles as they are marched, from their rows of the carry, with g."""
+    """Return eight particles as they are marched, from their rows of the carry."""
     # Those that are retired are at one place, as the padding is.
     there = 1.0 - (particles.x == AWAY) * (particles.y == AWAY) * (particles.z == AWAY)
-    marched = take_particles(storage.carry, storage.share.start, there, storage.scratch)
-    return attracted_particles(storage.stages, 0, model.parameters.shape[0] - 2, marched)
+    return take_particles(storage.carry, storage.share.start, there, storage.scratch)
 
 
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of eight particles. They are returned as observers see them."""
     count = model.parameters.shape[0] - 2
-    marched = stepped_particles(carry, storage.stages, PLANETS + count, count, method.coefficients[0, 0])
-    x, y, z, vx, vy, vz = seen_among_heliocentric(storage.stages, PLANETS + count, marched)
+    marched = stepped_particles(carry, storage.stages, count, method.coefficients[0, STEP])
+    ended = particles_at_the_end(marched, -method.coefficients[0, HALF])
+    x, y, z, vx, vy, vz = seen_among_heliocentric(storage.stages, ended)
     zero = full(0.0)
     return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
 
@@ -124,24 +140,28 @@ def keep_particles(method, carry, storage):
 
 @kernel
 def enter_particles(method, model, state, particles, rows, storage):
-    """Change to democratic heliocentric coordinates."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    enter_heliocentric(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
-    enter_among_heliocentric(strength, planets, room, particles, storage.share)
+    """Change to democratic heliocentric coordinates in the middle of the Kepler motions."""
+    strength, half = model.parameters, method.coefficients[0, HALF]
+    room, _ = _rooms(storage.carry, storage.scratch)
+    enter_heliocentric(strength, state.q, state.q_lo, state.p, state.p_lo, storage.carry, room)
+    enter_among_heliocentric(strength, storage.carry, room, particles, rows, storage.share, half)
 
 
 @kernel
 def leave_particles(method, model, state, particles, rows, storage):
-    """Change back."""
-    strength, planets, room = model.parameters, storage.carry, storage.scratch
-    prepare_heliocentric(strength, planets, room)
-    leave_among_heliocentric(strength, planets, room, particles, storage.share)
+    """Change back; what is marched is lost."""
+    strength, half = model.parameters, method.coefficients[0, HALF]
+    room, _ = _rooms(storage.carry, storage.scratch)
+    prepare_heliocentric(strength, storage.carry, room)
+    drift_heliocentric(storage.carry, room, -half)
+    leave_among_heliocentric(strength, storage.carry, room, particles, rows, storage.share, half)
 
 
 @kernel
 def stretch(method, unit, factor):
     """Write the coefficients of a step `factor` times as long."""
-    method.coefficients[0, 0] = factor * unit.coefficients[0, 0]
+    method.coefficients[0, STEP] = factor * unit.coefficients[0, STEP]
+    method.coefficients[0, HALF] = factor * unit.coefficients[0, HALF]
 
 
 @dataclass(frozen=True)
@@ -162,7 +182,6 @@ class DemocraticHeliocentric(Form):
         "stretch": stretch,
     }
     more_kernels: ClassVar[Mapping[str, Any]] = {
-        "begin": begin_among_particles,
         "step": step_among_particles,
         "begin_particles": begin_particles,
         "step_particles": step_particles,
@@ -180,9 +199,9 @@ class DemocraticHeliocentric(Form):
         return replace(self, among_particles=True)
 
     def coefficients(self, h: float, before: float) -> Array:
-        """Return the length of a step, in the first element of (1, 8)."""
+        """Return the length of a step, and half of it, in (1, 8)."""
         row = np.zeros((1, WIDTH))
-        row[0, 0] = h
+        row[0, [STEP, HALF]] = h, 0.5 * h
         return row
 
     def carry_rows(self, size: int) -> int:
@@ -190,10 +209,8 @@ class DemocraticHeliocentric(Form):
         return (STATE_ROWS + 1) * registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
-        """The tables before and after a step; see `orbits.kernels.heliocentric_particles`. None are kept without
-        particles.
-        """
-        return (2 * (PLANETS + size // 3 - 1), WIDTH) if self.among_particles else (1, padded(size))
+        """The table of a step; see `orbits.kernels.heliocentric_particles`. None is kept without particles."""
+        return (PLANETS + size // 3 - 1, WIDTH) if self.among_particles else (1, padded(size))
 
     @property
     def particle_carry_rows(self) -> int:
@@ -201,8 +218,8 @@ class DemocraticHeliocentric(Form):
         return MEMORY_ROWS if self.among_particles else 0
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """The rows of `orbits.kernels.heliocentric`."""
-        return ROWS * registers(size), WIDTH
+        """The rows of `orbits.kernels.heliocentric`, and a copy of the planets."""
+        return ROWS * registers(size) + self.carry_rows(size), WIDTH
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""

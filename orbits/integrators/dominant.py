@@ -21,10 +21,10 @@ def require_dominant(parameters: Any) -> None:
         )
     if len(gm) < 2 or not gm.max() > DOMINANT * gm.sum():
         share = gm.max() / gm.sum()
-        got = "a single body" if len(gm) < 2 else f"the heaviest of {len(gm)} bodies has {100 * share:.3g} %"
+        got = "there is a single one" if len(gm) < 2 else f"the heaviest of these {len(gm)} has {100 * share:.3g} %"
         raise InputError(
-            f"a Wisdom–Holman step needs a body that dominates the others, with more than {100 * DOMINANT:.0f} % "
-            f"of the mass; got {got}. Use a method such as Gauss(stages=8)."
+            "a Wisdom–Holman step needs massive bodies of which one dominates the others, with more than "
+            f"{100 * DOMINANT:.0f} % of the mass; {got}. Use a method such as Gauss(stages=8)."
         )
 
 

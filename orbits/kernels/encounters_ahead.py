@@ -156,6 +156,19 @@ def measure_bodies(rules, steps):
 
 
 @kernel
+def _may_meet(rules, j, track, steps):
+    """Return whether any of eight particles may come too close to planet j in a block, as none does whose distance at
+    the ends of all steps is large enough: with a, b the two parts of the least one, (a + b)^2 <= 7/5 a^2 + 7/2 b^2.
+    """
+    hill2, more = 1.4 * rules.near[HILL2, j] * rules.extent[MOST2, j], 1.0 + rules.near[WAYS2, j] ** 0.5
+    part, found = 3.5 * (rules.h * more) * (rules.h * more), full(0.0)
+    for k in range(steps + 1):
+        x, y, z, u, v, w = _relative(rules, k, j, seen_at(track, k))
+        found = found + (squared(x, y, z) < fma(full(part), squared(u, v, w), full(hill2)))
+    return any_lane(found)
+
+
+@kernel
 def encountering(rules, track, steps):
     """Return in which lanes a block of steps of eight particles has one of an encounter or of a pericentre that is not
     resolved; NaN, of particles that are not there, has none.
@@ -182,6 +195,8 @@ def encountering(rules, track, steps):
         way = abs(rules.h) * (fastest + rules.extent[FASTEST2, j] ** 0.5)
         reach = 1.001 * ((1.0 + ways2**0.5) * way + hill2**0.5 * outer)
         if not any_lane((least < outer + reach) * (most > inner - reach)):
+            continue
+        if not _may_meet(rules, j, track, steps):
             continue
         for k in range(steps + 1):
             seen = seen_at(track, k)

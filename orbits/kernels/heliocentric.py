@@ -7,7 +7,9 @@ and its velocity relative to the centre of mass of all,
 
 in which the Hamiltonian falls into three parts: Kepler motions of all planets about m_0, whatever their order; the
 planets' attraction of each other, which changes V; and P^2 / (2 m_0), which moves all Q alike, by P / m_0 times the
-time. The last two commute, and are applied together, half of them before and half after the Kepler motions.
+time. The last two commute, and are applied together, between the halves of the Kepler motions: so the error is half of
+what it is with the Kepler motions between halves of the others. What is marched stands in the middle of the Kepler
+motions, which are thereby joined to those of the step before.
 
 Arrays are (rows, 8). `planets` is as in `orbits.kernels.jacobi`, with Q and V for r' and its velocity. `room` has for
 each register the rows named below.
@@ -24,10 +26,9 @@ from orbits.kernels.lanes import WIDTH, fma, full, lane, load, rsqrt_cubed, stor
 from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
 
-FORCE, CHANGE, WAY, MASS, SHARE, PART, ATTRACTING, ROWS = 0, 3, 6, 9, 10, 11, 12, 16
-"""Rows of `room`: the attraction by the planets; the change of velocity by the Kepler motion and the kick before it;
-the way of the Kepler motion; m_i; m_i / m_0; m_i over the mass of all; m_0, 0 in lanes without a planet; and their
-number, with what eight particles need as workspace."""
+FORCE, MASS, SHARE, PART, ATTRACTING, ROWS = 0, 3, 4, 5, 6, 16
+"""Rows of `room`: the attraction by the planets; m_i; m_i / m_0; m_i over the mass of all; m_0, 0 in lanes without a
+planet; and their number, with what eight particles need as workspace."""
 
 
 @kernel
@@ -67,53 +68,43 @@ def attract(planets, room, count):
 
 @kernel
 def step_heliocentric(planets, room, count, h):
-    """Take a step: half a kick, Kepler motions, half a kick. Returns P / m_0 before and after the Kepler motions.
-
-    The rows FORCE have the attraction of the kick before, and receive that of this one.
-    """
-    registers, half = room.shape[0] // ROWS, 0.5 * h
-    bx, by, bz = 0.0, 0.0, 0.0
-    for register in range(registers):
-        share, (vx, vy, vz) = load(room, ROWS * register + SHARE), _kicked(planets, room, register, half)
-        bx, by, bz = bx + total(share * vx), by + total(share * vy), bz + total(share * vz)
-    ax, ay, az = 0.0, 0.0, 0.0
-    for register in range(registers):
-        own = ROWS * register
-        share, (vx, vy, vz) = load(room, own + SHARE), _kicked(planets, room, register, half)
-        x, y, z = load_three(planets, STATE_ROWS * register)
-        dx, dy, dz, dvx, dvy, dvz = short_increments(
-            fma(full(half), full(bx), x), fma(full(half), full(by), y), fma(full(half), full(bz), z),
-            vx, vy, vz, load(room, own + ATTRACTING), full(h),
-        )  # fmt: skip
-        store_three(room, own + WAY, (dx, dy, dz))
-        fx, fy, fz = load_three(room, own + FORCE)
-        store_three(room, own + CHANGE, (fma(full(half), fx, dvx), fma(full(half), fy, dvy), fma(full(half), fz, dvz)))
-        ax = ax + total(share * (vx + dvx))
-        ay = ay + total(share * (vy + dvy))
-        az = az + total(share * (vz + dvz))
-    for register in range(registers):
-        first, way = STATE_ROWS * register, ROWS * register + WAY
-        _advance(planets, first, fma(full(half), full(bx + ax), load(room, way)))
-        _advance(planets, first + 1, fma(full(half), full(by + ay), load(room, way + 1)))
-        _advance(planets, first + 2, fma(full(half), full(bz + az), load(room, way + 2)))
+    """Take a step: a kick with the motion by that of the dominant body, then Kepler motions. Returns P / m_0."""
     attract(planets, room, count)
-    for register in range(registers):
-        first, own = STATE_ROWS * register, ROWS * register
-        for k in range(3):
-            change = fma(full(half), load(room, own + FORCE + k), load(room, own + CHANGE + k))
-            _advance(planets, first + 3 + k, change)
-    move_centre(planets, registers, h)
-    return bx, by, bz, ax, ay, az
+    x, y, z = 0.0, 0.0, 0.0
+    for register in range(room.shape[0] // ROWS):
+        share, (vx, vy, vz) = load(room, ROWS * register + SHARE), load_three(planets, STATE_ROWS * register + 3)
+        x, y, z = x + total(share * vx), y + total(share * vy), z + total(share * vz)
+    _move(planets, room, h, h, (x, y, z))
+    return x, y, z
+
+
+@kernel
+def drift_heliocentric(planets, room, h):
+    """Advance the planets on their Kepler orbits by h; the rows FORCE are lost."""
+    for register in range(room.shape[0] // ROWS):
+        store_three(room, ROWS * register + FORCE, (full(0.0), full(0.0), full(0.0)))
+    _move(planets, room, h, 0.0, (0.0, 0.0, 0.0))
 
 
 @kernel(inline=True)
-def _kicked(planets, room, register, kick):
-    (vx, vy, vz), first = load_three(planets, STATE_ROWS * register + 3), ROWS * register + FORCE
-    return (
-        fma(full(kick), load(room, first), vx),
-        fma(full(kick), load(room, first + 1), vy),
-        fma(full(kick), load(room, first + 2), vz),
-    )
+def _move(planets, room, h, kick, jump):
+    """Advance the planets by `kick` times the attraction and times `jump`, and then on their Kepler orbits by h."""
+    jx, jy, jz = full(kick * jump[0]), full(kick * jump[1]), full(kick * jump[2])
+    for register in range(room.shape[0] // ROWS):
+        first, own = STATE_ROWS * register, ROWS * register
+        (x, y, z), (vx, vy, vz) = load_three(planets, first), load_three(planets, first + 3)
+        fx, fy, fz = load_three(room, own + FORCE)
+        kx, ky, kz = kick * fx, kick * fy, kick * fz
+        dx, dy, dz, dvx, dvy, dvz = short_increments(
+            x + jx, y + jy, z + jz, vx + kx, vy + ky, vz + kz, load(room, own + ATTRACTING), full(h)
+        )
+        _advance(planets, first, dx + jx)
+        _advance(planets, first + 1, dy + jy)
+        _advance(planets, first + 2, dz + jz)
+        _advance(planets, first + 3, dvx + kx)
+        _advance(planets, first + 4, dvy + ky)
+        _advance(planets, first + 5, dvz + kz)
+    move_centre(planets, room.shape[0] // ROWS, h)
 
 
 @kernel(inline=True)
@@ -206,7 +197,10 @@ def place_of_the_dominant(planets, room, count, component):
 
 @kernel
 def show_heliocentric(strength, planets, room, q, p):
-    """Write the state of the bodies, rounded: for observers, at every step."""
+    """Write the state of the bodies, rounded: for observers, at every step.
+
+    planets : at the end of the step
+    """
     n, registers = strength.shape[0] - 1, room.shape[0] // ROWS
     centre = STATE_ROWS * registers
     sun = int(planets[centre, 6])

@@ -109,8 +109,8 @@ def follow_map(
 
 @kernel
 def enter_with_vectors(coefficients, strength, q, q_lo, p, p_lo, planets, scratch, vectors, room):
-    """Change to corrected Jacobi coordinates, with the vectors: (groups, 4, 3 (n + 1), 8), in the order of the bodies at
-    first, in that of the map with the centre of mass at the end.
+    """Change to corrected Jacobi coordinates, with the vectors, (groups, 4, 3 (n + 1), 8): from the order of the bodies
+    to that of the map, with the centre of mass at the end.
     """
     enter_planets(strength, q, q_lo, p, p_lo, planets, scratch)
     count = strength.shape[0] - 2
@@ -219,8 +219,8 @@ def _write_places(scratch, count, places):
 
 @kernel
 def move_vectors(flows, count, h, kick, vectors, force, change):
-    """Advance dq through the Kepler motions, after `kick` times the change of the interaction; the change of dv, that by
-    the kick included, is written into `change`.
+    """Advance dq through the Kepler motions, after `kick` times the change of the interaction; `change` receives that
+    of dv, by the kick included.
     """
     q, q_lo, v, v_lo = vectors[0], vectors[1], vectors[2], vectors[3]
     for i in range(count):

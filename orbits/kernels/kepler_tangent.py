@@ -4,11 +4,11 @@ With the notation of `orbits.kernels.kepler`, the flow is a function of r0, eta 
 anomaly of a step that is known is s = (beta dt + change of q.v) / gm, on every conic, so that no equation is solved.
 Differences d of the start change
 
-    r ds = -(G1 dr0 + G2 deta + W dbeta),    W = eta P2 + zeta P3 - r0 G3,    P_k = dG_k/dbeta = (k G_(k+2) - s G_(k+1))/2
+    r ds = -(G1 dr0 + G2 deta + W dbeta),   W = eta P2 + zeta P3 - r0 G3,   P_k = dG_k/dbeta = (k G_(k+2) - s G_(k+1))/2
     dG_k = G_(k-1) ds + P_k dbeta,   dr = G0 dr0 + G1 deta + (eta G0 + zeta G1) ds + (eta P1 + zeta P2 - r0 G2) dbeta
 
-and with them f, g, f' and g'. All are linear in A = q.dq, B = q.dv + v.dq and C = v.dv: twelve numbers are computed once
-for a step, and serve any number of differences.
+and with them f, g, f' and g'. All are linear in A = q.dq, B = q.dv + v.dq and C = v.dv: twelve numbers, computed once
+for a step, serve any number of differences.
 
 Sources: Mikkola & Innanen (1999), Celest. Mech. Dyn. Astron. 74, 59; Rein & Tamayo (2016), MNRAS 459, 2275.
 """
@@ -20,11 +20,14 @@ from typing import Any, NamedTuple
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.kepler import anomaly_functions
-from orbits.kernels.lanes import any_lane, fma, select, sqrt
+from orbits.kernels.lanes import any_lane, fma, maximum, minimum, select, sqrt
 
 FOURTH = tuple(1.0 / math.factorial(2 * k + 4) for k in range(10, -1, -1))
 FIFTH = tuple(1.0 / math.factorial(2 * k + 5) for k in range(10, -1, -1))
 """Coefficients of c4 and c5, the highest first: complete to 1e-19 for |z| <= 2.5."""
+
+FAST = 16.0
+"""The -beta r0 / gm above which s is bounded: rounding errors in it are that much larger."""
 
 SHORT = 2.5
 """The |z| up to which the series of c4 and c5 are summed."""
@@ -102,10 +105,16 @@ def flow_of(x, y, z, vx, vy, vz, gm, dt, dx, dy, dz, dvx, dvy, dvz):
         fma(dx, vx, fma(dy, vy, dz * vz)) + fma(dx, dvx, fma(dy, dvy, dz * dvz))
     )
     s = fma(beta, dt, turned) / gm
-    G0, G1, G2, G3, G4, G5 = _six_functions(s, beta)
     ex, ey, ez = x + dx, y + dy, z + dz
-    there_r = sqrt(fma(ex, ex, fma(ey, ey, ez * ez)))
-    far = 1.0 / there_r
+    r1 = sqrt(fma(ex, ex, fma(ey, ey, ez * ez)))
+    far = 1.0 / r1
+    fast = (-beta * r0 > FAST * gm) * (eta * (eta + turned) > 0.0)
+    if any_lane(fast):  # the sum for s cancels; but the distance is between those at both ends, and so is ds/dt
+        least, most = minimum(near, far), maximum(near, far)
+        one, other = dt * least, dt * most
+        bounded = minimum(maximum(s, minimum(one, other)), maximum(one, other))
+        s = select(fast, bounded, s)
+    G0, G1, G2, G3, G4, G5 = _six_functions(s, beta)
     P1, P2, P3 = 0.5 * fma(-s, G2, G3), 0.5 * fma(-s, G3, 2.0 * G4), 0.5 * fma(-s, G4, 3.0 * G5)
 
     # Derivatives by r0, eta and beta.

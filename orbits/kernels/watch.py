@@ -31,6 +31,9 @@ passages : (room, columns), see `encounters.py`: the passages of this block that
 listed : (2,) int64; the number of passages in the list, and the number found
 search, enter : addresses of `approach_search.search` and `encounters.enter_passage`, shared by the searches among
     bodies and particles, so that each is compiled once
+trace : flat; for methods with a kernel `trace`, what it writes at the beginning of each of the last steps and at their
+    end: `path` then has the last state only, and those that were looked at
+lanes : (2, 8) for these: w_i, and the number of the body in each lane, -1 for none
 then, collide : addresses of the observers called after `follow_particles`, or 0
 
 A kernel reads them as attributes of `watch_at(context)`.
@@ -87,6 +90,8 @@ _KINDS: dict[str, Any] = {
     "enter": types.int64,
     "then": types.int64,
     "collide": types.int64,
+    "trace": _array(1),
+    "lanes": _array(2),
 }
 """The fields of a context. A number takes one word; an array takes its address and the length of each dimension."""
 

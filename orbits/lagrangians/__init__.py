@@ -16,11 +16,22 @@ from orbits.lagrangians import pickling
 from orbits.lagrangians.base import Lagrangian
 from orbits.lagrangians.handwritten import from_kernels
 from orbits.lagrangians.registered import FOUND, registry
+from orbits.lagrangians.rigid_bodies import full_two_body, rigid_body
 from orbits.lagrangians.symbolic import from_sympy
 from orbits.lagrangians.symmetry import boost, rotation, translation
 from orbits.lagrangians.transforming import time_transformed
 
-__all__ = ["boost", "from_kernels", "from_sympy", "registry", "rotation", "time_transformed", "translation"]
+__all__ = [
+    "boost",
+    "from_kernels",
+    "from_sympy",
+    "full_two_body",
+    "registry",
+    "rigid_body",
+    "rotation",
+    "time_transformed",
+    "translation",
+]
 
 Lagrangian.from_sympy = staticmethod(from_sympy)
 Lagrangian.from_kernels = staticmethod(from_kernels)

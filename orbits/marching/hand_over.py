@@ -1,16 +1,16 @@
 """Massless particles that leave a map on Kepler orbits for steps of their own, where it cannot follow them, and return.
 
-For each group of eight, a block of steps is marched in lanes first, as for all particles. One that comes to a step that
-the map cannot follow (`orbits.kernels.encounters_ahead`), or that was away when the block began, is then marched through
-the block again, alone: by the map up to the beginning of that step, where it leaves with the planets, uncorrected, in
-doubled precision; from there on by steps of its own, as among bodies whose steps are chosen
+For each group of eight, a block of steps is marched in lanes first, as for all particles. One that comes to a step
+that the map cannot follow (`orbits.kernels.encounters_ahead`), or that was away when the block began, is then marched
+through the block again, alone: by the map up to the beginning of that step, where it leaves with the planets,
+uncorrected, in doubled precision; from there on by steps of its own, as among bodies whose steps are chosen
 (`orbits.marching.own_clocks`); and from the beginning of the first step that the map can take, which may be in a later
 block, by the map again. It is entered there as at the start of a run, with a new place in the planets' order.
 
-The planets within a step are those of one step of Gauss from their uncorrected state at its beginning: off by the error
-of the map in one step. A particle's own steps begin anew with each step of the map, so that its way depends on its state
-at the beginning of that step alone, and neither on the block nor on any other particle. That it is away is all that has
-to be known of it besides its state: the place in its memory is then `orbits.kernels.jacobi_particles.ELSEWHERE`.
+The planets within a step are those of one step of Gauss from their uncorrected state at its beginning: off by the
+error of the map in one step. All that is known of a particle that is away is its state, in the columns of all, and its
+memory: `orbits.kernels.jacobi_particles.ELSEWHERE` in the place of its number, its clock, and L of its last step; see
+`BEGUN`. So its way depends neither on blocks nor on any other particle.
 
 It is not reversible in time, nor symplectic: where a particle leaves, and where it returns, depends on the direction.
 
@@ -21,6 +21,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from orbits.integrators.forms import Array
 from orbits.kernels.clocks import Clock, step_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters_ahead import (
@@ -55,7 +58,7 @@ from orbits.kernels.steps import (
 from orbits.kernels.watch import watch_at
 from orbits.marching.bodies_between import Field
 from orbits.marching.driver import march_particles
-from orbits.marching.own_clocks import REACHED, Shared, follow
+from orbits.marching.own_clocks import BEFORE, NEXT, REACHED, Shared, follow
 from orbits.marching.own_steps_log import ENTRIES, TOUCH, WANTED, Log, hide, log_state, look
 
 SKIPPED = -1
@@ -64,8 +67,16 @@ SKIPPED = -1
 GROUP = 2 * WIDTH
 """The particles that are marched in lanes at a time."""
 
-PART = 0
-"""The column of the memory of a particle that was lost by steps of its own for the part of the step that it took."""
+BEGUN, PART, MORE_ROWS = 0, 3, 2
+"""The memory of a particle that is away: from this column of the first row on, the first two numbers of its clock (see
+`orbits.marching.own_clocks.BEFORE`); if it was lost, the part of a step that it took; in the other three rows L. These
+are two rows more than a particle has that is marched by the map alone."""
+
+
+def parts_taken(memory: Array) -> Array:
+    """Return the parts of a step that lost particles have taken by steps of their own, from the memory of all."""
+    parts: Array = np.where(memory[:, 0, NUMBER] == ELSEWHERE, memory[:, 0, PART], 0.0)
+    return parts
 
 
 class Map(NamedTuple):
@@ -256,15 +267,14 @@ def _go_through(here, away, columns, track, p, steps, is_away):
             _log_map(here, away, track, p, slot, begun, k)
             if k < steps:
                 particle, is_away, left = _leave_map(here, k), True, True
+                for i in range(3):
+                    store(away.carry, i, full(0.0))
+                away.times[BEFORE], away.times[NEXT] = 0.0, 0.0
             continue
         record_particle(track, k, slot, particle)
         if not away.reached[k]:
             status = _learn_step(here, away, k)
         if status == OK:
-            for i in range(3):
-                store(away.carry, i, full(0.0))
-            for i in range(away.times.shape[0]):
-                away.times[i] = 0.0
             scratch = Storage(away.carry, away.scratch, away.field.stages[k], Share(p, p + 1, None))
             particle, status, count = follow(
                 away.method, here.model, away.clock, away.field, away.shared, k, p, particle, away.times, scratch,
@@ -283,6 +293,32 @@ def _go_through(here, away, columns, track, p, steps, is_away):
             track[row + 3, slot], track[row + 4, slot], track[row + 5, slot], zero, zero, zero,
         ))  # fmt: skip
     return is_away, status, k, evaluations
+
+
+@kernel
+def _take_memory(here, away, kept):
+    """Take the memory of a particle at the beginning of a block."""
+    memory = here.storage.carry[0]
+    store(memory, 0, load(kept, 0))
+    store(memory, 1, load(kept, 1))
+    for i in range(3):
+        store(away.carry, i, load(kept, 1 + i))
+    away.times[BEFORE], away.times[NEXT] = kept[0, BEGUN], kept[0, BEGUN + 1]
+
+
+@kernel
+def _keep_memory(here, away, is_away, own):
+    """Write the memory of a particle at the end of a block."""
+    memory = here.storage.carry[0]
+    for i in range(4):
+        store(own, i, full(0.0))
+    if is_away:
+        own[0, NUMBER], own[0, BEGUN], own[0, BEGUN + 1] = ELSEWHERE, away.times[BEFORE], away.times[NEXT]
+        for i in range(3):
+            store(own, 1 + i, load(away.carry, i))
+    else:
+        store(own, 0, load(memory, 0))
+        store(own, 1, load(memory, 1))
 
 
 @kernel
@@ -310,10 +346,10 @@ def march_handing_over(
     own_context, counts, at, log_times, log_path, log_track, found
 ):  # fmt: skip
     """March massless particles start ... stop - 1 by `steps` steps through the tables of the planets, and by steps of
-    their own where the map cannot follow them; the first arguments are those of `orbits.marching.driver.march_particles`.
+    their own where the map cannot follow them; the first arguments are those of `march_particles`.
 
     near, extent : see `Rules`; limits : (3,), the number of the dominant body, its GM, and the bound of h v / r
-    kept : (16, 2, 8), workspace for memories; own_memory ... planets : see `Map`; own_columns : (4, 3, 16)
+    kept : (16, 4, 8), workspace for memories; own_memory ... planets : see `Map`; own_columns : (4, 3, 16)
     own_form ... reached : see `Away`, `orbits.marching.bodies_between.Field` and `orbits.marching.own_clocks.Shared`
     own_context ... found : see `orbits.marching.own_steps_log.Log`
 
@@ -344,8 +380,8 @@ def march_handing_over(
     for first in range(start, stop, GROUP):
         last = min(first + GROUP, stop)
         for p in range(first, last):
-            store(kept[p - first], 0, load(memory[p], 0))
-            store(kept[p - first], 1, load(memory[p], 1))
+            for i in range(memory.shape[1]):
+                store(kept[p - first], i, load(memory[p], i))
             if retired[p, 0] == OK and memory[p, 0, NUMBER] == ELSEWHERE:
                 retired[p, 0] = SKIPPED
         evaluations += march_particles(
@@ -359,15 +395,11 @@ def march_handing_over(
                 is_away = retired[p, 0] == SKIPPED
                 if not (is_away or lane(met, p - begin) != 0.0):
                     continue
-                store(own_memory[0], 0, load(kept[p - first], 0))
-                store(own_memory[0], 1, load(kept[p - first], 1))
+                _take_memory(here, away, kept[p - first])
                 is_away, status, done, count = _go_through(here, away, columns, states, p, steps, is_away)
                 evaluations += count
                 retired[p, 0], retired[p, 1] = status, done if status != OK else 0
-                store(memory[p], 0, full(0.0) if is_away else load(own_memory[0], 0))
-                store(memory[p], 1, full(0.0) if is_away else load(own_memory[0], 1))
-                if is_away:
-                    memory[p, 0, NUMBER] = ELSEWHERE
+                _keep_memory(here, away, is_away, memory[p])
                 if status != OK:
                     memory[p, 0, PART] = (own_times[REACHED] - (t + times[done])) / h
                 _look(here, away, columns, states, p, steps, status)

@@ -24,7 +24,7 @@ from orbits.kernels.jacobi_tangent import (
 )
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.tangent import AREA, LOGARITHM, SQUARE
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_for
 from orbits.marching.clocks import Place
@@ -38,11 +38,11 @@ BLOCK = 4096
 def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
     """Raise InputError, with the reason, if the derivative of a map on Kepler orbits is not known."""
     form = form_for(integrator, lagrangian)
-    if type(form) is not KeplerSplitting or getattr(lagrangian, "summands", ()):
-        what = f"with {lagrangian.name}" if type(form) is KeplerSplitting else "in these coordinates"
+    if type(form) is not KeplerSplitting or NEWTONIAN not in lagrangian.traits:
+        with_terms = "" if NEWTONIAN in lagrangian.traits else f" with {lagrangian.name}"
         raise InputError(
-            f"the derivative of {integrator.label} {what} is not known; expected Newton's gravity alone, in Jacobi "
-            "coordinates. Use Gauss(stages=8), or Composition(StormerVerlet(), order=4) for many steps."
+            f"the derivative of {integrator.label}{with_terms} is not known; expected WisdomHolman in Jacobi "
+            "coordinates, with Newton's gravity alone. Use that, or Gauss(stages=8)."
         )
 
 
@@ -138,8 +138,8 @@ class MapTangents:
         return self._h * self._steps
 
     def seen(self, rest: float) -> MapTangents:
-        """Return a copy whose vectors are those of what is seen, uncorrected, after a part of a step if `rest` is not 0;
-        it cannot be followed on.
+        """Return a copy with the vectors of what is seen, uncorrected, after a part of a step if `rest` is not 0; it
+        cannot be followed on.
         """
         copy = self._copied()
         if self._steps:
@@ -171,11 +171,15 @@ class MapTangents:
         q, v = (self._state[name][: 3 * (len(self._strength) - 1)].reshape(3, -1).T.copy() for name in "qv")
         return q, v
 
+    def marched(self) -> Array:
+        """Return the vectors as they are marched, (count, 2, n, 3): of the planets outwards, then of the centre."""
+        groups, _, rows, _ = self._vectors.shape
+        lanes = self._vectors[:, [0, 2]].transpose(0, 3, 1, 2)
+        return np.ascontiguousarray(lanes.reshape(groups * WIDTH, 2, rows // 3, 3)[: self._count])
+
     def vectors(self) -> Array:
         """Return the vectors of what `seen` returned, (count, 2, bodies, 3), rounded to float64."""
-        groups, _, rows, _ = self._vectors.shape
-        lanes = self._vectors[:, [0, 2]].transpose(0, 3, 1, 2).reshape(groups * WIDTH, 2, rows // 3, 3)
-        return np.ascontiguousarray(lanes[: self._count, :, self._bodies])
+        return np.ascontiguousarray(self.marched()[:, :, self._bodies])
 
     def growth(self, time: float) -> tuple[Array, Array]:
         """Return MEGNO, the mean of Y over the time |time| > 0 of the march, and ln(|x| / |x0|), of each vector,

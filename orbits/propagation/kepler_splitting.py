@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from orbits.errors import StepWarning, level_of_caller
+from orbits.body_names import few
+from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
-from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS, is_unresolved, reach
+from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
+from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
 
@@ -59,6 +61,44 @@ class _Orbit(NamedTuple):
         return points
 
 
+def require_outside(system: System) -> None:
+    """Raise InputError for bodies inside the dominant one, as far as its radius is known."""
+    radii = system.radii
+    if radii is None:
+        return
+    sun, units = _dominant(system), system.units
+    radius = float(radii.value[sun])
+    distance = np.linalg.norm(system.values.q - system.values.q[sun], axis=1)
+    inside = [int(k) for k in np.argsort(distance, kind="stable") if distance[k] < radius and k != sun]
+    if inside:
+        first, star = system.names[inside[0]], system.names[sun]
+        near, size = in_digits(float(distance[inside[0]]), units.length), in_digits(radius, units.length)
+        more = inside[1:]
+        others = f", as {'are' if len(more) > 1 else 'is'} {few([system.names[k] for k in more])}" if more else ""
+        raise InputError(
+            f"{first!r} is {near} from the centre of {star!r}, inside its radius of {size}{others}: a Wisdom–Holman "
+            f"step moves bodies about a point mass. Leave them out with system.remove({first!r}), or take all bodies "
+            "for points with system.replaced(radii=None)."
+        )
+
+
+def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
+    """Raise InputError for terms of other bodies than the dominant one, where the method takes any."""
+    sun = system.names[_dominant(system)]
+    for term in system.terms:
+        if ABOUT_ONE_BODY in integrator.requires and term.body not in (None, sun):
+            raise InputError(
+                f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
+                f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
+            )
+        of_places = SEPARABLE in term.summand(0, system.units).traits
+        if integrator.follows_encounters and not of_places and not system.massive.all():
+            raise InputError(
+                f"{integrator.label} lets massless particles take steps of their own, which take terms of positions "
+                f"alone; got {type(term).__name__}. Use encounters='retire' or 'warn', or Gauss(stages=8) with dt=..."
+            )
+
+
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
     """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, of planets or of massless
     particles, or if planets come so close to each other, now or at a crossing of their orbits, that the method cannot
@@ -68,14 +108,15 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     units, centre = system.units, system.names[_dominant(system)]
     angles = [(abs(h) * orbit.speed / orbit.pericentre, orbit) for orbit in orbits if _is_ahead(system, orbit, span)]
     angle, fastest = max(angles, default=(0.0, None), key=lambda pair: pair[0])
-    # The motion of a single planet is exact.
-    if fastest is not None and len(orbits) > 1 and angle > 2.0 * math.pi / LEAST_STEPS:
-        enough = abs(h) * 2.0 * math.pi / LEAST_STEPS / angle
+    least = integrator.least_steps
+    perturbed = len(orbits) > 1 or bool(system.terms) or not integrator.exact_for_two
+    if fastest is not None and perturbed and angle > 2.0 * math.pi / least:
+        enough = abs(h) * 2.0 * math.pi / least / angle
         body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
-            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} "
-            f"they are in resonance with it; dt <= {in_digits(enough, units.time, 2)} resolves it, or leave dt and the "
+            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {least} "
+            f"they are in resonance with it; dt <= {_at_most(enough, units.time)} resolves it, or leave dt and the "
             "method away: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
@@ -99,15 +140,16 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     values, units, sun = system.values, system.units, _dominant(system)
     rows = np.flatnonzero(~system.massive)
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], float(values.gm[sun])
-    r, h2 = np.linalg.norm(q, axis=1), (np.cross(q, v) ** 2).sum(axis=1)
-    beta = 2.0 * mu / r - (v * v).sum(axis=1)
-    e = np.sqrt(np.maximum(1.0 - h2 * beta / mu**2, 0.0))
-    pericentre = h2 / mu / (1.0 + e)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        r, h2 = np.linalg.norm(q, axis=1), (np.cross(q, v) ** 2).sum(axis=1)
+        beta = 2.0 * mu / r - (v * v).sum(axis=1)
+        e = np.sqrt(np.maximum(1.0 - h2 * beta / mu**2, 0.0))
+        pericentre = h2 / mu / (1.0 + e)
         steps = 2.0 * math.pi / abs(h) * np.sqrt(pericentre**3 / (mu * (1.0 + e)))
         period = np.where(beta > 0.0, 2.0 * math.pi * mu / np.maximum(beta, 0.0) ** 1.5, np.inf)
     ahead = (abs(span) >= period) | ((q * v).sum(axis=1) * span < 0.0) | (e < 0.1)
-    worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < LEAST_STEPS]
+    least = integrator.least_steps
+    worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < least]
     if not worst:
         return
     lines = [
@@ -117,13 +159,13 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     ]
     hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
     count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
-    enough = abs(h) * float(steps[worst[0]]) / LEAST_STEPS
-    remedy = f"dt <= {in_digits(enough, units.time, 2)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    enough = abs(h) * float(steps[worst[0]]) / least
+    remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
     warnings.warn(
-        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {LEAST_STEPS} "
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {least} "
         "steps in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
         + "\n".join(lines)
-        + f"{hidden}\n{remedy} run them without dt and method: each then takes steps of its own.",
+        + f"{hidden}\n{remedy} encounters=\"follow\" lets each take steps of its own there.",
         StepWarning,
         stacklevel=level_of_caller(),
     )
@@ -134,14 +176,15 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     planet, and at a pericentre that the step did not resolve.
     """
     gm, massive, found = run.system.values.gm, run.system.massive, []
-    perturbed = massive.sum() > 2  # the motion of a single planet is exact
+    perturbed = massive.sum() > 2 or bool(run.system.terms) or not run.integrator.exact_for_two
     followed = run.integrator.follows_encounters
     for k, passage in enumerate(seen.passages):
         if passage.about is None or (followed and not (massive[passage.body] and massive[passage.other])):
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body
-            if (perturbed or not massive[lighter]) and is_unresolved(run.step, passage.distance, passage.speed):
+            resolved = not is_unresolved(run.step, passage.distance, passage.speed, run.integrator.least_steps)
+            if (perturbed or not massive[lighter]) and not resolved:
                 found.append((passage.distance / abs(run.step * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
@@ -181,8 +224,8 @@ def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
             run,
             seen,
             central,
-            f"needs {LEAST_STEPS} steps in a full turn at the speed of a pericentre, or they are in resonance with it, "
-            f"and had fewer at {some}{len(central):,},",
+            f"needs {run.integrator.least_steps} steps in a full turn at the speed of a pericentre, or they are in "
+            f"resonance with it, and had fewer at {some}{len(central):,},",
             lines,
         )
 
@@ -198,8 +241,8 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
     remedy = "Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
     if not of_planets:
         remedy = (
-            "All others are right. Run these without dt and method, by steps of their own; or retire them there, with "
-            'encounters="retire".'
+            "All others are right. Let these take steps of their own there, with "
+            'encounters="follow"; or retire them, with encounters="retire".'
         )
     hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
     warnings.warn(
@@ -209,6 +252,12 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def _at_most(step: float, unit: object) -> str:
+    """Return a step to two digits, rounded down: one that is rounded up would not do."""
+    digit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return in_digits(math.floor(step / digit) * digit, unit, 2)
 
 
 def _dominant(system: System) -> int:

@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Iterable, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.propagation import kepler_splitting, step_check
+from orbits.propagation.before_the_start import check_before_start, check_bodies
 from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
@@ -25,7 +25,7 @@ from orbits.propagation.events.particles import Sample
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, Run, RunEnds, march
 from orbits.propagation.marchers import differences, provenance, restore
-from orbits.propagation.precision import check_length, warn_if_far
+from orbits.propagation.precision import check_length
 from orbits.propagation.replay import REPLAY
 from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
 from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
@@ -63,7 +63,7 @@ class Options(TypedDict, total=False):
     stop: Condition | Sequence[Condition]
     events: Sought | Sequence[Sought]
     callback: Callback | None
-    check_step: bool
+    check_step: bool | Literal["refuse"]
     dense: bool
     progress: bool | None
     threads: int | None
@@ -104,7 +104,7 @@ def propagate(
     stop: Condition | Sequence[Condition] = (),
     events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
@@ -148,7 +148,8 @@ def propagate(
         the run. With it, or with events, the systems of a list are propagated one after the other
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
         about close passages that the step did not resolve (see `run.closest_approaches()`); with `OrbitsWarning` about
-        bodies so far from the origin that their separations have few digits
+        bodies so far from the origin that their separations have few digits. "refuse" raises InputError instead of the
+        warning before the run; False leaves all of this out
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
         once: about 0.3 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
         an event changes the bodies there is a warning, and `run.at` marches from the samples, as without it
@@ -242,7 +243,7 @@ def begun(
     stop: Condition | Sequence[Condition] = (),
     events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
@@ -252,15 +253,12 @@ def begun(
     check_callback(callback)
     progress = checked_choice(progress, "progress")
     seeking = Seeking(system, events, grid.clock.direction)
+    check_bodies(system, integrator)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
         check_length(system, grid)
-    if checked_flag(check_step, "check_step"):
-        warn_if_far(system, grid.end)
-    if check_step and not grid.clock.changes:
-        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
-        check(system, integrator, grid.h, grid.end)
-    watch = RunEnds(conditions, callback, check_step, seeking)
+    check_before_start(system, integrator, grid, check_step)
+    watch = RunEnds(conditions, callback, bool(check_step), seeking)
     accounts = no_accounts(len(grid), len(system.forces))
     if checked_flag(dense, "dense") and seeking.touching:
         raise InputError(

@@ -2,8 +2,8 @@
 
     e^(a_1 h A) e^(b_1 h eps B) e^(a_2 h A) ... e^(b_s h eps B) e^(a_(s+1) h A),     a and b mirrored, sums 1
 
-has the error eps h^(r_1) + eps^2 h^(r_2) + eps^3 h^(r_3) + ..., its generalized order (r_1, r_2, r_3). Symmetric schemes
-have no terms of odd orders. With the nodes c_i = a_1 + ... + a_i, the conditions are
+has the error eps h^(r_1) + eps^2 h^(r_2) + eps^3 h^(r_3) + ..., its generalized order (r_1, r_2, r_3). Symmetric
+schemes have no terms of odd orders. With the nodes c_i = a_1 + ... + a_i, the conditions are
 
     first order in B, r_1:    sum_i b_i c_i^p = 1/(p + 1),   p = 0 ... r_1 - 1    (a quadrature)
     second order, r_2:        sum_(i<j) b_i b_j c_i^p c_j^q + sum_i b_i^2 c_i^(p+q) / 2 = 1/((p + 1)(p + q + 2)),
@@ -67,7 +67,7 @@ def splitting(orders: tuple[int, ...]) -> tuple[Exact, Exact]:
 
 
 def binary_splitting(orders: tuple[int, ...], h: float) -> tuple[Array, Array]:
-    """Return h a, (s + 1,), and h b, (s,), rounded symmetrically; their sums are exactly h if it has at most 48 bits."""
+    """Return h a, (s + 1,), and h b, (s,), rounded symmetrically; their sums are exactly h of at most 48 bits."""
     drifts, kicks = splitting(orders)
     return balanced(drifts, h), balanced(kicks, h)
 

@@ -1,4 +1,8 @@
-"""REBOUND built from source for this processor, in a process of its own: the wheel is compiled for any x86-64."""
+"""REBOUND built from source for this processor, in a process of its own: the wheel is compiled for any x86-64.
+
+It is built once, into the virtual environment, from PyPI's source distribution of the installed version; or any other
+installation of it is taken, `Native.folder`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +24,14 @@ Array = NDArray[np.float64]
 SCRIPTS = Path(__file__).resolve().parent.parent
 FOLDER = Path(sys.prefix) / "rebound-native"
 FLAGS = "-O3 -march=native"
+
+
+def how_built() -> str:
+    """Return what the second REBOUND is, in words."""
+    if Native.folder != FOLDER:
+        return f"the installation in {Native.folder.name}"
+    compiler = subprocess.run(["cc", "--version"], capture_output=True, text=True, check=False).stdout.split("\n")[0]
+    return f"{compiler}, {FLAGS}"
 
 
 def ias15(gm: Array, q: Array, v: Array, span: float, epsilon: float | None = None) -> tuple[float, Array, int]:
@@ -78,7 +90,12 @@ def planets(
 
 
 class Native:
-    """A process that runs REBOUND as built for this processor; None from `start` where it cannot be built."""
+    """A process that runs REBOUND as built for this processor; None from `start` where it cannot be built.
+
+    folder : where that installation is, or where it is made
+    """
+
+    folder: ClassVar[Path] = FOLDER
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
         self._process = process
@@ -87,13 +104,14 @@ class Native:
     def start(cls) -> Native | None:
         """Build it if that was not done before, and start the process."""
         version = importlib.metadata.version("rebound")
-        if not (FOLDER / f"rebound-{version}.dist-info").is_dir():
-            what = ["install", "--quiet", "--no-deps", "--no-binary", "rebound", "--target", str(FOLDER)]
-            command = [sys.executable, "-m", "pip", *what, f"rebound=={version}"]
+        if cls.folder == FOLDER and not (FOLDER / f"rebound-{version}.dist-info").is_dir():
+            # pip keeps what it has built, whatever the flags were.
+            what = ["install", "--quiet", "--no-deps", "--no-cache-dir", "--no-binary", "rebound"]
+            command = [sys.executable, "-m", "pip", *what, "--target", str(FOLDER), f"rebound=={version}"]
             if subprocess.run(command, env={**os.environ, "CFLAGS": FLAGS}, check=False).returncode:
                 return None
-        paths = os.pathsep.join([str(FOLDER), str(SCRIPTS), str(SCRIPTS.parent)])
-        command = [sys.executable, "-c", "from benchmarks.native import serve; serve()"]
+        paths = os.pathsep.join([str(cls.folder), str(SCRIPTS), str(SCRIPTS.parent)])
+        command = [sys.executable, "-c", f"from benchmarks.native import serve; serve({str(cls.folder)!r})"]
         pipe = subprocess.PIPE
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env={**os.environ, "PYTHONPATH": paths})
         return cls(process)
@@ -121,11 +139,11 @@ class Native:
         self._process.communicate()
 
 
-def serve() -> None:
-    """Answer requests from standard input until it ends."""
+def serve(folder: str) -> None:
+    """Answer requests from standard input until it ends, with the REBOUND of that folder."""
     import rebound
 
-    assert Path(rebound.__file__).is_relative_to(FOLDER), rebound.__file__
+    assert Path(rebound.__file__).is_relative_to(Path(folder).resolve()), rebound.__file__
     answers, sys.stdout = sys.stdout.buffer, sys.stderr
     while True:
         try:

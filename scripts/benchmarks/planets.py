@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import orbits
-from benchmarks.native import Native, planets
+from benchmarks.native import Native, how_built, planets
 from benchmarks.problems import AU_KM, YEAR, marcher, ours, ten_bodies_data
 from benchmarks.references import ends, errors, rotated, rotations
 
@@ -20,57 +20,75 @@ H = 3.0
 CHUNKS = 40
 """How many times steps are timed for each repetition: the least is taken, of many short times."""
 
-CHUNK, WHFAST_CHUNK, WHFAST512_CHUNK = 8192, 2048, 16384
-"""Steps that are timed at once, for some milliseconds: a block of ours, and those of REBOUND's integrators."""
+CHUNK, WHFAST_CHUNK, WHFAST512_CHUNK = 8192, 8192, 16384
+"""Steps that are timed at once, for some milliseconds: a block of ours, and those of REBOUND's integrators, with their
+correctors at both ends.
+"""
 
 OURS = {
-    "standard, no corrector": orbits.WisdomHolman(kernel="standard", corrector=0),
-    "modified kick, corrector 17": orbits.WisdomHolman(),
-    "lazy kick, corrector 17": orbits.WisdomHolman(kernel="lazy"),
+    "WisdomHolman, standard, no corrector": orbits.WisdomHolman(kernel="standard", corrector=0),
+    "WisdomHolman, modified kick, corrector 17": orbits.WisdomHolman(),
+    "WisdomHolman, lazy kick, corrector 17": orbits.WisdomHolman(kernel="lazy"),
+    "SABA(10, 6, 4)": orbits.SABA(),
 }
 
 THEIRS: dict[str, tuple[str, dict[str, Any]]] = {
-    "WHFast": ("whfast", {}),
-    "WHFast modified kick, corrector 17": ("whfast", {"kernel": "modifiedkick", "corrector": 17}),
-    "WHFast lazy, correctors 17 and 2": ("whfast", {"kernel": "lazy", "corrector": 17, "corrector2": 1}),
-    "WHFast512, corrector 17": ("whfast512", {}),
+    "REBOUND WHFast": ("whfast", {}),
+    "REBOUND WHFast modified kick, corrector 17": ("whfast", {"kernel": "modifiedkick", "corrector": 17}),
+    "REBOUND WHFast lazy, correctors 17 and 2": ("whfast", {"kernel": "lazy", "corrector": 17, "corrector2": 1}),
+    "REBOUND SABA(10,6,4)": ("saba", {"type": "10_6_4"}),
+    "REBOUND WHFast512, corrector 17": ("whfast512", {"corrector": 17}),
 }
 """WHFast512 is last: it leaves AVX-512 registers in a state in which the SSE code of the wheel that follows takes twice
 the time; kernels of ours clear them."""
+
+COMPARED = {
+    "REBOUND WHFast": "times faster than WHFast",
+    "REBOUND WHFast lazy, correctors 17 and 2": "than WHFast lazy",
+    "REBOUND WHFast512, corrector 17": "than WHFast512",
+}
+"""Peers with which all are compared, and the heads of these columns."""
+
+NATIVE = ", built here"
+"""What follows the name of a peer that was built from source."""
 
 SHOWN = ("Mercury", "Venus", "Earth-Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune", "Pluto")
 
 
 def part_planets(repetitions: int) -> dict[str, Any]:
     """Wisdom–Holman maps of the planets, steps of 3 days. Sun and eight planets: the least time of a step in many short
-    chunks, whole runs of ours with their search for closest approaches, alternating with REBOUND's WHFast and WHFast512
-    from the wheel and built for this processor; and the largest energy error in ten million steps. Ten bodies over
-    1,000 years: seconds, and the RMS position error over rotated initial states, each compared with the solution for
-    exactly its rounded floats.
+    chunks, whole runs of ours with their search for closest approaches, alternating with REBOUND's WHFast, SABA and
+    WHFast512, from the wheel and as built here from source; how many times faster than each of these builds; and the
+    largest energy error in ten million steps. Ten bodies over 1,000 years: seconds, and the RMS position error over
+    rotated initial states, each compared with the solution for exactly its rounded floats.
     """
     native = Native.start()
     gm, q, v, reference = ten_bodies_data()
     times = _steps(gm[:9], q[:9], v[:9], repetitions, native)
-    seconds, rms = _thousand_years(gm, q, v, reference["1000"], max(8, repetitions))
+    seconds, rms = _thousand_years(gm, q, v, reference["1000"], max(8, repetitions), native)
     if native is not None:
         native.close()
     rows = []
     for name in [*OURS, *THEIRS]:
         mine = name in OURS
         row: dict[str, Any] = {
-            "method": f"WisdomHolman, {name}" if mine else f"REBOUND {name}",
+            "method": name,
             "ns a step": times[name],
-            "built for this processor": times.get(f"{name}, native"),
-            "times faster than WHFast": times["WHFast"] / times[name],
-            "than WHFast lazy": times["WHFast lazy, correctors 17 and 2"] / times[name],
-            "than WHFast512": times["WHFast512, corrector 17"] / times[name],
+            "built here": times.get(f"{name}{NATIVE}"),
+        }
+        for peer, head in COMPARED.items():
+            for build, which in {"": "", NATIVE: ", built here"}.items():
+                theirs = times.get(f"{peer}{build}")
+                row[f"{head}{which}"] = None if theirs is None else theirs / times[name]
+        row |= {
             "energy": _energy(OURS[name], gm[:9], q[:9], v[:9]) if mine else None,
             "seconds": seconds.get(name),
+            "seconds, built here": seconds.get(f"{name}{NATIVE}"),
         }
         if name in rms:
             row["rms_km"] = dict(zip(SHOWN, rms[name].tolist(), strict=True))
         rows.append(row)
-    return {"starts": max(8, repetitions), "rows": rows}
+    return {"starts": max(8, repetitions), "built here by": how_built(), "rows": rows}
 
 
 def _steps(gm: np.ndarray, q: np.ndarray, v: np.ndarray, repetitions: int, native: Native | None) -> dict[str, float]:
@@ -93,12 +111,12 @@ def _steps(gm: np.ndarray, q: np.ndarray, v: np.ndarray, repetitions: int, nativ
             arguments = integrator, options, gm, q, v, H, steps
             note(name, planets(*arguments)[0], steps)
             if native is not None:
-                note(f"{name}, native", native.planets(*arguments)[0], steps)
+                note(f"{name}{NATIVE}", native.planets(*arguments)[0], steps)
     return least
 
 
 def _thousand_years(
-    gm: np.ndarray, q: np.ndarray, v: np.ndarray, end: Any, count: int
+    gm: np.ndarray, q: np.ndarray, v: np.ndarray, end: Any, count: int, native: Native | None
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Return the seconds, and the RMS errors in km, of all that take ten bodies."""
     span = 1000 * YEAR
@@ -109,7 +127,10 @@ def _thousand_years(
     }
     for name, (integrator, options) in THEIRS.items():
         if integrator != "whfast512":
-            runs[name] = lambda q, v, i=integrator, o=options: planets(i, o, gm, q, v, H, round(span / H))
+            arguments = integrator, options, gm
+            runs[name] = lambda q, v, a=arguments: planets(*a, q, v, H, round(span / H))
+            if native is not None:
+                runs[f"{name}{NATIVE}"] = lambda q, v, a=arguments: native.planets(*a, q, v, H, round(span / H))
     seconds: dict[str, list[float]] = {name: [] for name in runs}
     squares: dict[str, list[np.ndarray]] = {name: [] for name in runs}
     for start, truth in zip(starts, truths, strict=True):

@@ -1,6 +1,7 @@
 """SABA: several kicks a step, without a corrector; its error, its bits, its particles, and what observers see."""
 
 import json
+import warnings
 
 import astropy.units as u
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import orbits
 from orbits import diagnostics
+from orbits.errors import InputError, StepWarning
 from orbits.integrators import parse
 from orbits.kernels.interaction import interact
 from orbits.kernels.jacobi import advance_planets, finish_velocities
@@ -77,19 +79,35 @@ def test_the_energy_of_the_outer_solar_system_is_within_rebounds_bounds(method, 
 
 
 def energies(method, start, h, steps):
-    """The energy at 40 times of a run."""
+    """The energy at 40 times of a run, and at its end."""
     run = Marcher(newtonian, method, parameters(start.gm), start.gm > 0, start.q, start.v, h)
     found = []
     for _ in range(40):
         found.append(newtonian_energy(start.gm, *run.state()))
         run.advance(steps // 40)
-    return np.array(found)
+    run.advance(steps - steps // 40 * 40)
+    return np.array([*found, newtonian_energy(start.gm, *run.state())])
 
 
 def newtonian_energy(gm, q, v):
     i, j = np.triu_indices(len(gm), 1)
     apart = np.linalg.norm(q[i] - q[j], axis=1)
     return 0.5 * (gm * (v**2).sum(axis=1)).sum() - (gm[i] * gm[j] / apart).sum()
+
+
+@pytest.mark.parametrize(("method", "kind"), [(DEFAULT, "10_6_4"), (EIGHT, "8_6_4"), (CLASSIC, "4")], ids=str)
+def test_it_is_the_map_of_rebound(method, kind):
+    """REBOUND's steps from the same start, 100 of them: to the rounding of both."""
+    start = rebounds_outer_solar_system()
+    x = orbits.from_rebound(start).values
+    start.integrator = "saba"
+    start.integrator.type = kind
+    start.dt = 0.06 * 2 * np.pi
+    start.steps(100)
+    start.synchronize()
+    q, v = march(method, x.gm, x.q, x.v, start.dt, 100)
+    assert np.abs(q - [p.xyz for p in start.particles]).max() < 1e-12  # of 40 au
+    assert np.abs(v - [p.vxyz for p in start.particles]).max() < 1e-13
 
 
 def test_forth_and_back_on_the_outer_solar_system_not_much_is_missing():
@@ -108,7 +126,7 @@ def test_a_body_passes_by_on_a_hyperbola_and_a_moving_frame_changes_nothing():
     truth = march(GAUSS, gm, q, v, 0.004, 2000)
     got = march(DEFAULT, gm, q, v, 0.1, 80)
     assert np.abs(got[0] - truth[0]).max() < 1e-10
-    moved = march(DEFAULT, gm, q, v + [10.0, 0.0, 0.0], 0.1, 80)
+    moved = march(DEFAULT, gm, q, v + np.array([10.0, 0.0, 0.0]), 0.1, 80)
     assert np.abs(moved[0] - [80.0, 0.0, 0.0] - got[0]).max() < 1e-12  # positions are of 80 there
 
 
@@ -217,6 +235,21 @@ def test_it_is_certified_with_and_without_particles():
         assert found.ok, found.table()
         assert found["symplecticity"].holds
         assert found["reversibility"].holds
+
+
+def test_steps_that_do_not_resolve_a_pericentre_are_warned_of_with_those_that_do():
+    start, options = orbits.System.solar_system(), {"duration": 1 * u.yr, "samples": 2, "progress": False}
+    with pytest.warns(StepWarning, match=r"Mercury passes Sun, .* and below 8 they .*dt <= 7\.1 d"):
+        orbits.propagate(start, DEFAULT, dt="10 d", **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        orbits.propagate(start, DEFAULT, dt="7 d", **options)
+    plunging = system({(2.2, 0.97): 0})
+    with pytest.warns(StepWarning, match=r"p0 passes Sun [^§]*dt <= 0\.55 d") as seen:
+        orbits.propagate(plunging, DEFAULT, dt="3 d", **{**options, "duration": 4 * u.yr})
+    assert "SABA(10, 6, 4) needs 8 steps in a full turn" in str(seen[-1].message)
+    with pytest.raises(InputError, match=r"derivative of SABA\(10, 6, 4\) is not known; expected WisdomHolman"):
+        orbits.megno(start, DEFAULT, dt="3 d", duration="1 yr")
 
 
 def test_it_is_named_as_in_the_literature():

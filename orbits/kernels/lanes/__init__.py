@@ -39,6 +39,7 @@ from orbits.kernels.lanes.memory import (
 )
 from orbits.kernels.lanes.reductions import (
     any_lane,
+    first_lane,
     largest,
     row_maxima,
     row_sums,
@@ -58,6 +59,7 @@ __all__ = [
     "exact_add",
     "exact_mul",
     "exact_sub",
+    "first_lane",
     "fma",
     "full",
     "get",

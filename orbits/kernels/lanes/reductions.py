@@ -39,6 +39,21 @@ def any_lane(typingctx, condition):
     return types.boolean(condition), codegen
 
 
+@intrinsic
+def first_lane(typingctx, condition):
+    """Return the first lane in which `condition` is not zero; the number of lanes if there is none."""
+    if not isinstance(condition, LanesType):
+        return None
+
+    def codegen(context, builder, sig, args):
+        mask, word = builder.fcmp_unordered("!=", args[0], constant(0.0, condition.count)), ir.IntType(condition.count)
+        bits = builder.zext(builder.bitcast(mask, word), INT64)
+        # A bit beyond the lanes, so that there is always one.
+        return builder.cttz(builder.or_(bits, INT64(1 << condition.count)), ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(condition), codegen
+
+
 # Three rounds fold or mix pairs of vectors, whose lanes then alternate between the two.
 _ROUNDS = (
     ([0, 8, 2, 10, 4, 12, 6, 14], [1, 9, 3, 11, 5, 13, 7, 15]),

@@ -12,6 +12,7 @@ from orbits.checks import whole_number
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.marching.choice import form_of_bodies
+from orbits.marching.clocks import Clock
 from orbits.marching.map_tangents import MapTangents, require_map_tangents
 from orbits.marching.marcher import available_threads
 from orbits.marching.pool import Pool
@@ -108,14 +109,23 @@ def each_in_threads(
 
 
 def tangents_of(
-    followed: Followed, integrator: Integrator, grid: TimeGrid, vectors: Array, scale: float | None = None
+    followed: Followed,
+    integrator: Integrator,
+    vectors: Array,
+    scale: float | None = None,
+    *,
+    clock: Clock | None = None,
 ) -> Tangents | MapTangents:
-    """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`."""
+    """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`.
+
+    clock : of constant steps, for a map on Kepler orbits, which is marched with them
+    """
     acting = model(followed.system)
     values = followed.system.values
     which = (followed.varied, values.q, values.v, vectors, scale)
     if integrator.follows_kepler:
-        return MapTangents(acting.lagrangian, acting.vectors, integrator, grid.h, *which)
+        assert clock is not None
+        return MapTangents(acting.lagrangian, acting.vectors, integrator, clock.h, *which)
     return Tangents(acting.lagrangian, acting.vectors, integrator, *which)
 
 

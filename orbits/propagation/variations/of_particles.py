@@ -1,0 +1,137 @@
+"""The growth of tangent vectors along the orbits of thousands of massless particles in a map on Kepler orbits."""
+
+from __future__ import annotations
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.checks import whole_number
+from orbits.errors import InputError, RetiredWarning, StepWarning, level_of_caller, with_unit
+from orbits.integrators.base import Integrator
+from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS
+from orbits.marching.marcher import available_threads
+from orbits.marching.particle_tangents import ParticleTangents, Passages
+from orbits.system import System
+from orbits.system.model import model
+from orbits.time_grid import TimeGrid
+
+Array = NDArray[np.float64]
+
+SHOWN = 3
+"""The most particles named in a warning."""
+
+
+class Growths(NamedTuple):
+    """The numbers of `TangentGrowth` for m particles.
+
+    megno, spread, lyapunov : (samples, m); passage : (m,), the time of the first passage that the map cannot follow,
+        NaN for none
+    """
+
+    megno: Array
+    spread: Array
+    lyapunov: Array
+    passage: Array
+
+
+def growths_of_particles(
+    system: System, integrator: Integrator, grid: TimeGrid, vectors: Array, scale: float, threads: int | None
+) -> Growths:
+    """Return the growth of tangent vectors, (count, 2, 3), of each massless particle, among the massive bodies.
+
+    Warns, with `RetiredWarning`, of particles that are lost, and of those retired in encounters if the method asks for
+    that: their numbers are NaN from there on; and with `StepWarning` of others with encounters.
+    """
+    if integrator.follows_encounters:
+        raise InputError(
+            f"the variations of {integrator.label} are not known where particles take steps of their own; use "
+            'encounters="warn" or "retire", or Gauss(stages=8) without dt.'
+        )
+    acting, values, massive = model(system), system.values, system.massive
+    count = available_threads() if threads is None else whole_number(threads, "threads, if given,")
+    bodies, particles = ((values.q[which], values.v[which]) for which in (massive, ~massive))
+    march = ParticleTangents(
+        acting.lagrangian, acting.vectors, integrator, grid.h, bodies, particles, vectors, scale, count
+    )
+    shape = len(grid), int((~massive).sum())
+    means, spreads, rates = np.full((3, *shape), np.nan)
+    out = Growths(means, spreads, rates, np.full(shape[1], np.nan))
+    try:
+        for sample in range(len(grid)):
+            march.advance(grid.place(sample))
+            if march.time != 0.0:
+                mean, log = march.growth()
+                out.megno[sample], out.lyapunov[sample] = _mean(mean), _mean(log) / abs(march.time)
+                if len(vectors) > 1:
+                    away = (mean - out.megno[sample, :, None]) ** 2
+                    out.spread[sample] = np.sqrt(_mean(away) * (len(vectors) / (len(vectors) - 1)))
+    finally:
+        march.close()
+    _judge(system, integrator, grid, out, march.passages())
+    return out
+
+
+def _mean(values: Array) -> Array:
+    """Return the means of rows, summed in the same order whatever their number."""
+    total = values[:, 0].copy()
+    for k in range(1, values.shape[1]):
+        total += values[:, k]
+    return np.asarray(total / values.shape[1])
+
+
+def _judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, passages: Passages) -> None:
+    """Write the times of passages, put NaN for what is not known, and warn."""
+    names = np.array(system.names, dtype=object)[~system.massive]
+    bodies = np.array(system.names, dtype=object)[system.massive]
+    times = np.fmin(abs(passages.near), abs(passages.sharp))
+    out.passage[:] = times * grid.direction
+    met = np.isfinite(times)
+    retires = integrator.retires_in_encounters
+    lost = ~np.isfinite(out.megno[-1]) & (grid.times[-1] != 0.0) & ~(met & retires)
+    if retires:
+        gone = met & (abs(grid.times[:, None]) > times)
+        for values in out[:3]:
+            values[gone] = np.nan
+    for values in out[:3]:
+        values[~np.isfinite(values)] = np.nan
+    if lost.any():
+        _warn(
+            f"the MEGNO of {_few(names[lost])} is not known from where its motion is no longer finite: a fall into a "
+            "body, or a step too long by far.",
+            RetiredWarning,
+        )
+    if not met.any():
+        return
+    unit, lines = system.units.time, []
+    for k in np.flatnonzero(met)[np.argsort(times[met], kind="stable")][:SHOWN]:
+        near = abs(passages.near[k]) == times[k]
+        what = (
+            f"within {HILL_RADII:.0f} Hill radii of {bodies[passages.planet[k]]}"
+            if near
+            else f"at a pericentre where a full turn would take fewer than {LEAST_STEPS} steps"
+        )
+        lines.append(f"  {names[k]} {what}, at t = " + with_unit(f"{out.passage[k]:.6g}", unit))
+    hidden = f"\n  And {int(met.sum()) - SHOWN:,} more." if met.sum() > SHOWN else ""
+    text, whom = "\n".join(lines) + hidden, f"{int(met.sum()):,} massless particle{'s' * bool(met.sum() > 1)}"
+    if retires:
+        told = f"{whom} came where {integrator.label} retires them, and have no MEGNO from there on:\n{text}"
+        _warn(told, RetiredWarning)
+        return
+    _warn(
+        f"{whom} came where {integrator.label} cannot follow them: their MEGNO is large where the orbit is chaotic, as "
+        f"such orbits mostly are, but its value from there on is that of the steps:\n{text}\nUse a smaller dt, another "
+        'method for these, or encounters="retire".',
+        StepWarning,
+    )
+
+
+def _few(names: Array) -> str:
+    more = f" and {len(names) - SHOWN:,} more" if len(names) > SHOWN else ""
+    return ", ".join(str(name) for name in names[:SHOWN]) + more
+
+
+def _warn(text: str, kind: type[Warning]) -> None:
+    warnings.warn(text, kind, stacklevel=level_of_caller())

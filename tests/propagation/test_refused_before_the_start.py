@@ -1,0 +1,177 @@
+"""Runs that a step or a method cannot follow are warned of before they start, or refused, by option, with a remedy."""
+
+import re
+import warnings
+
+import astropy.units as u
+import numpy as np
+import pytest
+
+import orbits
+from orbits.errors import InputError, RetiredWarning, StepWarning
+from orbits.propagation.kepler_splitting import warn_if_unfit
+
+MAP = orbits.WisdomHolman()
+OPTIONS = {"samples": 2, "progress": False}
+
+
+def around_a_star(*others, radii=None):
+    """Two quiet planets of a star, with other bodies: (name, gm, position on the x axis, speed along y)."""
+    names, gm, x, w = zip(("star", 1.0, 0.0, 0.0), ("b", 1e-4, 1.0, 1.0), ("c", 1e-4, -2.0, -0.7), *others, strict=True)
+    q, v = np.zeros((len(gm), 3)), np.zeros((len(gm), 3))
+    q[:, 0], v[:, 1] = x, w
+    return orbits.System(names, gm, q, v, units=orbits.DIMENSIONLESS, radii=radii)
+
+
+def test_a_dt_too_long_for_the_innermost_pericentre_is_refused_with_the_one_that_would_do():
+    system = orbits.System.solar_system()
+    text = r"dt = 6 d is too long.*Mercury passes Sun, at 0\.3075 AU.*dt <= 3\.5 d"
+    with pytest.raises(InputError, match=text) as caught:
+        orbits.propagate(system, MAP, dt="6 d", duration="1 yr", check_step="refuse", **OPTIONS)
+    assert str(caught.value).endswith("This is refused by check_step='refuse'.")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        orbits.propagate(system, MAP, dt="3.5 d", duration="1 yr", check_step="refuse", **OPTIONS)
+        orbits.propagate(system, "gauss", duration="30 d", check_step="refuse", **OPTIONS)  # steps chosen one by one
+    with pytest.raises(InputError, match=r"dt = 30 d is too long for StormerVerlet"):
+        orbits.propagate(system, "stormer-verlet", dt="30 d", duration="1 yr", check_step="refuse", **OPTIONS)
+
+
+@pytest.mark.parametrize("gm", [1e-5, 0.0])
+def test_the_dt_that_would_do_does(gm):
+    """It is rounded down: to the nearest two digits it would be too long for half of all orbits."""
+    for x in np.linspace(0.03, 0.3, 40):
+        system = around_a_star(("d", gm, x, 1.1 / np.sqrt(x)))
+        with pytest.raises(InputError) as caught:
+            orbits.propagate(system, MAP, dt=0.5, duration=2.0, check_step="refuse", **OPTIONS)
+        enough = min(map(float, re.findall(r"dt <= (\S+) resolves", str(caught.value))))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warn_if_unfit(system, MAP, enough, 2.0)
+        with pytest.warns(StepWarning):
+            warn_if_unfit(system, MAP, 1.12 * enough, 2.0)  # two digits
+
+
+def test_a_massive_orbit_that_crosses_another_is_refused_before_the_start():
+    crossing = around_a_star(("d", 1e-4, 1.3, 1.0))
+    with pytest.raises(InputError, match=r"(?s)the orbits of c and d come within 0\.0.*Gauss\(stages=8\), the default"):
+        orbits.propagate(crossing, MAP, dt=0.05, duration=1.0, check_step="refuse", **OPTIONS)
+    with pytest.warns(StepWarning, match="cannot follow close encounters of massive bodies"):
+        orbits.propagate(crossing, MAP, dt=0.05, duration=1.0, **OPTIONS)
+
+
+def test_all_that_is_wrong_is_said_at_once():
+    crossing = around_a_star(("d", 1e-4, 1.3, 1.0), ("rock", 0.0, 0.5, 0.4))
+    with pytest.raises(InputError) as caught:
+        orbits.propagate(crossing, MAP, dt=0.1, duration=9.0, check_step="refuse", **OPTIONS)
+    for part in ("too long for 1 massless particle", "rock passes star", "the orbits of c and d come within"):
+        assert part in str(caught.value)
+
+
+@pytest.mark.parametrize("derivative", [orbits.megno, orbits.state_transition])
+def test_derivatives_of_runs_are_refused_alike(derivative):
+    system = orbits.System.solar_system()
+    with pytest.raises(InputError, match=r"(?s)dt = 30 d is too long for Gauss\(stages=2\).*check_step='refuse'"):
+        derivative(system, orbits.Gauss(stages=2), dt="30 d", duration="1 yr", check_step="refuse")
+
+
+def test_an_archive_is_not_begun_by_a_run_that_is_refused(tmp_path):
+    with pytest.raises(InputError):
+        orbits.propagate(
+            orbits.System.solar_system(), MAP, dt="6 d", duration="1 yr", archive=tmp_path / "run.h5",
+            check_step="refuse", **OPTIONS,
+        )  # fmt: skip
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("answer", ["warn", "Refuse", 1, None])
+def test_another_answer_to_the_check_of_the_step_is_refused(answer):
+    with pytest.raises(InputError, match=r"check_step is .*; expected True \(warn\), False or 'refuse'"):
+        orbits.propagate(around_a_star(), MAP, dt=0.1, duration=1.0, check_step=answer, **OPTIONS)
+
+
+def test_bodies_inside_the_primary_are_refused_where_its_radius_is_known():
+    inside = around_a_star(("p", 0.0, 0.01, 1.0), ("q", 0.0, 0.04, 1.0), radii=[0.05, 0.0, 0.0, 0.0, 0.0])
+    text = (
+        r"'p' is 0\.01 from the centre of 'star', inside its radius of 0\.05, as is q: a Wisdom–Holman step moves "
+        r"bodies about a point mass\. Leave them out with system\.remove\('p'\)"
+    )
+    for check in (True, False):
+        with pytest.raises(InputError, match=text):
+            orbits.propagate(inside, MAP, dt=0.01, duration=1.0, check_step=check, **OPTIONS)
+    orbits.propagate(inside.remove("p", "q"), MAP, dt=0.01, duration=1.0, **OPTIONS)
+    with pytest.warns(StepWarning, match="p passes star at"):
+        orbits.propagate(inside.replaced(radii=None), MAP, dt=0.01, duration=1.0, **OPTIONS)
+    orbits.propagate(inside, duration=0.01, **OPTIONS)  # other methods take it for a point
+
+
+def test_a_particle_almost_at_the_centre_is_retired_without_warnings_of_numpy():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        with pytest.warns(RetiredWarning, match="p: t = 0, step 1: the state is no longer finite"):
+            orbits.propagate(around_a_star(("p", 0.0, 1e-200, 0.1)), MAP, dt=0.1, duration=1.0, **OPTIONS)
+    with pytest.raises(InputError, match="'star' and 'p' are both at"):
+        around_a_star(("p", 0.0, 0.0, 0.1))
+
+
+def test_terms_and_forces_without_a_flow_in_the_map_are_refused_with_the_methods_that_take_them():
+    """Those that depend on velocities: frame dragging by a planet, by the Sun in other maps, and drag."""
+    system, heliocentric = orbits.System.solar_system(), orbits.WisdomHolman(coordinates="democratic-heliocentric")
+
+    def dragged(body):
+        pole = (286.13, 63.87) * u.deg
+        return system.with_terms(orbits.LenseThirring(body, spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
+
+    slowed = system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Mars"]))
+    for bodies, method, text in (
+        (dragged("Jupiter"), MAP, r"dominant body alone, 'Sun'; got LenseThirring of 'Jupiter'\. Leave it out, or"),
+        (dragged("Sun"), orbits.SABA(), r"'newtonian \+ Lense-Thirring' is not\. Use Gauss.*WisdomHolman"),
+        (dragged("Sun"), heliocentric, r"no terms besides Newton's gravity, got Lense-Thirring; in Jacobi .*Gauss"),
+        (slowed, MAP, r"cannot march bodies with the force of drag\. Use Gauss"),
+    ):
+        with pytest.raises(InputError, match=text):
+            orbits.propagate(bodies, method, dt="3 d", duration="1 yr", **OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"corrector": 17}, r"corrector=17 is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"kernel": "lazy"}, r"kernel='lazy' is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"corrector2": True}, r"corrector2=True is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"coordinates": "jacobi", "kernel": "lazy", "corrector": 0}, r"use corrector=17, or kernel='standard'"),
+        ({"coordinates": "jacobi", "kernel": "standard", "corrector2": True}, r"use kernel='modified-kick' or 'lazy'"),
+        ({"coordinates": "jacobi", "corrector": -3}, r"corrector is -3; expected 17, 11, 7, 5, 3, or 0 for none"),
+    ],
+)
+def test_a_corrector_is_refused_with_a_kernel_or_coordinates_that_it_does_not_fit(options, text):
+    with pytest.raises(InputError, match=text):
+        orbits.WisdomHolman(**({"coordinates": "democratic-heliocentric"} | options))
+
+
+@pytest.mark.parametrize(
+    ("gm", "text"),
+    [
+        ([1.0, 0.8, 1e-4], r"with more than 90 % of the mass; the heaviest of these 3 has 55\.6 %\. Use a method"),
+        ([1.0, 0.0, 0.0], r"massive bodies of which one dominates the others.*; there is a single one\. Use a method"),
+    ],
+)
+def test_a_system_without_a_body_that_dominates_others_is_refused(gm, text):
+    with pytest.raises(InputError, match=text):
+        orbits.propagate(around_a_star().replaced(gm=gm), MAP, dt=0.1, duration=1.0, **OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"samples": 0}, "samples = 0: a count includes both ends, so at least 2"),
+        ({"samples": -3}, "samples = -3: a count includes both ends"),
+        ({"threads": 0}, "threads, if given, must be a whole number >= 1, got 0"),
+        ({"threads": -2}, "threads, if given, must be a whole number >= 1, got -2"),
+        ({"dt": 0.0}, "dt must be finite and not zero, got 0"),
+        ({"duration": 0.0}, "duration is 0; give a positive one"),
+    ],
+)
+def test_a_count_of_none_or_fewer_is_refused_by_name(options, text):
+    with pytest.raises(InputError, match=text):
+        orbits.propagate(around_a_star(), MAP, **({"dt": 0.1, "duration": 1.0, "progress": False} | options))
