@@ -516,11 +516,16 @@ class Marcher(Blocks):
         """Record the steps of blocks in this array, which has room for the longest."""
         self._watcher.use_path(path)
 
+    @property
+    def looks_for_planets_alone(self) -> bool:
+        """Whether all that is observed are closest approaches of planets about the first body."""
+        return self._watcher.looks_for_planets_alone
+
     def observing_elsewhere(self, record: Array) -> int:
         """Prepare the observers for a block that is computed along with others, with a copy of the record; return the
         address of their context, or 0 if they need all states of the block.
         """
-        if not self._watcher.looks_for_planets_alone:
+        if not self.looks_for_planets_alone:
             return 0
         record[...] = self._state["approaches"]
         self._watcher.begin(record, self.step)

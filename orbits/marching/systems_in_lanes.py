@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from orbits.marching.marcher import Marcher
 
 
+PATH_BYTES = 2_500_000
+"""Size of the recorded states of eight systems, where all are looked at: observers pass through those of each again and
+again, and should find them in the cache."""
+
+
 class Lanes:
     """The memory in which up to eight marches of one kind are marched together; see `Marcher.kind_in_lanes`.
 
@@ -42,6 +47,9 @@ class Lanes:
         self._path = np.zeros((WIDTH, 2 * (loops.steps + 1) * width))
         self._records = [marcher.loops.state["approaches"].copy() for marcher in marchers]
         self._contexts = np.zeros(WIDTH, dtype=np.int64)
+        if not all(marcher.looks_for_planets_alone for marcher in marchers):
+            for marcher in marchers:
+                marcher.block = min(marcher.block, max(1, PATH_BYTES // (16 * width * WIDTH)))
         self._places: list[int] = []
 
     def march(self, members: Sequence[int], count: int) -> None:
