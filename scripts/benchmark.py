@@ -23,9 +23,11 @@ import numpy as np
 from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_light_bodies, part_precision
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
 from benchmarks.energy import part_energy
+from benchmarks.jacobi_constant import part_jacobi
 from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
+from benchmarks.systems import part_systems
 
 import orbits
 from orbits.kernels.compile import cpu_features, cpu_name
@@ -42,10 +44,12 @@ BY_HAND = "## How close to the machine"
 PARTS = {
     "ten_bodies": part_ten_bodies,
     "planets": part_planets,
+    "systems": part_systems,
     "energy": part_energy,
     "adaptive": part_adaptive,
     "light_bodies": part_light_bodies,
     "crossers": part_crossers,
+    "jacobi": part_jacobi,
     "drift": part_drift,
     "precision": part_precision,
     "particles": part_particles,

@@ -13,6 +13,9 @@ kick, by the potential V - h^2/24 sum_i m'_i |a_i|^2 with a the acceleration by 
 kick is the acceleration by V at q + h^2/12 a: the same to the second order in the masses, beyond which it is not
 symplectic. State and corrected state are in doubled precision.
 
+Terms of the dominant body, such as relativity and oblateness, are a part of B: those of positions alone in its kicks,
+all others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.terms_about`.
+
 Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom
 (2006), AJ 131, 2294; Rein, Tamayo & Brown (2019), MNRAS 489, 4632.
 """
@@ -25,6 +28,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from orbits.checks import finite_number
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
@@ -73,8 +77,9 @@ from orbits.kernels.jacobi_particles import (
 )
 from orbits.kernels.lanes import WIDTH, full, halves
 from orbits.kernels.steps import OK, Particles
-from orbits.kernels.systems.planets import MOST_PLANETS, march_planets
-from orbits.kernels.systems.planets import ROWS as SYSTEMS_ROWS
+from orbits.kernels.systems.approaches import ALL_ROWS
+from orbits.kernels.systems.planets import MOST_PLANETS
+from orbits.kernels.systems.planets_march import march_planets
 from orbits.kernels.terms_about import flow, flow_among, kick_more, strength_of, to_momenta, to_velocities
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
@@ -90,7 +95,7 @@ NO_TABLE = -1
 
 COORDINATES = "jacobi", "democratic-heliocentric"
 
-ENCOUNTERS = "follow", "warn", "retire"
+ENCOUNTERS = "warn", "follow", "retire"
 
 
 @kernel
@@ -473,7 +478,7 @@ class KeplerSplitting(Form):
         """The march of up to eight planets of each."""
         own = self.own_kernels()
         plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
-        return (march_planets, SYSTEMS_ROWS) if plain else None
+        return (march_planets, ALL_ROWS) if plain else None
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
@@ -509,6 +514,14 @@ def _ordinal(row: int) -> str:
     return f"{row + 1}{'th' if (row + 1) % 100 in (11, 12, 13) else last}"
 
 
+def _distance(value: Any, name: str) -> float:
+    """Return a distance above 0. Raises InputError for anything else."""
+    number = finite_number(value, name)
+    if not number > 0.0:
+        raise InputError(f"{name} is {number:g}; expected a distance above 0, in the system's unit of length")
+    return number
+
+
 @dataclass(frozen=True)
 class WisdomHolman(Integrator):
     """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
@@ -521,23 +534,38 @@ class WisdomHolman(Integrator):
         the modified kick, and "standard", the only one, in democratic heliocentric coordinates
     corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel. By default
         17, and 0, the only one, in democratic heliocentric coordinates
-    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
-        oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
+    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes a
+        part of the oscillations of the second order in the planets' masses, which matters for planets of a hundredth in
+        long steps only; positions drift away as without it
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
-        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
+        step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
+        step of that passage, with time and place
+    ejected_beyond, lost_within : the distance from the dominant body beyond which massless particles on open orbits are
+        retired, and the pericentre distance below which any are, in the system's unit of length; looked for after every
+        64th step
 
-    For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
-    planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
-    particle moves about the centre of mass of the dominant body and the planets whose semi-major axes are below its
-    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and
-    conserves the momenta, but for the lazy kick, which does so up to the third order in the planets' masses; it is
-    symmetric without a corrector, and up to that order with one.
+    For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
+    (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
+    hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
+    bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major
+    axes are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets
+    is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the planets'
+    masses; it is symmetric without a corrector, and up to that order with one. With terms, what is left is of the
+    second order in them, too, times h^2; of oblateness the lazy kick removes that.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
-    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
+    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances, and with relativity
+    velocities by (v/c)^2 of them.
 
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
+
+    With `encounters="follow"` a particle leaves the map at the beginning of the step in which it comes within four Hill
+    radii of a planet, or so close that kicks do not add up to the planet's attraction, or in which h v / r about the
+    dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
+    of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
+    enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
+    others do not change. One that comes within the radius of a body, if the system has radii, is retired where it does.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
@@ -551,6 +579,8 @@ class WisdomHolman(Integrator):
     corrector: int | None = None
     corrector2: bool = option(False)
     encounters: str = option("warn")
+    ejected_beyond: float | None = option(None)
+    lost_within: float | None = option(None)
 
     name: ClassVar[str] = "wisdom-holman"
     summary: ClassVar[str] = "Wisdom–Holman: bodies about a dominant one, corrected Kepler orbits and kicks"
@@ -578,8 +608,18 @@ class WisdomHolman(Integrator):
         if self._heliocentric:
             self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
-            known = " or ".join(map(repr, ENCOUNTERS))
+            *others, last = map(repr, ENCOUNTERS)
+            known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
+        if self._heliocentric and self.encounters == "follow":
+            raise InputError(
+                'encounters="follow" lets particles leave Jacobi coordinates, and return; got democratic heliocentric '
+                'ones. Use coordinates="jacobi", or encounters="warn".'
+            )
+        for name in ("ejected_beyond", "lost_within"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _distance(value, name))
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
             raise InputError(
@@ -605,6 +645,16 @@ class WisdomHolman(Integrator):
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
                     f"together; leave it away, or use coordinates='jacobi'"
                 )
+        if self.encounters == "follow":
+            raise InputError(
+                "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
+                "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
+            )
+
+    @property
+    def departures(self) -> tuple[float | None, float | None]:
+        """Where massless particles are retired."""
+        return self.ejected_beyond, self.lost_within
 
     @property
     def follows_encounters(self) -> bool:
@@ -621,6 +671,10 @@ class WisdomHolman(Integrator):
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
         return 2 if self.kernel == "standard" or self.corrector in (0, 3) else 4
 
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return 2 with terms, whose second order, h^2 times their square, is not in the kick."""
+        return self.order if NEWTONIAN in lagrangian.traits else 2
+
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
         """All but for the lazy kick; symmetric without a corrector."""
@@ -632,6 +686,11 @@ class WisdomHolman(Integrator):
     def variational(self) -> bool:  # type: ignore[override]
         """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
         return self.corrector == 0 and not self._heliocentric
+
+    @property
+    def exact_for_two(self) -> bool:  # type: ignore[override]
+        """Whether the motion of a single planet is exact: in Jacobi coordinates."""
+        return not self._heliocentric
 
     @property
     def own_discrete_lagrangian(self) -> str:  # type: ignore[override]

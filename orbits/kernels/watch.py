@@ -162,6 +162,18 @@ def watch_at(typingctx, context):
 
 
 @intrinsic
+def set_first(typingctx, context, first):
+    """Write the field `first` of the context at an address."""
+
+    def codegen(cx, builder, sig, args):
+        words = builder.inttoptr(args[0], INT64.as_pointer())
+        builder.store(args[1], builder.gep(words, [INT64(_PLACES["first"])]))
+        return cx.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen
+
+
+@intrinsic
 def flat(typingctx, array):
     """Return the rows of a contiguous array of two dimensions, one after the other."""
     if not (isinstance(array, types.Array) and array.ndim == 2 and array.layout == "C"):

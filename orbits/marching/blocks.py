@@ -20,12 +20,14 @@ from orbits.kernels.dense import times_reached
 from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching import changing, kepler_passages
+from orbits.marching import changing, kepler_passages, losses
 from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.clocks import Clock
 from orbits.marching.failures import failure_of_bodies, last_good, meeting
+from orbits.marching.hand_over import PART
+from orbits.marching.losses import Contact
 from orbits.marching.passage_list import PassageList
-from orbits.marching.retirement import Lost, Retired
+from orbits.marching.retirement import HIT, Lost, Retired, earlier
 from orbits.marching.watcher import Watcher
 
 SPAN, LEAST_SPAN = 3.0, 32
@@ -63,6 +65,7 @@ class Blocks:
         _begun_lo: float
         _block: tuple[int, float]
         _bodies: int
+        _contacts: dict[int, Contact]
         _counts: tuple[int, int]
         _dense: bool
         _encountered: Lost | None
@@ -82,11 +85,13 @@ class Blocks:
         _start: float
         _state: dict[str, Array]
         _stopped: bool
+        _surfaces: Array | None
         _watcher: Watcher
 
         @property
         def time(self) -> float: ...
         def state(self) -> tuple[Array, Array]: ...
+        def state_after(self, offset: float) -> tuple[Array, Array]: ...
         def _as_seen(self, particles: NDArray[np.intp] | None = None) -> dict[str, Array]: ...
         def _time_of(self, step: int) -> float: ...
 
@@ -118,7 +123,8 @@ class Blocks:
         """Return the number of steps up to the next state that is kept, if not all are; fewer while particles are
         retired often.
         """
-        most = self.block if self._keep is None or self._apart == 1 else APART - self.step % APART
+        every = (self._keep is not None and self._apart > 1) or self.integrator.departures != (None, None)
+        most = APART - self.step % APART if every else self.block
         if not (self._retire and self.integrator.retires_in_encounters):
             return most
         # A retirement costs a block, and a block about SPAN^2 steps: their sum is least for blocks of this length.
@@ -138,6 +144,7 @@ class Blocks:
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
         lost, reached, begun = self._retired.lost_or(self._encountered), {}, self.step
+        contacts = self._contacts
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
             within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
             count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
@@ -148,10 +155,10 @@ class Blocks:
             return None
         if self._stop(count):
             beyond = lost is not None and self.step > begun + lost.steps
-            return self._lose(lost, reached, begun + lost.steps) if lost is not None and beyond else None
+            return self._lose(lost, reached, begun + lost.steps, contacts) if lost is not None and beyond else None
         self.step += count
         if lost is not None:
-            return self._lose(lost, reached, begun + lost.steps)
+            return self._lose(lost, reached, begun + lost.steps, contacts)
         if failure is None:
             return None
         try:  # to find the number and the time of the step that failed
@@ -200,20 +207,32 @@ class Blocks:
         state = {name: self._state[name][:, which] for name, which in reached.items()}
         return {**state, "particle_clock": self._state["particle_clock"][lost.particles]}
 
-    def _lose(self, lost: Lost, reached: Mapping[str, Array], step: int) -> IntegrationError | None:
+    def _lose(
+        self, lost: Lost, reached: Mapping[str, Array], step: int, contacts: Mapping[int, Contact] | None = None
+    ) -> IntegrationError | None:
         """Retire particles after `step` steps, where they have got to; or return the error for the first one, if
         `retire` is not set.
+
+        contacts : of those that hit a body
         """
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         if self._form.transforms:  # what is left of them is what is seen
-            seen, away, alone = self._as_seen(lost.particles), reached.get("away", np.zeros(0, dtype=np.intp)), reached
+            seen, alone = self._as_seen(lost.particles), reached
             reached = {f"particle_{name}": seen[f"particle_{name}"][:, lost.particles] for name in ("q", "v")}
-            self._state["particle_memory"][lost.particles] = 0.0
-            if len(away):
-                self._state["particle_memory"][away] = alone["memory"]
-                for name in ("q", "v"):
-                    reached[f"particle_{name}"][:, np.isin(lost.particles, away)] = alone[name]
+            parts = dict(zip(alone.get("away", np.zeros(0)).tolist(), alone.get("memory", np.zeros(0)), strict=True))
+            for k, particle in enumerate(lost.particles.tolist()):
+                memory, there = self._state["particle_memory"][particle], None
+                if lost.status[k] == HIT and contacts:
+                    part, *there = self._contact(particle, contacts[particle])
+                elif particle in parts:
+                    at, part = list(parts).index(particle), parts[particle][0, PART]
+                    there = [alone["q"][:, at], alone["v"][:, at]]
+                if there is not None:
+                    reached["particle_q"][:, k], reached["particle_v"][:, k] = there
+                memory[:] = 0.0
+                if there is not None:
+                    memory[0, NUMBER], memory[0, PART] = ELSEWHERE, part
         self._retired.add(lost, step)
         for name, values in reached.items():
             if name == "particle_clock":
@@ -221,6 +240,22 @@ class Blocks:
             else:
                 self._state[name][:, lost.particles] = values
         return None
+
+    def _contact(self, particle: int, contact: Contact) -> tuple[float, Array, Array]:
+        """Return the part of the next step after which a particle hits a body, and its state there, (3,) each."""
+        assert self._surfaces is not None
+        h, radius = self.clock.h, float(self._surfaces[contact.body])
+        body, own = int(self._massive[contact.body]), int(self._particles[particle])
+        part = min(max(contact.reading - self.step, 0.0), 1.0)
+        for _ in range(losses.TRIES):
+            q, v = self.state_after(part * h)
+            apart, speed = q[own] - q[body], v[own] - v[body]
+            distance = float(np.linalg.norm(apart))
+            fall = float(apart @ speed) / distance
+            if not fall * h < 0.0 or abs(distance - radius) <= losses.TOUCHING * radius:
+                break
+            part = min(max(part - (distance - radius) / (fall * h), 0.0), 1.0)
+        return part, q[own], v[own]
 
     def _stop(self, count: int) -> bool:
         """Return whether a condition was met in the block of `count` steps just marched; if so, go back to that
@@ -299,7 +334,7 @@ class Blocks:
             self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
             if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
-        if record is not None and count:
+        if record is not None and count and not self._loops.observed:
             if not watched[0]:
                 self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
             carry = state["memory"] if watched[0] else None
@@ -314,10 +349,30 @@ class Blocks:
             self._encountered = None
             # Not from a list that is not complete: shorter blocks follow.
             if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
-                where = (self._bodies, self._watcher.dominant, h, self.step)
+                where = (self._bodies, self._watcher.dominant, h, self.step, self.integrator.least_steps)
                 self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
+            if self._retire and len(self._particles):
+                self._encountered = self._lost_anyhow(state, h, count)
             self._passages.add(self._watcher.lists)
         return count
+
+    def _lost_anyhow(self, state: dict[str, Array], h: float, count: int) -> Lost | None:
+        """Return the particles that are lost first in the block just marched, though they can be stepped."""
+        found, self._contacts = self._encountered, {}
+        if self._surfaces is not None:
+            gm = self._gm[: self._bodies]
+            hits, self._contacts = losses.impacts(self._watcher.own_lists, self._surfaces, gm, h, self.step)
+            found = earlier(hits, found)
+        limits = self.integrator.departures
+        if limits != (None, None) and (self.step + count) % APART == 0:
+            n, m, sun = self._bodies, len(self._particles), self._watcher.dominant
+            centre = state["q"][: 3 * n].reshape(3, n)[:, sun], state["v"][: 3 * n].reshape(3, n)[:, sun]
+            q, v = state["particle_q"][:, :m], state["particle_v"][:, :m]
+            which, status = losses.departures(q, v, centre, float(self._gm[sun]), *limits)
+            there = self._retired.block[which, 0] == OK
+            if there.any():
+                found = earlier(found, Lost(count, which[there], status[there]))
+        return found
 
     def _meeting(self, state: dict[str, Array], body: int | None = None) -> list[int]:
         """Return two massive bodies, the lighter one first: `body` and its nearest neighbour, or the closest pair."""

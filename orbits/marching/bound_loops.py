@@ -53,6 +53,7 @@ class BoundLoops:
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
     ready : the next block, if it was computed along with those of other systems
+    observed : whether the block marched last was, and closest approaches have been looked for in it
     """
 
     def __init__(
@@ -119,6 +120,7 @@ class BoundLoops:
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
         self.ready: Ready | None = None
+        self.observed = False
 
     @property
     def kind(self) -> tuple[Any, ...]:
@@ -196,7 +198,9 @@ class BoundLoops:
         Returns (status, steps done, body, evaluations); see `orbits.marching.driver`.
         """
         ready, self.ready = self.ready, None
+        self.observed = False
         if ready is not None and path.size and self._fits(ready, state, count):
+            self.observed = ready.observed
             return ready.take(state)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded

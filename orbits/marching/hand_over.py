@@ -1,16 +1,16 @@
 """Massless particles that leave a map on Kepler orbits for steps of their own, where it cannot follow them, and return.
 
-For each group of eight, a block of steps is marched in lanes first, as for all particles. One that comes to a step that
-the map cannot follow (`orbits.kernels.encounters_ahead`), or that was away when the block began, is then marched through
-the block again, alone: by the map up to the beginning of that step, where it leaves with the planets, uncorrected, in
-doubled precision; from there on by steps of its own, as among bodies whose steps are chosen
+For each group of eight, a block of steps is marched in lanes first, as for all particles. One that comes to a step
+that the map cannot follow (`orbits.kernels.encounters_ahead`), or that was away when the block began, is then marched
+through the block again, alone: by the map up to the beginning of that step, where it leaves with the planets,
+uncorrected, in doubled precision; from there on by steps of its own, as among bodies whose steps are chosen
 (`orbits.marching.own_clocks`); and from the beginning of the first step that the map can take, which may be in a later
 block, by the map again. It is entered there as at the start of a run, with a new place in the planets' order.
 
-The planets within a step are those of one step of Gauss from their uncorrected state at its beginning: off by the error
-of the map in one step. All that is known of a particle that is away is its state, in the columns of all, and its memory:
-`orbits.kernels.jacobi_particles.ELSEWHERE` in the place of its number, its clock, and L of its last step; see `BEGUN`. So
-its way depends neither on blocks nor on any other particle.
+The planets within a step are those of one step of Gauss from their uncorrected state at its beginning: off by the
+error of the map in one step. All that is known of a particle that is away is its state, in the columns of all, and its
+memory: `orbits.kernels.jacobi_particles.ELSEWHERE` in the place of its number, its clock, and L of its last step; see
+`BEGUN`. So its way depends neither on blocks nor on any other particle.
 
 It is not reversible in time, nor symplectic: where a particle leaves, and where it returns, depends on the direction.
 
@@ -21,6 +21,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from orbits.integrators.forms import Array
 from orbits.kernels.clocks import Clock, step_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters_ahead import (
@@ -68,6 +71,12 @@ BEGUN, PART, MORE_ROWS = 0, 3, 2
 """The memory of a particle that is away: from this column of the first row on, the first two numbers of its clock (see
 `orbits.marching.own_clocks.BEFORE`); if it was lost, the part of a step that it took; in the other three rows L. These
 are two rows more than a particle has that is marched by the map alone."""
+
+
+def parts_taken(memory: Array) -> Array:
+    """Return the parts of a step that lost particles have taken by steps of their own, from the memory of all."""
+    parts: Array = np.where(memory[:, 0, NUMBER] == ELSEWHERE, memory[:, 0, PART], 0.0)
+    return parts
 
 
 class Map(NamedTuple):
@@ -337,7 +346,7 @@ def march_handing_over(
     own_context, counts, at, log_times, log_path, log_track, found
 ):  # fmt: skip
     """March massless particles start ... stop - 1 by `steps` steps through the tables of the planets, and by steps of
-    their own where the map cannot follow them; the first arguments are those of `orbits.marching.driver.march_particles`.
+    their own where the map cannot follow them; the first arguments are those of `march_particles`.
 
     near, extent : see `Rules`; limits : (3,), the number of the dominant body, its GM, and the bound of h v / r
     kept : (16, 4, 8), workspace for memories; own_memory ... planets : see `Map`; own_columns : (4, 3, 16)

@@ -1,4 +1,4 @@
-"""What lets massless particles leave a map: the passages that it cannot follow, and the memory of those that are away."""
+"""What lets massless particles leave a map: the passages that it cannot follow, and the memory that this takes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from orbits.errors import InputError
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
@@ -28,23 +29,30 @@ class Followed(NamedTuple):
     """The passages of massless particles that a map leaves to steps of their own.
 
     near : (2, n), see `orbits.kernels.encounters_ahead.Rules`; limits : (3,), see `march_handing_over`
-    form : that of their own steps
+    form : that of their own steps; radii : (n,), of the bodies, or None
     """
 
     near: Array
     limits: Array
     form: Collocation
+    radii: Array | None
 
     @classmethod
-    def of(cls, lagrangian: Lagrangian, gm: Array, dominant: int) -> Followed:
-        """Return those among massive bodies, one of which dominates the others; gm : (n,)
+    def of(cls, lagrangian: Lagrangian, gm: Array, dominant: int, radii: Array | None) -> Followed:
+        """Return those among massive bodies, one of which dominates the others; gm, radii : (n,)
 
         Raises InputError if particles cannot take steps of their own in this problem.
         """
-        form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
+        try:
+            form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
+        except InputError as error:
+            raise InputError(
+                f'encounters="follow" lets massless particles take steps of their own, which is not possible here: '
+                f'{error} Use encounters="warn" or "retire".'
+            ) from error
         assert isinstance(form, Collocation)
         limits = np.array([dominant, gm[dominant], 2.0 * np.pi / LEAST_STEPS])
-        return cls(near_planets(gm, dominant), limits, form)
+        return cls(near_planets(gm, dominant), limits, form, radii)
 
 
 class HandOver:
@@ -79,20 +87,18 @@ class HandOver:
         h = float(numbers[2])
         self._now = begun, carries, path, coefficients_of(self._followed.form, h)
         if watcher is not None:
-            watcher.follow_own_steps([task.own.arrays for task in self._tasks], (round(numbers[1]), h))
+            arrays = [task.own.arrays for task in self._tasks]
+            watcher.follow_own_steps(arrays, (round(numbers[1]), h), self._followed.radii)
 
     def march(self, block: tuple[Any, ...], task: int, context: int) -> int:
         """March the particles of a task; block : the arguments of `march_particles`; context : of their own steps."""
         mine, (begun, carries, path, whole) = self._tasks[task], self._now
-        near, limits, form = self._followed
+        near, limits, form, _ = self._followed
         chart, *field = mine.own.field
-        return int(
-            march_handing_over(
-                *block, begun, carries, path, near, mine.extent, limits, *mine.of_map,
-                form.tag, mine.own.table, whole, self._numbers, mine.times, *mine.steps, chart, *field,
-                *mine.own.shared, *mine.ways, mine.reached, context, *mine.own.log,
-            )  # fmt: skip
-        )
+        bodies = begun, carries, path, near, mine.extent, limits
+        own = form.tag, mine.own.table, whole, self._numbers, mine.times, *mine.steps, chart, *field, *mine.own.shared
+        log = mine.reached, context, *mine.own.log
+        return int(march_handing_over(*block, *bodies, *mine.of_map, *own, *mine.ways, *log))
 
 
 class _Task:

@@ -22,7 +22,6 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
-from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
@@ -33,8 +32,9 @@ from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies
-from orbits.marching.hand_over import PART
+from orbits.marching.hand_over import parts_taken
 from orbits.marching.handing_over import Followed
+from orbits.marching.losses import Contact
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
 from orbits.marching.partial_steps import PartialSteps
@@ -65,6 +65,7 @@ class Marcher(Blocks):
     start : the time at which the march begins
     radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
     dense : whether each step is recorded for `motion`
+    surfaces : (n,), radii of the bodies: massless particles that are followed in encounters are retired if they hit one
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
     `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
@@ -89,6 +90,7 @@ class Marcher(Blocks):
         start: float = 0.0,
         dense: bool = False,
         radii: Array | None = None,
+        surfaces: Array | None = None,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -115,7 +117,11 @@ class Marcher(Blocks):
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         followed = None
         if m and integrator.follows_encounters:
-            followed = Followed.of(lagrangian, self.parameters[1 : 1 + n], int(self.parameters[1 : 1 + n].argmax()))
+            gm = self.parameters[1 : 1 + n]
+            own = None if surfaces is None else np.asarray(surfaces, dtype=np.float64)[self._massive]
+            followed = Followed.of(lagrangian, gm, int(gm.argmax()), own)
+        self._surfaces = None if followed is None else followed.radii
+        self._contacts: dict[int, Contact] = {}
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
         if self._form.transforms:
@@ -147,7 +153,7 @@ class Marcher(Blocks):
         self._stopped = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         if integrator.follows_kepler:
-            limits = kepler_passages.LISTED
+            limits = kepler_passages.listed(integrator.least_steps)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -293,6 +299,10 @@ class Marcher(Blocks):
         if len(q) > self._bodies:
             massive[self._particles] = False
         options = {"names": self.names, "retire": self._retire, "forces": self._forces, **options}
+        if self._surfaces is not None:
+            surfaces = np.zeros(len(q))
+            surfaces[massive] = self._surfaces
+            options = {"surfaces": surfaces, **options}
         return Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
 
     def state(self) -> tuple[Array, Array]:
@@ -392,8 +402,7 @@ class Marcher(Blocks):
         q, v = self._state["particle_q"], self._state["particle_v"]
         parts = None
         if self.integrator.follows_encounters and len(self._particles):
-            memory = self._state["particle_memory"][:, 0]
-            parts = np.where(memory[:, NUMBER] == ELSEWHERE, memory[:, PART], 0.0)
+            parts = parts_taken(self._state["particle_memory"])
         return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"), parts)
 
     def retired_by(self, time: float) -> list[Retirement]:
@@ -506,6 +515,16 @@ class Marcher(Blocks):
     def observe_path(self, path: Array) -> None:
         """Record the steps of blocks in this array, which has room for the longest."""
         self._watcher.use_path(path)
+
+    def observing_elsewhere(self, record: Array) -> int:
+        """Prepare the observers for a block that is computed along with others, with a copy of the record; return the
+        address of their context, or 0 if they need all states of the block.
+        """
+        if not self._watcher.looks_for_planets_alone:
+            return 0
+        record[...] = self._state["approaches"]
+        self._watcher.begin(record, self.step)
+        return self._watcher.contexts.addresses[0]
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""

@@ -21,6 +21,10 @@ from orbits.kernels.steps import (
 )
 from orbits.marching.own_clocks import REACHED
 
+HIT, EJECTED, TOO_CLOSE = 20, 21, 22
+"""The status of a massless particle that has hit a body while it was followed, left the others, or come to an orbit too
+close to the dominant one."""
+
 REASONS = {
     NOT_CONVERGED: "the stages did not converge",
     NOT_FINITE: "the state is no longer finite",
@@ -29,6 +33,9 @@ REASONS = {
     TOO_SHORT: "no step is short enough to go on",
     NEAR_A_PLANET: "it came within three Hill radii of a planet",
     NOT_RESOLVED: "the step did not resolve its pericentre",
+    HIT: "it hit a body",
+    EJECTED: "it was ejected",
+    TOO_CLOSE: "its pericentre is below the limit",
 }
 
 
@@ -38,6 +45,19 @@ class Lost(NamedTuple):
     steps: int
     particles: NDArray[np.intp]
     status: NDArray[np.int64]
+
+
+def earlier(lost: Lost | None, others: Lost | None) -> Lost | None:
+    """Return the particles that were lost first; of equal ones, for the reasons of the first argument."""
+    if others is None or (lost is not None and lost.steps < others.steps):
+        return lost
+    if lost is None or others.steps < lost.steps:
+        return others
+    more = ~np.isin(others.particles, lost.particles)
+    particles = np.concatenate([lost.particles, others.particles[more]])
+    order = np.argsort(particles)
+    status = np.concatenate([lost.status, others.status[more]])
+    return Lost(lost.steps, particles[order], status[order])
 
 
 class Retirement(NamedTuple):
@@ -118,16 +138,7 @@ class Retired:
 
     def lost_or(self, others: Lost | None) -> Lost | None:
         """Return the particles that were lost first, in the block just marched or among `others`."""
-        lost = self.lost()
-        if others is None or (lost is not None and lost.steps < others.steps):
-            return lost
-        if lost is None or others.steps < lost.steps:
-            return others
-        more = ~np.isin(others.particles, lost.particles)
-        particles = np.concatenate([lost.particles, others.particles[more]])
-        order = np.argsort(particles)
-        status = np.concatenate([lost.status, others.status[more]])
-        return Lost(lost.steps, particles[order], status[order])
+        return earlier(self.lost(), others)
 
     def add(self, lost: Lost, step: int) -> None:
         """Retire particles after `step` steps of the march."""

@@ -233,6 +233,11 @@ class Watcher:
         self._path = path
         self.contexts.enter(path=path)
 
+    @property
+    def looks_for_planets_alone(self) -> bool:
+        """Whether all that is observed are closest approaches of planets about the first body."""
+        return self._planets and not len(self._stops) and self._energy_bound is None and not self._collide
+
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
         return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
@@ -273,16 +278,34 @@ class Watcher:
             distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
             self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
 
-    def follow_own_steps(self, arrays: Sequence[Mapping[str, Array]], among: tuple[int, float] | None = None) -> None:
+    @cached_property
+    def own_lists(self) -> list[BlockList]:
+        """The lists of passages that particles take by steps of their own among constant steps, of each task."""
+        counts = np.zeros((len(self.lists) - 1, 2), dtype=np.int64)
+        return [BlockList.empty(count) for count in counts]
+
+    def follow_own_steps(
+        self,
+        arrays: Sequence[Mapping[str, Array]],
+        among: tuple[int, float] | None = None,
+        surfaces: Array | None = None,
+    ) -> None:
         """Prepare to observe particles at steps of their own; arrays : the path and the times of each task.
 
-        among : for those among constant steps, the number of these before the block, and their length. Passages that they
-            follow are recorded, but not listed as such for which a step may be too long
+        among : for those among constant steps, the number of these before the block, and their length. Passages are
+            then listed in lists of their own: those within the `surfaces` of bodies, (n,) radii
         """
         self.own_steps.follow(self.contexts, arrays)
         if among is not None:
-            none = np.zeros_like(self.listed_within)
-            self.own_steps.enter(origin=float(among[0]), pace=1.0 / among[1], reaches=none, pericentre_angle=math.inf)
+            within, sharp = np.zeros_like(self.listed_within), math.inf
+            if surfaces is not None:
+                within[: len(surfaces)] = surfaces
+                sharp = 0.0 if surfaces[self.dominant] > 0.0 else math.inf
+            self.own_steps.enter(origin=float(among[0]), pace=1.0 / among[1], reaches=within, pericentre_angle=sharp)
+            self.own_steps.enter_each("passages", [passages for passages, _ in self.own_lists])
+            self.own_steps.enter_each("listed", [listed for _, listed in self.own_lists])
+            for _, listed in self.own_lists:
+                listed[:] = 0
 
     def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
         """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,

@@ -105,11 +105,13 @@ class Replay:
         listed = checkpoint.get("retired")
         if listed is None or not (listed[:, 0].any() or (len(run) and np.isnan(run.q[-1].value).any())):
             return RetiredParticles()
+        from orbits.marching.hand_over import parts_taken
         from orbits.marching.retirement import retirements
 
         particles = np.flatnonzero(~run.system.massive)
         q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
-        rows = retirements(listed, q, v, particles, clocks)
+        parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.follows_encounters else None
+        rows = retirements(listed, q, v, particles, clocks, parts)
         if run.changes is None and missing(run, rows):
             from orbits.propagation.marchers import bound, restore
 

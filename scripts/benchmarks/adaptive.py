@@ -14,6 +14,7 @@ import orbits
 from benchmarks.encounters import Problem, crossers, flybys, problems, taylor, truth_of
 from benchmarks.native import Native, ias15, peer
 from benchmarks.precision_picture import draw
+from benchmarks.problems import ours as marched
 from benchmarks.problems import ten_bodies_data
 from benchmarks.references import rotated, rotations
 from orbits.lagrangians.newtonian import newtonian, parameters
@@ -94,13 +95,14 @@ def part_light_bodies(repetitions: int) -> dict[str, Any]:
 def part_crossers(repetitions: int) -> dict[str, Any]:
     """Fifty massless particles that cross Jupiter's orbit, among Sun, Jupiter and Saturn, for 2,000 years: seconds, how
     many came to the end and how many were retired on the way, and the median and the largest position error after 100
-    years against 80-bit floats. One core; dt of the hybrid methods is a twentieth of Jupiter's year.
+    years against 80-bit floats. One core; dt of the hybrid methods is a twentieth of Jupiter's year, and that of
+    WisdomHolman(encounters="follow") 100 days.
     """
     long, short = crossers(2000 * 365.25), crossers(100 * 365.25)
     truth = taylor(short.gm, short.q, short.v, short.span)
     rows = []
     seconds: dict[str, list[float]] = {}
-    names = ("no dt", "ias15", "mercurius", "trace")
+    names = ("no dt", "wisdom-holman", "ias15", "mercurius", "trace")
     errors: dict[str, Array] = {}
     finished: dict[str, int] = {}
     for turn in range(max(1, min(repetitions, 3))):
@@ -257,6 +259,9 @@ def _march(problem: Problem, q: Array, v: Array, tolerance: float | None) -> Mar
 def _crossed(name: str, problem: Problem) -> tuple[float, Array]:
     if name == "no dt":
         return ours(problem, problem.q, problem.v, None)
+    if name == "wisdom-holman":
+        following = orbits.WisdomHolman(encounters="follow")
+        return marched(following, problem.gm, problem.q, problem.v, 100.0, problem.span)
     dt = 365.25 * 11.86 / 20
     return peer(name, problem.gm, problem.q, problem.v, problem.span, None, dt)[:2]
 

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, IntegrationError, with_unit
 from orbits.integrators.base import Integrator
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import Clock, Place
+from orbits.marching.handing_over import METHOD
 from orbits.marching.marcher import Marcher
 from orbits.marching.motion import Motion
 from orbits.propagation.events.seeking import Found, Seeking
@@ -147,8 +149,11 @@ class Followed:
         """Yield the motion from the last sample to a time, in stretches, and whether each is the last one."""
         begun = self._last
         state = begun.q[there], begun.v[there]
-        march = bound(system, self._integrator, self._clock, threads=1, state=state, start=begun.time, dense=True)
-        if self._clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
+        integrator, clock = self._integrator, self._clock
+        if integrator.follows_encounters:  # as it is followed there
+            integrator, clock = METHOD, Adaptive().towards(clock.direction)
+        march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
+        if clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
             for motion, ends in stretches(*march.towards(time - begun.time)):
                 times = motion.times + begun.time
                 yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), ends
