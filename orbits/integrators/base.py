@@ -91,6 +91,11 @@ class Integrator:
         return None, None
 
     @property
+    def refuses_meetings(self) -> bool:
+        """Whether encounters of massive bodies that the method cannot follow end a run."""
+        return False
+
+    @property
     def follows_encounters(self) -> bool:
         """Whether massless particles take steps of their own in encounters that the method cannot follow."""
         return False

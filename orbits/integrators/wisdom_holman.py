@@ -540,6 +540,8 @@ class WisdomHolman(Integrator):
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
         step of that passage, with time and place
+    planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
+        it, or "refuse" to go on, with a SingularityError before the step of that passage
     ejected_beyond, lost_within : the distance from the dominant body beyond which massless particles on open orbits are
         retired, and the pericentre distance below which any are, in the system's unit of length; looked for after every
         64th step
@@ -579,6 +581,7 @@ class WisdomHolman(Integrator):
     corrector: int | None = None
     corrector2: bool = option(False)
     encounters: str = option("warn")
+    planets: str = option("warn")
     ejected_beyond: float | None = option(None)
     lost_within: float | None = option(None)
 
@@ -611,6 +614,8 @@ class WisdomHolman(Integrator):
             *others, last = map(repr, ENCOUNTERS)
             known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
+        if self.planets not in ("warn", "refuse"):
+            raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'refuse'")
         if self._heliocentric and self.encounters == "follow":
             raise InputError(
                 'encounters="follow" lets particles leave Jacobi coordinates, and return; got democratic heliocentric '
@@ -655,6 +660,11 @@ class WisdomHolman(Integrator):
     def departures(self) -> tuple[float | None, float | None]:
         """Where massless particles are retired."""
         return self.ejected_beyond, self.lost_within
+
+    @property
+    def refuses_meetings(self) -> bool:
+        """Whether encounters of planets end a run."""
+        return self.planets == "refuse"
 
     @property
     def follows_encounters(self) -> bool:

@@ -23,7 +23,7 @@ from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages, losses
 from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.clocks import Clock
-from orbits.marching.failures import failure_of_bodies, last_good, meeting
+from orbits.marching.failures import failure_of_bodies, last_good, meeting, refused_meeting
 from orbits.marching.hand_over import PART
 from orbits.marching.losses import Contact
 from orbits.marching.passage_list import PassageList
@@ -76,6 +76,7 @@ class Blocks:
         _listed: tuple[Array, int]
         _loops: BoundLoops
         _massive: NDArray[np.intp]
+        _meeting_of_planets: kepler_passages.Meeting | None
         _nothing: Array
         _overflowed: bool
         _particles: NDArray[np.intp]
@@ -149,6 +150,14 @@ class Blocks:
             within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
             count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
             self._replay(count)
+        if self._meeting_of_planets is not None and (lost is None or self._meeting_of_planets.steps <= lost.steps):
+            steps, pair, distance = self._meeting_of_planets
+            self._replay(steps)
+            if self._stop(steps):
+                return None
+            self.step += steps
+            names = [self.names[k] if self.names else f"body {k}" for k in self._massive[list(pair)].tolist()]
+            return refused_meeting(self.step, self.time, names, distance, self.integrator)
         if self._overflowed and count > 1:  # more passages than the list of a block holds: repeat in shorter blocks
             self._replay(0)
             self.block = count // 2
@@ -346,7 +355,10 @@ class Blocks:
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None and count:
             self._overflowed = self._passages.overflows(self._watcher.lists)
-            self._encountered = None
+            self._encountered = self._meeting_of_planets = None
+            if self.integrator.refuses_meetings:
+                listed, gm = self._watcher.lists[0], self._gm[: self._bodies]
+                self._meeting_of_planets = kepler_passages.first_meeting(listed, gm, self._watcher.dominant, self.step)
             # Not from a list that is not complete: shorter blocks follow.
             if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
                 where = (self._bodies, self._watcher.dominant, h, self.step, self.integrator.least_steps)

@@ -11,6 +11,7 @@ from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR
 from orbits.marching.clocks import Clock
+from orbits.marching.kepler_passages import HILL_RADII
 from orbits.marching.transformed import TimeTransformed
 
 Array = NDArray[np.float64]
@@ -38,6 +39,21 @@ def meeting(q: Array, body: int | None) -> list[int]:
     distance[np.arange(len(bodies)), bodies] = np.inf
     nearest = int(np.argmin(np.min(distance, axis=1)))
     return [int(bodies[nearest]), int(np.argmin(distance[nearest]))]
+
+
+def refused_meeting(
+    step: int, time: float, names: Sequence[str], distance: float, integrator: Integrator
+) -> SingularityError:
+    """Return the error for two planets that come too close to each other in the step after `step` steps."""
+    one, other = names
+    return SingularityError(
+        f"step {step + 1} (t = {time:.10g}): {one} passes {other} at {distance:.6g}, within {HILL_RADII:.0f} mutual "
+        f"Hill radii, where {integrator.name} does not follow them; planets='refuse' ends the run there. Go on, or "
+        "begin again, by Gauss(stages=8), the default, without dt: steps are then chosen one by one.",
+        step=step,
+        time=time,
+        bodies=names,
+    )
 
 
 def failure_of_bodies(

@@ -11,7 +11,7 @@ from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
 from orbits.kernels.lanes import WIDTH
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
@@ -43,13 +43,12 @@ class Followed(NamedTuple):
 
         Raises InputError if particles cannot take steps of their own in this problem.
         """
-        try:
-            form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
-        except InputError as error:
+        if NEWTONIAN not in lagrangian.traits:
             raise InputError(
-                f'encounters="follow" lets massless particles take steps of their own, which is not possible here: '
-                f'{error} Use encounters="warn" or "retire".'
-            ) from error
+                "encounters='follow' lets massless particles take steps of their own among bodies that attract each "
+                f"other and do nothing else, so far; got '{lagrangian.name}'. Use encounters='warn' or 'retire'."
+            )
+        form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
         assert isinstance(form, Collocation)
         limits = np.array([dominant, gm[dominant], 2.0 * np.pi / LEAST_STEPS])
         return cls(near_planets(gm, dominant), limits, form, radii)

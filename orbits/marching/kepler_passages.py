@@ -9,7 +9,7 @@ Source: Rauch & Holman (1999), AJ 117, 1087; Wisdom (2015), AJ 150, 127.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -70,6 +70,28 @@ def is_unresolved(h: float, distance: Any, speed: Any, enough: int) -> Any:
     arrays.
     """
     return abs(h) * speed > 2.0 * math.pi / enough * distance
+
+
+class Meeting(NamedTuple):
+    """Two planets that come too close to each other: before which step of a block, which rows, and their distance."""
+
+    steps: int
+    pair: tuple[int, int]
+    distance: float
+
+
+def first_meeting(listed: BlockList, gm: Array, dominant: int, begun: int) -> Meeting | None:
+    """Return the first passage of two planets within `HILL_RADII` mutual Hill radii in the list of the massive bodies
+    of a block; gm : (n,); begun : the number of steps before the block
+    """
+    rows = listed.passages[: listed.listed[0]]
+    row, mate, least = rows[:, ROW].astype(int), rows[:, MATE].astype(int), np.sqrt(rows[:, LEAST2])
+    near = reach(rows[:, ABOUT : ABOUT + 3], gm[row] + gm[mate], gm[dominant])
+    close = (row != dominant) & (mate != dominant) & (least < near)
+    if not close.any():
+        return None
+    first = min(np.flatnonzero(close), key=lambda k: rows[k, STEP])
+    return Meeting(int(rows[first, STEP]) - begun, (int(row[first]), int(mate[first])), float(least[first]))
 
 
 def lost_in(

@@ -171,6 +171,7 @@ class Marcher(Blocks):
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._encountered: Lost | None = None
+        self._meeting_of_planets: kepler_passages.Meeting | None = None
         self._passages = PassageList(self._gm, self._watcher.dominant, limits[0], self.clock)
         self._overflowed = False
 

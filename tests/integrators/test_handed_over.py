@@ -195,8 +195,36 @@ def test_what_is_ejected_or_falls_too_close_is_retired_after_every_64th_step(enc
     assert np.linalg.norm(before["comet"].q - before["Sun"].q) < 30 * u.au < np.linalg.norm(comet.q)
 
 
+def test_planets_that_meet_end_the_run_if_asked():
+    """Two planets of a tenth of Jupiter's mass, a third of an au apart: the run ends before the step of their passage,
+    wherever samples are, and with all before it.
+    """
+    gm, q, v = with_particles([QUIET[1]])
+    q[2], v[2] = state_from_elements(gm[0], a=5.4, e=0.02, M=0.5)
+    q[1], v[1] = state_from_elements(gm[0], a=5.1, e=0.02, M=1.5)
+    q[1:3], v[1:3] = q[1:3] + q[0], v[1:3] + v[0]
+    gm[1:3] *= [0.1, 0.3]
+    start = orbits.System.from_states(["Sun", "one", "other", "p"], gm, q, v, units=orbits.SOLAR)
+    options = {"dt": DT * u.day, "duration": 300 * u.yr, "progress": False, "check_step": False}
+    warned = orbits.propagate(start, WARN, samples=4, **options)
+    met = min(warned.unresolved(), key=lambda passage: passage.time)
+    ends = []
+    for samples in (4, 61):
+        with pytest.raises(orbits.SingularityError, match="within 3 mutual Hill radii") as caught:
+            orbits.propagate(start, orbits.WisdomHolman(planets="refuse"), samples=samples, **options)
+        ends.append(caught.value.step)
+        assert set(caught.value.bodies) == {"one", "other"}
+        assert len(caught.value.trajectory) == np.searchsorted(np.linspace(0, 300, samples), caught.value.time / 365.25)
+    assert ends[0] == ends[1] == int(met.time / (DT * u.day))
+
+
 def test_what_does_not_fit_is_refused():
+    with pytest.raises(orbits.InputError, match="expected 'warn' or 'refuse'"):
+        orbits.WisdomHolman(planets="follow")
     with pytest.raises(orbits.InputError, match='Use coordinates="jacobi"'):
         orbits.WisdomHolman(coordinates="democratic-heliocentric", encounters="follow")
+    term = orbits.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13 * u.deg, 63.87 * u.deg))
+    with pytest.raises(orbits.InputError, match="Use encounters='warn' or 'retire'"):
+        orbits.propagate(system(CROSSERS[:1]).with_terms(term), FOLLOW, dt=DT * u.day, duration=1 * u.yr)
     with pytest.raises(orbits.InputError, match="ejected_beyond is -3; expected a distance above 0"):
         orbits.WisdomHolman(ejected_beyond=-3)
