@@ -166,7 +166,7 @@ class Marcher(Blocks):
             self._loops.times,
             len(self._loops.tasks),
             radii,
-            integrator.follows_kepler,
+            integrator.follows_kepler and self._form.trace_rows(3 * n) > 0,
             self._form.trace_rows(3 * n),
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
