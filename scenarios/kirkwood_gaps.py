@@ -1,45 +1,52 @@
-"""How resonances with Jupiter open gaps in the asteroid belt: 2,000 massless particles for a hundred thousand years.
+"""How resonances with Jupiter open gaps in the asteroid belt: 10,000 massless particles for a hundred thousand years.
 
 Sun and giants from DE440, and particles spread evenly from 2.0 to 3.5 au with eccentricities and inclinations drawn
 from the real belt, by a Wisdom–Holman map. Eccentricities grow at the 3:1 and 5:2 resonances, where the belt has its
 gaps; particles that come within three Hill radii of a planet, or on orbits so eccentric that the step no longer
-resolves their pericentres, are retired. The gaps at 7:3 and 2:1 take longer to open: a million years, with YEARS = 1e6.
+resolves their pericentres, are retired.
+
+A hundred thousand years show the beginning. In a million, `--duration "1e6 yr"`, 3:1 and 5:2 lose most of what is at
+their centres, and 7:3 and 2:1 begin; ten million, `--duration "1e7 yr"`, make the gaps of these as well. Particles are
+lost by close encounters with Mars and the Earth too, which need ALL_PLANETS = True in a copy of this file: that takes
+steps of 3 days, and twenty times as long.
 
 Source: Wisdom (1982), AJ 87, 577; Kirkwood (1867), Meteoric Astronomy.
 """
 
-import warnings
 from collections import Counter
 
 import numpy as np
 from astropy import units as u
 
 import orbits
-from orbits.scenario import Check, Study, StudyResult, Table
 
 EPOCH = "2022-08-09"
-BODIES = ("Sun", "Jupiter", "Saturn", "Uranus", "Neptune")
-COUNT, INNER, OUTER, SEED = 2000, 2.0, 3.5, 1867
+GIANTS = ("Sun", "Jupiter", "Saturn", "Uranus", "Neptune")
+TERRESTRIAL = ("Mercury", "Venus", "Earth-Moon barycenter", "Mars")
+ALL_PLANETS = False
+DT = 3 * u.day if ALL_PLANETS else 20 * u.day
+COUNT, INNER, OUTER, SEED = 10_000, 2.0, 3.5, 1867
 RESONANCES = ((4, 1), (3, 1), (5, 2), (7, 3), (2, 1))
-WIDTH = 0.03
+WIDTH = 0.015
 """Half the width of the strip about a resonance [au] in which eccentricities are compared with those elsewhere."""
 CALM, EXCITED = 0.25, 0.4
 """Eccentricities at the start below which particles are compared, and which those at resonances reach."""
-YEARS, DT, SAMPLES = 1e5, 20 * u.day, 201
 LONG_ENOUGH = 5e4
 """Years from which on the resonances are demanded to show."""
+BIN = 0.02
 
 
 def system():
-    """Sun and giants with particles whose eccentricities and inclinations are those of real asteroids."""
-    giants = orbits.System.solar_system(epoch=EPOCH, bodies=list(BODIES))
-    real = orbits.asteroids(1100, classes="belt")
+    """Sun and planets with particles whose eccentricities and inclinations are those of real asteroids."""
+    bodies = [GIANTS[0], *TERRESTRIAL, *GIANTS[1:]] if ALL_PLANETS else list(GIANTS)
+    planets = orbits.System.solar_system(epoch=EPOCH, bodies=bodies)
+    real = orbits.asteroids(classes="belt")
     rng = np.random.default_rng(SEED)
     drawn = rng.integers(len(real.names), size=COUNT)
     angles = {name: rng.uniform(0.0, 360.0, COUNT) * u.deg for name in ("Omega", "omega", "M")}
     a = np.linspace(INNER, OUTER, COUNT) * u.au
     names = [f"p{k}" for k in range(COUNT)]
-    return giants.add(names, primary="Sun", frame="ecliptic", a=a, e=real.e[drawn], inc=real.inc[drawn], **angles)
+    return planets.add(names, primary="Sun", frame="ecliptic", a=a, e=real.e[drawn], inc=real.inc[drawn], **angles)
 
 
 def fates(run):
@@ -64,78 +71,82 @@ def excited(run):
     a, wild = a[start < CALM], (gone | (e > EXCITED))[start < CALM]
     places = [resonance(run, 3, 1), resonance(run, 5, 2)]
     at = [float(wild[np.abs(a - place) < WIDTH].mean()) for place in places]
-    quiet = (a > places[0] + 2 * WIDTH) & (a < places[1] - 2 * WIDTH)
+    quiet = (a > places[0] + 0.06) & (a < places[1] - 0.06)
     return *at, float(wild[quiet].mean())
 
 
-def experiment(say):
-    """March the particles, and compare the resonances with what is between them."""
-    start, method = system(), orbits.WisdomHolman(encounters="retire")
-    say(f"{COUNT:,} particles, {YEARS:,.0f} years in steps of {DT:g}")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", orbits.RetiredWarning)
-        run = orbits.propagate(start, method, dt=DT, duration=YEARS * u.yr, samples=SAMPLES, check_step=False)
-    a, _, e, gone = fates(run)
-    reasons = Counter(one.reason for one in run.retired)
-    rows = [["still there", int((~gone).sum())], *([reason, count] for reason, count in reasons.most_common())]
-    return StudyResult(
-        tables=[Table(f"Particles after {YEARS:,.0f} years", ["fate", "particles"], rows)],
-        checks=list(judged(run)),
-        figures={"kirkwood_gaps": lambda: draw(run)},
-        record={"a": a.tolist(), "largest_e": e.tolist(), "retired": gone.tolist()},
-    )
-
-
-def judged(run):
-    """Yield what the run has to show: the resonances excite eccentricities, and nothing between them does."""
+def checks(outcome):
+    """The resonances excite eccentricities, and nothing between them does; the planets are not disturbed."""
+    run = outcome.run
     drift = run.drift().angular_momentum.max_fraction
-    yield Check("the planets keep their angular momentum", drift < 1e-12, f"{drift:.1e}")
-    if YEARS < LONG_ENOUGH:
+    yield orbits.Check("the planets keep their angular momentum", drift < 1e-12, f"{drift:.1e}")
+    reasons = Counter(one.reason for one in run.retired)
+    fate = "; ".join(f"{count:,}: {reason}" for reason, count in reasons.most_common()) or "all are still there"
+    yield orbits.Check("each particle is there at the end, or retired with a reason", _accounted(run), fate)
+    if abs(run.t[-1].to_value(u.yr)) < LONG_ENOUGH:
         return
     inner, outer, between = excited(run)
     for name, share in (("3:1", inner), ("5:2", outer)):
-        yield Check(
+        yield orbits.Check(
             f"many of the particles at {name} reach e = {EXCITED} or leave, and few elsewhere",
             share > 0.1 and share > 5 * between,
             f"{100 * share:.0f} %, and {100 * between:.1f} % between 3:1 and 5:2",
         )
 
 
-def draw(run):
-    """Eccentricities against a, survivors, and the real belt."""
+def _accounted(run):
+    there = int((~fates(run)[3]).sum())
+    return there + len(run.retired) == int((~run.system.massive).sum())
+
+
+def draw(outcome):
+    """Eccentricities against a, how many are excited or lost, and the real belt."""
     from orbits import plotting
 
-    a, _, e, gone = fates(run)
-    real = orbits.asteroids(1100, classes="belt").a
-    figure = plotting.figure(14, 12)
-    panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.6, 1, 1])
-    blue, red, grey = plotting.style.BLUE, plotting.style.VERMILION, plotting.style.GREY
-    panels[0].plot(a[~gone], e[~gone], ".", ms=5, mew=0, color=blue, label=f"still there, {(~gone).sum():,}")
-    panels[0].plot(a[gone], e[gone], ".", ms=7, mew=0, color=red, label=f"retired, {gone.sum():,}")
-    bins = np.arange(INNER, OUTER + 1e-9, 0.025)
-    panels[1].hist(a[~gone & (e < EXCITED)], bins=bins, color=blue)
-    panels[2].hist(real, bins=bins, color=plotting.style.GREEN)
+    run = outcome.run
+    a, start, e, gone = fates(run)
+    real = orbits.asteroids(classes="belt").a
+    figure = plotting.figure(15, 13)
+    panels = figure.subplots(3, 1, sharex=True, height_ratios=[1.7, 1, 1])
+    blue, red, green = plotting.style.BLUE, plotting.style.VERMILION, plotting.style.GREEN
+    size = {"ms": 2.5 if len(a) > 3000 else 5, "mew": 0}
+    panels[0].plot(a[~gone], e[~gone], ".", color=blue, label=f"still there: {(~gone).sum():,}", **size)
+    panels[0].plot(a[gone], e[gone], ".", color=red, label=f"retired: {gone.sum():,}", **size)
+    bins = np.arange(INNER, OUTER + 1e-9, BIN)
+    calm = start < CALM
+    whole, _ = np.histogram(a[calm], bins)
+    wild, _ = np.histogram(a[calm & (gone | (e > EXCITED))], bins)
+    panels[1].stairs(100 * wild / np.maximum(whole, 1), bins, fill=True, color=red)
+    panels[2].hist(real, bins=bins, color=green)
     panels[0].set(ylabel="largest eccentricity", ylim=(0, 1))
-    panels[0].legend(loc="upper left", fontsize=14, markerscale=2)
-    panels[1].set(ylabel=f"still there, e < {EXCITED}")
-    panels[2].set(ylabel="real asteroids", xlabel="semi-major axis at the start [au]", xlim=(INNER, OUTER))
+    panels[0].legend(loc="upper right", fontsize=14, markerscale=5)
+    panels[1].set(ylabel=f"reach e = {EXCITED}\nor leave [%]", ylim=(0, None))
+    panels[2].set(ylabel=f"real asteroids\n({len(real):,})", xlabel="semi-major axis at the start [au]")
+    panels[2].set_xlim(INNER, OUTER)
     for p, q in RESONANCES:
         place = resonance(run, p, q)
         for panel in panels:
-            panel.axvline(place, color=grey, lw=1.0, ls=(0, (5, 3)), zorder=0)
+            panel.axvline(place, color=plotting.style.GREY, lw=1.0, ls=(0, (5, 3)), zorder=0)
         panels[0].text(place, 1.01, f"{p}:{q}", transform=panels[0].get_xaxis_transform(), ha="center", fontsize=14)
-    years = abs(run.t[-1].to_value(u.yr))
+    years, planets = abs(run.t[-1].to_value(u.yr)), "planets" if ALL_PLANETS else "giants"
     figure.suptitle(
-        f"{len(a):,} particles among Sun and giants for {years:,.0f} years, and the brightest real asteroids",
+        f"{len(a):,} particles among Sun and {planets} for {years:,.0f} years, and the real belt",
         fontsize=20, fontweight="bold",
     )  # fmt: skip
     return figure
 
 
-scenario = Study(
+scenario = orbits.Scenario(
     name="kirkwood_gaps",
     title="Kirkwood's gaps: resonances with Jupiter empty the belt",
-    experiment=experiment,
+    system=system,
+    integrators=[orbits.WisdomHolman(encounters="retire")],
+    dt=DT,
+    duration=1e5 * u.yr,
+    samples=101,
+    against=[],
+    checks=checks,
+    draw=draw,
 )
 
 if __name__ == "__main__":

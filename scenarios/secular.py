@@ -1,16 +1,17 @@
 """The slow turning of the planets' orbits: perihelia and nodes over five million years, and their frequencies.
 
-Sun and planets from DE440 by a Wisdom–Holman map in steps of three days. e exp(i pomega) and sin(i/2) exp(i Omega) of
-each planet, about the centre of mass of the bodies inside its orbit and in the axes of the invariable plane, are sums
-of rotations: the frequencies g1 to g8 of the perihelia and s1 to s8 of the nodes, of which s5 is 0 in these axes, and
-combinations of them. Each is found by frequency analysis in the planet that it is named after, as the largest term that
-is not another planet's; published values serve for comparison only.
+Sun and planets from DE440, with relativity by the Sun, by a Wisdom–Holman map. e exp(i pomega) and sin(i/2)
+exp(i Omega) of each planet, about the centre of mass of the bodies inside its orbit and in the axes of the invariable
+plane, are sums of rotations: the frequencies g1 to g8 of the perihelia and s1 to s8 of the nodes, of which s5 is 0 in
+these axes, and combinations of them. Each is found by frequency analysis in one planet, as the largest term that is not
+another frequency's; g3 and g4, of which Earth and Mars have about equal parts, are in the order of their size.
+Published values serve for comparison only.
 
 Those of the giants are constant to five digits. Those of the inner planets change, as their motion is chaotic: over a
-hundred million years by 0.2 arcseconds a year, so what five million years show differs from what twenty do. Resolved
-are 0.26 arcseconds a year.
+hundred million years by 0.2 arcseconds a year. A Fourier transform of five million years resolves 0.26.
 
-Source: Laskar (1990), Icarus 88, 266; Laskar et al. (2004), A&A 428, 261, table 3, for the published values.
+Source: Laskar (1990), Icarus 88, 266, for the method and the resonances; Laskar et al. (2004), A&A 428, 261, table 3,
+for the published values.
 """
 
 from functools import lru_cache
@@ -22,14 +23,16 @@ import orbits
 
 EPOCH = "2000-01-01 12:00"
 BODIES = ("Sun", "Mercury", "Venus", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
+DT = 2.5 * u.day
+"""Mercury's eccentricity grows to 0.29, where a full turn at the speed of its perihelion takes 46 days."""
 ARCSEC = np.pi / 180 / 3600
 BAND = (-60.0, 60.0)
 """Frequencies of terms [arcseconds per year]."""
 TERMS = 10
 TERMS_OF_THE_SUN = (orbits.PostNewtonian(sources=["Sun"]),)
 """Relativity adds 0.43 arcseconds a year to the motion of Mercury's perihelion, and 0.38 to g1."""
-LONG_ENOUGH = 2e6
-"""Years from which on the frequencies are demanded: 0.65 arcseconds a year are resolved then."""
+LONG_ENOUGH, LONGER = 2e6, 4.5e6
+"""Years from which on the frequencies of the giants and of the inner planets are demanded."""
 
 PUBLISHED = {
     "g1": 5.59, "g2": 7.452, "g3": 17.368, "g4": 17.916, "g5": 4.257452, "g6": 28.2450, "g7": 3.087951, "g8": 0.673021,
@@ -39,7 +42,7 @@ PUBLISHED = {
 
 NAMED = {
     "g": {"g5": "Jupiter", "g6": "Saturn", "g8": "Neptune", "g7": "Uranus",
-          "g1": "Mercury", "g2": "Venus", "g4": "Mars", "g3": "Earth-Moon barycenter"},
+          "g1": "Mercury", "g2": "Venus", "g3": "Earth-Moon barycenter", "g4": "Earth-Moon barycenter"},
     "s": {"s6": "Saturn", "s8": "Neptune", "s7": "Uranus",
           "s1": "Mercury", "s4": "Mars", "s3": "Earth-Moon barycenter", "s2": "Mercury"},
 }  # fmt: skip
@@ -103,17 +106,18 @@ def frequencies(run):
             if free.any():
                 found[name] = float(terms.frequency[np.argmax(free)] / ARCSEC)
                 mine.append(name)
+    if found.get("g3", 0.0) > found.get("g4", 100.0):
+        found["g3"], found["g4"] = found["g4"], found["g3"]
     return {name: found[name] for name in PUBLISHED if name in found}
 
 
-def resolution(run):
-    """What a Fourier transform of the run resolves [arcseconds per year]."""
-    return 2 * np.pi / abs(years(run)[-1]) / ARCSEC
-
-
 def bound(name):
-    """How far a frequency may be from the published one [arcseconds per year]."""
-    return 0.05 if name in GIANTS else 0.2
+    """How far a frequency may be from the published one [arcseconds per year].
+
+    Those of the inner planets over five million years need not be those over twenty. s2 is modulated the most, by the
+    resonance of g1 - g5 with s1 - s2, which takes longer than this run.
+    """
+    return 0.2 if name == "s2" else 0.05
 
 
 def checks(outcome):
@@ -128,6 +132,8 @@ def checks(outcome):
     if abs(years(run)[-1]) < LONG_ENOUGH:
         return
     for name, value in frequencies(run).items():
+        if name not in GIANTS and abs(years(run)[-1]) < LONGER:
+            continue
         yield orbits.Check(
             f'{name} is the published one to {bound(name):g}"/yr',
             abs(value - PUBLISHED[name]) < bound(name),
@@ -213,7 +219,7 @@ scenario = orbits.Scenario(
     title="Perihelia and nodes of the planets over five million years",
     system=system,
     integrators=[orbits.WisdomHolman()],
-    dt=3 * u.day,
+    dt=DT,
     duration=5e6 * u.yr,
     samples=10_001,
     against=(),

@@ -27,6 +27,7 @@ from benchmarks.jacobi_constant import part_jacobi
 from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
+from benchmarks.systems import part_systems
 
 import orbits
 from orbits.kernels.compile import cpu_features, cpu_name
@@ -43,6 +44,7 @@ BY_HAND = "## How close to the machine"
 PARTS = {
     "ten_bodies": part_ten_bodies,
     "planets": part_planets,
+    "systems": part_systems,
     "energy": part_energy,
     "adaptive": part_adaptive,
     "light_bodies": part_light_bodies,

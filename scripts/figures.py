@@ -1,6 +1,6 @@
 """Draw the pictures of the docs anew: run scenarios and copy, reduced, those of their pictures that the docs show.
 
-    python scripts/figures.py                           # all of them: about ten minutes, on an idle machine
+    python scripts/figures.py                           # all of them: about twenty minutes, on an idle machine
     python scripts/figures.py kepler arenstorf          # of these scenarios
     python scripts/figures.py --from results kepler   # of what `orbits run kepler` has drawn already
 

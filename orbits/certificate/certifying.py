@@ -19,7 +19,7 @@ from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
-from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.lagrangians.base import NEWTONIAN, SEPARABLE, Lagrangian
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.flow import starting_state
 from orbits.marching.transformed import TimeTransformed
@@ -121,7 +121,7 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
     many = f", {count} massless particle{'s' * (count > 1)}" if count else ""
     unit = units.time.to_string() if hasattr(units.time, "to_string") else str(units.time)
     more: list[Finding] = []
-    if SEPARABLE not in lagrangian.traits and not names:
+    if SEPARABLE not in lagrangian.traits and not names and not integrator.follows_kepler:
         more.append(_finding("step of bodies", step_of_bodies(bound, acting), None, needed=True))
     for name, measured in balances(bound, acting) if names else ():
         more.append(_finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True))
@@ -176,6 +176,8 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
         yield _finding("momenta of L_d", problem.legendre_transforms(), method.variational, needed=True)
     elif method.follows_kepler:
         reason = method.own_discrete_lagrangian
+        if method.variational and NEWTONIAN not in problem.lagrangian.traits:
+            reason = "that of Kepler motions and kicks is known, not that of other terms"
         yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, None, False, reason)
     else:
         reason = "its tableau is not symplectic" if method.variational else "it has none"
@@ -187,7 +189,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
         yield _finding("symplecticity of particles", _fibres(problem, particles), SYMPLECTIC in declares, needed=True)
     yield _finding("area of a loop", problem.areas(), SYMPLECTIC in declares, needed=True)
     yield _finding("reversibility", problem.reversibility(), SYMMETRIC in declares, needed=False)
-    yield _order("order of the map", problem.order(), method.order)
+    yield _order("order of the map", problem.order(), method.order_with(problem.lagrangian))
     if has:
         yield _order("order of L_d", problem.order_of_discrete_lagrangian(), method.order)
     if problem.lagrangian.autonomous:
@@ -227,7 +229,7 @@ def _fibres(problem: Problem, particles: list[Any]) -> Measured:
     if problem.integrator.follows_kepler:  # it has no tableau: by differences of its own steps
         masses, (places, moving) = np.append(gm, np.zeros(len(particles))), zip(*particles, strict=True)
         all_q, all_v = np.vstack([problem.q.reshape(-1, 3), *places]), np.vstack([speeds.reshape(-1, 3), *moving])
-        found = symplecticity(masses, all_q, all_v, problem.integrator, problem.dt)
+        found = symplecticity(masses, all_q, all_v, problem.integrator, problem.dt, terms=terms)
         bound, note = 32.0 * EPS * 6.0**0.5 + 4.0 * found.noise, f"{len(particles)} of the particles, by differences"
         return Measured(float(found.particles.max()), bound, "", note)
     for x, w in particles:

@@ -24,7 +24,7 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.wisdom_holman import outwards
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.flow import DiscretePath, Flow
 
 Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ class Problem:
         one.
         """
         if self.integrator.follows_kepler:
-            return self.integrator.variational
+            return self.integrator.variational and NEWTONIAN in self.lagrangian.traits
         tableau = self.integrator.tableau
         defect = tableau.b[:, None] * tableau.a_bar + (tableau.b[:, None] * tableau.a).T
         return bool(np.max(np.abs(defect - np.outer(tableau.b, tableau.b))) < 1e-14)
@@ -155,8 +155,8 @@ class Problem:
     def discrete_lagrangian(self) -> discrete.DiscreteLagrangian:
         """The method's own discrete Lagrangian."""
         if self.integrator.follows_kepler:
-            gm, v = self.lagrangian.parameter_vector[1:], self.lagrangian.velocity(self.q, self.p, self.t)
-            order = outwards(gm, self.q.reshape(-1, 3), v.reshape(-1, 3))
+            v = self.lagrangian.velocity(self.q, self.p, self.t)
+            order = outwards(self._gm, self.q.reshape(-1, 3), v.reshape(-1, 3))
             return discrete.kepler_splitting(self.lagrangian, order)
         return discrete.vprk(self.lagrangian, self.integrator.tableau)
 
@@ -198,8 +198,9 @@ class Problem:
         """
         worst = 0.0
         if self.integrator.follows_kepler:
-            gm, v = self.lagrangian.parameter_vector[1:], self.lagrangian.velocity(self.q, self.p, self.t)
-            found = symplecticity(gm, self.q.reshape(-1, 3), v.reshape(-1, 3), self.integrator, self.dt)
+            v = self.lagrangian.velocity(self.q, self.p, self.t).reshape(-1, 3)
+            terms = getattr(self.lagrangian, "summands", ())
+            found = symplecticity(self._gm, self.q.reshape(-1, 3), v, self.integrator, self.dt, terms=terms)
             bound = 32.0 * EPS * (2 * len(self.q)) ** 0.5 + 4.0 * found.noise
             return Measured(found.massive, bound, "", "derivative of the step by differences")
         for k in (0, len(self.path) // 3, 2 * len(self.path) // 3):
@@ -208,6 +209,10 @@ class Problem:
             )
             worst = max(worst, symplecticity_defect(step.derivative, self._even_weights))
         return Measured(worst, 32.0 * EPS * (2 * len(self.q)) ** 0.5, "", "exact derivative of the tableau's step")
+
+    @property
+    def _gm(self) -> Array:
+        return np.array([x for name, x in self.lagrangian.parameters.items() if name.startswith("GM")])
 
     @property
     def _even_weights(self) -> Array:

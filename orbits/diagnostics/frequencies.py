@@ -30,6 +30,9 @@ SETTLED = 1e-9
 """Corrections of all terms end when no frequency moves by more than this fraction of 2 pi / T: the next correction
 would be of the order of its square."""
 
+PARTS = 1.0, 0.25
+"""Of a correction: a smaller one is tried where the whole one does not help."""
+
 APART = 1.0
 """The least distance of two terms, in 2 pi / T. Nearer ones, fitted together, would take any amplitudes to beat as a
 single term does whose frequency is not quite constant.
@@ -166,16 +169,21 @@ class _Fit:
         """Frequencies of all terms, and the amplitudes with them, by Gauss-Newton steps until they settle."""
         unit = 2.0 * np.pi / len(self.tau)
         for _ in range(MOST_CORRECTIONS):
-            before = self.frequency, self.left()
             moved: Floats = np.clip(self._step(), -0.25 * unit, 0.25 * unit)
-            self.frequency = np.clip(self.frequency + moved, *self.band)
+            if not self._moved(moved) or np.abs(moved).max() <= SETTLED * unit:
+                return
+
+    def _moved(self, step: Floats) -> bool:
+        """Move the frequencies by a step, or a part of it; leave them, and return False, where neither helps."""
+        start, left = self.frequency, self.left()
+        for part in PARTS:
+            self.frequency = np.clip(start + part * step, *self.band)
             self._solve()
-            if self.left() >= before[1] or self._too_near():
-                self.frequency = before[0]
-                self._solve()
-                return
-            if np.abs(moved).max() <= SETTLED * unit:
-                return
+            if self.left() < left and not self._too_near():
+                return True
+        self.frequency = start
+        self._solve()
+        return False
 
     def _too_near(self) -> bool:
         apart = np.abs(_turned(self.frequency[:, None] - self.frequency))

@@ -18,6 +18,7 @@ from orbits.errors import InputError
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
+    from orbits.lagrangians.terms.base import Summand
     from orbits.marching.marcher import Marcher
 
 
@@ -27,12 +28,15 @@ MOST_STEPS = 10**9
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Bodies at a time: gm (n,), q and v (n, 3), float64 in one system of units, and the softening length."""
+    """Bodies at a time: gm (n,), q and v (n, 3), float64 in one system of units, the softening length, and terms of
+    their Lagrangian.
+    """
 
     gm: Floats
     q: Floats
     v: Floats
     softening: float = 0.0
+    terms: tuple[Summand, ...] = ()
 
     @classmethod
     def of(cls, gm: ArrayLike, q: ArrayLike, v: ArrayLike, softening: float = 0.0) -> Bodies:
@@ -55,14 +59,17 @@ class Bodies:
     def marcher(self, integrator: Integrator, dt: float) -> Marcher:
         """Bind the bodies to a method. Raises InputError for a step or a method that cannot be used."""
         from orbits.integrators import named, registry
-        from orbits.lagrangians.newtonian import newtonian, parameters
+        from orbits.lagrangians.newtonian import n_body, newtonian, parameters
         from orbits.marching.marcher import Marcher
 
         integrator = named(integrator)
         step = nonzero_number(dt, "dt")
-        integrator.check(newtonian, registry())
-        values = parameters(self.gm[self.massive], self.softening)
-        return Marcher(newtonian, integrator, values, self.massive, self.q, self.v, step)
+        lagrangian, values = newtonian, parameters(self.gm[self.massive], self.softening)
+        if self.terms:
+            lagrangian = n_body(self.gm[self.massive], self.softening, self.terms)
+            values = lagrangian.parameter_vector
+        integrator.check(lagrangian, registry())
+        return Marcher(lagrangian, integrator, values, self.massive, self.q, self.v, step)
 
 
 def turned(marcher: Marcher) -> None:

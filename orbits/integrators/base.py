@@ -41,7 +41,9 @@ class Integrator:
     requires : traits that a Lagrangian must have
     declares : properties that hold to round-off; contract tests check each, and that the others fail
     variational : whether the step solves the Euler–Lagrange equations of the discrete Lagrangian of its tableau
-    follows_kepler : whether the motion of two bodies about a dominant one is exact, and its steps are judged as such
+    follows_kepler : whether bodies move on Kepler orbits about a dominant one, and steps are judged as such
+    least_steps : then, the steps in a full turn at the speed of a pericentre below which they do not resolve it
+    exact_for_two : then, whether the motion of a single planet is exact
     own_discrete_lagrangian : in words for certificates, what L_d a method on Kepler orbits has that is not variational
     source : the literature on the method
 
@@ -55,6 +57,8 @@ class Integrator:
     declares: ClassVar[frozenset[str]]
     variational: ClassVar[bool] = False
     follows_kepler: ClassVar[bool] = False
+    least_steps: ClassVar[int] = 16
+    exact_for_two: ClassVar[bool] = True
     own_discrete_lagrangian: ClassVar[str] = "that of a composition of maps, with states between them"
     source: ClassVar[str]
 
@@ -74,6 +78,10 @@ class Integrator:
     def order(self) -> int:
         """Order of convergence."""
         raise NotImplementedError
+
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return the order of convergence for a Lagrangian, if its terms change it."""
+        return self.order
 
     @property
     def departures(self) -> tuple[float | None, float | None]:

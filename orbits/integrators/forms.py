@@ -38,8 +38,9 @@ def _tag_of(kernels: Mapping[str, Any]) -> Tag:
 class Form:
     """A form of a method: the second-order form, in positions and velocities, or the canonical form.
 
-    kernels : "step", and optionally "begin", "step_particles", "begin_particles"; and integer constants: "width", 8 if
-        massless particles are in lanes (the default), 1 if the stages of one particle are
+    kernels : "step", and optionally "begin", "step_particles", "begin_particles", and those of two times eight
+        particles, "begin_pair", "step_pair" and "keep_pair"; and integer constants: "width", 8 if massless particles
+        are in lanes (the default), 1 if the stages of one particle are
     """
 
     kernels: ClassVar[Mapping[str, Any]]
@@ -115,6 +116,15 @@ class Form:
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """Return the shape of the scratch of the kernels, for `size` coordinates and for particles."""
         return 1, padded(size)
+
+    def trace_rows(self, size: int) -> int:
+        """Return the rows of eight that `trace` writes for each step, or 0 if the states that are seen are recorded."""
+        return 0
+
+    def stages_read(self, size: int) -> int:
+        """Return how many numbers of its stages a step writes or reads: by default all."""
+        rows, columns = self.stages_shape(size)
+        return rows * columns
 
     def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
         """Return the kernel that marches eight systems of `size` coordinates at once, to the bits of each alone, and

@@ -13,6 +13,9 @@ kick, by the potential V - h^2/24 sum_i m'_i |a_i|^2 with a the acceleration by 
 kick is the acceleration by V at q + h^2/12 a: the same to the second order in the masses, beyond which it is not
 symplectic. State and corrected state are in doubled precision.
 
+Terms of the dominant body, such as relativity and oblateness, are a part of B: those of positions alone in its kicks,
+all others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.terms_about`.
+
 Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom
 (2006), AJ 131, 2294; Rein, Tamayo & Brown (2019), MNRAS 489, 4632.
 """
@@ -34,6 +37,7 @@ from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS, displace, interact, modify
 from orbits.kernels.jacobi import (
+    TRACE_ROWS,
     advance_planets,
     enter_planets,
     finish_velocities,
@@ -46,6 +50,7 @@ from orbits.kernels.jacobi import (
     step_lazy,
     step_modified,
     step_plain,
+    trace_planets,
 )
 from orbits.kernels.jacobi_particles import (
     AWAY,
@@ -57,7 +62,9 @@ from orbits.kernels.jacobi_particles import (
     enter_among,
     flow_rows,
     flowing_particles,
+    half_of_marched,
     interaction,
+    joined_marched,
     kicked_particles,
     leave_among,
     seen_particles,
@@ -68,10 +75,11 @@ from orbits.kernels.jacobi_particles import (
     take_particles,
     with_interaction,
 )
-from orbits.kernels.lanes import WIDTH, full
+from orbits.kernels.lanes import WIDTH, full, halves
 from orbits.kernels.steps import OK, Particles
-from orbits.kernels.systems.planets import MOST_PLANETS, march_planets
-from orbits.kernels.systems.planets import ROWS as SYSTEMS_ROWS
+from orbits.kernels.systems.approaches import ALL_ROWS
+from orbits.kernels.systems.planets import MOST_PLANETS
+from orbits.kernels.systems.planets_march import march_planets
 from orbits.kernels.terms_about import flow, flow_among, kick_more, strength_of, to_momenta, to_velocities
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS, corrector_lengths
@@ -148,6 +156,22 @@ def leave(method, model, h, state, storage):
 def show(method, model, state, storage):
     """Write the state of the bodies, uncorrected."""
     show_planets(strength_of(model), storage.carry, storage.scratch, state.q, state.p)
+
+
+@kernel(inline=True)
+def trace(method, model, state, storage, path, row):
+    """Write a single register of planets as it is marched, rounded, or else the state that is seen."""
+    if path.shape[0] == 0:
+        return
+    if storage.scratch.shape[0] < 2 * ROWS:
+        trace_planets(storage.carry, path, TRACE_ROWS * WIDTH * row)
+        return
+    width = state.q.shape[0]
+    first = 2 * row * width
+    show_planets(
+        strength_of(model), storage.carry, storage.scratch, path[first : first + width],
+        path[first + width : first + 2 * width],
+    )  # fmt: skip
 
 
 @kernel
@@ -264,14 +288,50 @@ def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of eight particles: half a kick, Kepler motions, half a kick. They are returned as observers see
     them.
     """
+    marched, (x, y, z, vx, vy, vz) = _stepped(method, model, carry, storage)
+    zero = full(0.0)
+    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
+
+
+@kernel(inline=True)
+def _stepped(method, model, carry, storage):
+    """Return particles after a step, as they are marched and as observers see them."""
     coefficients, rows, count = method.coefficients, storage.scratch, model.parameters.shape[0] - 2
     half, first = coefficients[0, HALF], table_rows(count)
     marched, ax, ay, az = drifted_particles(carry, coefficients[0, WHOLE], half)
     g = interaction(model, storage.stages, first, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
     marched = kicked_particles(marched, (ax, ay, az), half, g)
-    x, y, z, vx, vy, vz = seen_particles(storage.stages, first, marched, rows)
-    zero = full(0.0)
-    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
+    return marched, seen_particles(storage.stages, first, marched, rows)
+
+
+@kernel(inline=True)
+def keep_particles(method, carry, storage):
+    """Write eight particles as they are marched into their rows of the carry."""
+    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
+
+
+@kernel(inline=True)
+def begin_pair(method, model, one, two, storages):
+    """Return two times eight particles as they are marched."""
+    first = begin_particles(method, model, one, storages[0])
+    return joined_marched(first, begin_particles(method, model, two, storages[1]))
+
+
+@kernel(inline=True)
+def step_pair(method, model, t, h, one, two, carry, storages):
+    """Take one step of two times eight particles, whose instructions alternate."""
+    marched, (x, y, z, u, v, w) = _stepped(method, model, carry, storages[0])
+    (x0, x1), (y0, y1), (z0, z1) = halves(x), halves(y), halves(z)
+    (u0, u1), (v0, v1), (w0, w1), zero = halves(u), halves(v), halves(w), full(0.0)
+    one = Particles(x0, y0, z0, zero, zero, zero, u0, v0, w0, zero, zero, zero)
+    return one, Particles(x1, y1, z1, zero, zero, zero, u1, v1, w1, zero, zero, zero), marched, 1
+
+
+@kernel(inline=True)
+def keep_pair(method, carry, storages):
+    """Write two times eight particles as they are marched into their rows of the carry."""
+    keep_particles(method, half_of_marched(carry, 0), storages[0])
+    keep_particles(method, half_of_marched(carry, 1), storages[1])
 
 
 @kernel(inline=True)
@@ -289,12 +349,6 @@ def step_particles_with_terms(method, model, t, h, particles, carry, storage):
     marched = kicked_particles(marched, (zero, zero, zero), half, g)
     x, y, z, vx, vy, vz = seen_particles(storage.stages, first, marched, rows)
     return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
-
-
-@kernel(inline=True)
-def keep_particles(method, carry, storage):
-    """Write eight particles as they are marched into their rows of the carry."""
-    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
 
 
 @kernel
@@ -356,6 +410,12 @@ class KeplerSplitting(Form):
         "leave_particles": leave_particles,
     }
 
+    of_pairs: ClassVar[Mapping[str, Any]] = {
+        "begin_pair": begin_pair,
+        "step_pair": step_pair,
+        "keep_pair": keep_pair,
+    }
+
     kernels_with_terms: ClassVar[Mapping[str, Any]] = {"step": step_with_terms}
     more_kernels_with_terms: ClassVar[Mapping[str, Any]] = {
         "step": step_with_terms_among_particles,
@@ -366,8 +426,8 @@ class KeplerSplitting(Form):
         """Return the kernels of this instance."""
         own = {**self.kernels, **(self.kernels_with_terms if self.with_terms else {})}
         if not self.among_particles:
-            return own
-        return {**own, **self.more_kernels, **(self.more_kernels_with_terms if self.with_terms else {})}
+            return {**own, "trace": trace}
+        return {**own, **self.more_kernels, **(self.more_kernels_with_terms if self.with_terms else self.of_pairs)}
 
     def for_particles(self) -> KeplerSplitting:
         """Return the form whose planets leave tables for massless particles."""
@@ -396,6 +456,15 @@ class KeplerSplitting(Form):
         flows = 6 * (planets + 1) if self.with_terms else 0
         return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers(size), WIDTH
 
+    def trace_rows(self, size: int) -> int:
+        """Return the rows that `trace` writes: of planets in a single register, without particles."""
+        return TRACE_ROWS if registers(size) == 1 and not self.among_particles else 0
+
+    def stages_read(self, size: int) -> int:
+        """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""
+        rows, columns = self.stages_shape(size)
+        return (rows - table_rows(size // 3 - 1)) * columns if self.among_particles else rows * columns
+
     @property
     def particle_carry_rows(self) -> int:
         """Massless particles as they are marched."""
@@ -409,7 +478,7 @@ class KeplerSplitting(Form):
         """The march of up to eight planets of each."""
         own = self.own_kernels()
         plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
-        return (march_planets, SYSTEMS_ROWS) if plain else None
+        return (march_planets, ALL_ROWS) if plain else None
 
     def forget(self, carry: Array) -> None:
         """Nothing in the carry depends on the length of the steps."""
@@ -465,8 +534,9 @@ class WisdomHolman(Integrator):
         the modified kick, and "standard", the only one, in democratic heliocentric coordinates
     corrector : order of the symplectic corrector: 17, 11, 7, 5, 3, or 0 for none, with the standard kernel. By default
         17, and 0, the only one, in democratic heliocentric coordinates
-    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes
-        oscillations of the second order in the planets' masses, which are seen with planets of a thousandth
+    corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes a
+        part of the oscillations of the second order in the planets' masses, which matters for planets of a hundredth in
+        long steps only; positions drift away as without it
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
         step of that passage, with time and place
@@ -476,15 +546,18 @@ class WisdomHolman(Integrator):
         retired, and the pericentre distance below which any are, in the system's unit of length; looked for after every
         64th step
 
-    For bodies by Newton's gravity alone, on orbits that do not come close to planets, elliptic or hyperbolic. The
-    planets are numbered outwards by the energies of their orbits at the start, in any order of the bodies. A massless
-    particle moves about the centre of mass of the dominant body and the planets whose semi-major axes are below its
-    pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets is symplectic and
-    conserves the momenta, but for the lazy kick, which does so up to the third order in the planets' masses; it is
-    symmetric without a corrector, and up to that order with one.
+    For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
+    (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
+    hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
+    bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major
+    axes are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets
+    is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the planets'
+    masses; it is symmetric without a corrector, and up to that order with one. With terms, what is left is of the
+    second order in them, too, times h^2; of oblateness the lazy kick removes that.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
-    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances.
+    are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances, and with relativity
+    velocities by (v/c)^2 of them.
 
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
@@ -577,6 +650,11 @@ class WisdomHolman(Integrator):
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
                     f"together; leave it away, or use coordinates='jacobi'"
                 )
+        if self.encounters == "follow":
+            raise InputError(
+                "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
+                "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
+            )
 
     @property
     def departures(self) -> tuple[float | None, float | None]:
@@ -603,6 +681,10 @@ class WisdomHolman(Integrator):
         """Order of convergence for fixed masses: 2, and 4 with the modified or the lazy kick."""
         return 2 if self.kernel == "standard" or self.corrector in (0, 3) else 4
 
+    def order_with(self, lagrangian: Lagrangian) -> int:
+        """Return 2 with terms, whose second order, h^2 times their square, is not in the kick."""
+        return self.order if NEWTONIAN in lagrangian.traits else 2
+
     @property
     def declares(self) -> frozenset[str]:  # type: ignore[override]
         """All but for the lazy kick; symmetric without a corrector."""
@@ -614,6 +696,11 @@ class WisdomHolman(Integrator):
     def variational(self) -> bool:  # type: ignore[override]
         """Whether the step is that of L_d: without a corrector, which changes variables, in Jacobi coordinates."""
         return self.corrector == 0 and not self._heliocentric
+
+    @property
+    def exact_for_two(self) -> bool:  # type: ignore[override]
+        """Whether the motion of a single planet is exact: in Jacobi coordinates."""
+        return not self._heliocentric
 
     @property
     def own_discrete_lagrangian(self) -> str:  # type: ignore[override]

@@ -356,17 +356,36 @@ def show_planets(strength, planets, room, q, p):
 
 
 @kernel(inline=True)
+def place_planets(own, share, outside):
+    """Return a component of the places of the planets of a register, and of the centre of mass of those inside; own :
+    r'; outside : the component of the centre of mass of all but those further out
+    """
+    weighted = share * own
+    outwards = weighted + sums_after(weighted)
+    return own + (outside - outwards), outside - lane(outwards, 0)
+
+
+TRACE_ROWS = 7
+"""Rows of eight in a trace of planets: r', its velocity, and the centre of mass with its velocity."""
+
+
+@kernel(inline=True)
+def trace_planets(planets, trace, first):
+    """Write a single register of planets as it is marched, rounded, into a flat array from `first` on."""
+    for row in range(TRACE_ROWS - 1):
+        store(trace, first + WIDTH * row, load(planets, row))
+    store(trace, first + WIDTH * (TRACE_ROWS - 1), load(planets, STATE_ROWS))
+
+
+@kernel(inline=True)
 def _show_component(planets, room, registers, n, in_order, component, x, axis):
     """Write a component of positions or velocities, n elements of x from `axis` on."""
     centre = STATE_ROWS * registers
     inside = planets[centre, component]
     for j in range(registers):
         register = registers - 1 - j
-        own = load(planets, STATE_ROWS * register + component)
-        weighted = load(room, ROWS * register + SHARE) * own
-        outwards = weighted + sums_after(weighted)
-        place = own + (inside - outwards)
-        inside = inside - lane(outwards, 0)
+        own, share = load(planets, STATE_ROWS * register + component), load(room, ROWS * register + SHARE)
+        place, inside = place_planets(own, share, inside)
         count = n - 1 - WIDTH * register
         if not in_order:
             for k in range(min(WIDTH, count)):

@@ -48,11 +48,15 @@ from orbits.kernels.interaction import (
 from orbits.kernels.jacobi import finish_velocities, kick_planets, move_planets
 from orbits.kernels.lanes import (
     WIDTH,
+    alike,
     fma,
     full,
     get,
+    halves,
+    joined,
     lane,
     load,
+    pair,
     rsqrt_cubed,
     select,
     store,
@@ -92,7 +96,7 @@ AWAY = 1e6
 
 
 class Marched(NamedTuple):
-    """Eight particles as they are marched.
+    """Eight particles as they are marched, or two times eight.
 
     x ... vz_lo : r' and its velocity with their low parts; gx, gy, gz : g; gm : M_i, 0 in lanes without a particle
     number : i; common : i as an integer if it is that of all lanes, else -1
@@ -200,13 +204,37 @@ def _of_places(line, first, kind, marched, rows):
     number, common = marched.number, marched.common
     if common >= 0:
         at = WIDTH * (first + 3 * common + kind)
-        a, b, c = full(get(line, at)), full(get(line, at + 1)), full(get(line, at + 2))
-        d, e, f = full(get(line, at + 3)), full(get(line, at + 4)), full(get(line, at + 5))
-    else:
-        for k in range(WIDTH):
-            store(rows, k, load(line, WIDTH * (first + 3 * int(lane(number, k)) + kind)))
-        a, b, c, d, e, f, _, _ = transposed(rows, 0)
+        a, b, c = alike(get(line, at), number), alike(get(line, at + 1), number), alike(get(line, at + 2), number)
+        d, e, f = alike(get(line, at + 3), number), alike(get(line, at + 4), number), alike(get(line, at + 5), number)
+        return a, b, c, d, e, f
+    return _gathered(line, first + kind, number, rows)
+
+
+def _gathered(line, first, number, rows):
+    """Return the first six numbers of every third row from `first` on: of row i of these where `number` is i."""
+    raise NotImplementedError("_gathered() is for compiled code only")
+
+
+@overload(_gathered, jit_options=OPTIONS)
+def _choose(line, first, number, rows):
+    gathered = _gathered_pair if number == pair else _gathered_lanes
+    return lambda line, first, number, rows: gathered(line, first, number, rows)
+
+
+@kernel(inline=True)
+def _gathered_lanes(line, first, number, rows):
+    for k in range(WIDTH):
+        store(rows, k, load(line, WIDTH * (first + 3 * int(lane(number, k)))))
+    a, b, c, d, e, f, _, _ = transposed(rows, 0)
     return a, b, c, d, e, f
+
+
+@kernel(inline=True)
+def _gathered_pair(line, first, number, rows):
+    one, two = halves(number)
+    a, b, c, d, e, f = _gathered_lanes(line, first, one, rows)
+    u, v, w, x, y, z = _gathered_lanes(line, first, two, rows)
+    return joined(a, u), joined(b, v), joined(c, w), joined(d, x), joined(e, y), joined(f, z)
 
 
 @kernel(inline=True)
@@ -226,6 +254,8 @@ def _plain(line, first, count, second, place, moved, marched):
         dx, dy, dz = get(line, at) - ux, get(line, at + 1) - uy, get(line, at + 2) - uz
         w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, dx * dx))) * get(line, row + 6)
         fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
+    if marched.common == 0:  # inside all planets the pull of the dominant body is that of the Kepler part, exactly
+        return fx, fy, fz, ux, uy, uz
     kepler = marched.gm * rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
     # In lanes without a particle nothing attracts.
     central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
@@ -249,7 +279,7 @@ def _modified(line, first, count, shift, marched, plain, second):
     gx, gy, gz, ux, uy, uz = plain
     ex, ey, ez, bx, by, bz = second
     sx, sy, sz = shift * gx, shift * gy, shift * gz
-    ex, ey, ez = fma(full(shift), gx, ex), fma(full(shift), gy, ey), fma(full(shift), gz, ez)
+    ex, ey, ez = fma(shift, gx, ex), fma(shift, gy, ey), fma(shift, gz, ez)
     planets = WIDTH * (first + 3 * (count + 1))
     for j in range(count):
         row = planets + WIDTH * j
@@ -258,8 +288,10 @@ def _modified(line, first, count, shift, marched, plain, second):
             dx, dy, dz, fma(dz, dz, fma(dy, dy, dx * dx)),
             get(line, row + 3) - ex, get(line, row + 4) - ey, get(line, row + 5) - ez,
         )  # fmt: skip
-        mass = full(get(line, row + 6))
+        mass = get(line, row + 6)
         bx, by, bz = fma(mass, tx, bx), fma(mass, ty, by), fma(mass, tz, bz)
+    if marched.common == 0:
+        return gx + bx, gy + by, gz + bz
     x, y, z, gm = marched.x, marched.y, marched.z, marched.gm
     kx, ky, kz = tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
     cx, cy, cz = tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
@@ -281,7 +313,7 @@ def interaction(model, table, first, shift, lazy, marched, rows):
     gx, gy, gz = plain[0], plain[1], plain[2]
     if lazy != 0.0:
         gx, gy, gz = pull_more(model, (plain[3], plain[4], plain[5]), (gx, gy, gz))
-        place = fma(full(shift), gx, marched.x), fma(full(shift), gy, marched.y), fma(full(shift), gz, marched.z)
+        place = fma(shift, gx, marched.x), fma(shift, gy, marched.y), fma(shift, gz, marched.z)
         moved = _of_places(line, first, 1, marched, rows)
         plain = _plain(line, first, count, 1, place, moved, marched)
         gx, gy, gz = plain[0], plain[1], plain[2]
@@ -313,7 +345,7 @@ def drifted_particles(marched, h, kick):
     """
     kx, ky, kz = kick * marched.gx, kick * marched.gy, kick * marched.gz
     vx, vy, vz = marched.vx + kx, marched.vy + ky, marched.vz + kz
-    dx, dy, dz, dvx, dvy, dvz = short_increments(marched.x, marched.y, marched.z, vx, vy, vz, marched.gm, full(h))
+    dx, dy, dz, dvx, dvy, dvz = short_increments(marched.x, marched.y, marched.z, vx, vy, vz, marched.gm, alike(h, vx))
     x, x_lo = accumulate(marched.x, marched.x_lo, dx)
     y, y_lo = accumulate(marched.y, marched.y_lo, dy)
     z, z_lo = accumulate(marched.z, marched.z_lo, dz)
@@ -329,9 +361,9 @@ def drifted_particles(marched, h, kick):
 def kicked_particles(marched, change, kick, g):
     """Return particles with velocities changed by `change` and by `kick` times g, rounded once, and this g."""
     (ax, ay, az), (gx, gy, gz) = change, g
-    vx, vx_lo = accumulate(marched.vx, marched.vx_lo, fma(full(kick), gx, ax))
-    vy, vy_lo = accumulate(marched.vy, marched.vy_lo, fma(full(kick), gy, ay))
-    vz, vz_lo = accumulate(marched.vz, marched.vz_lo, fma(full(kick), gz, az))
+    vx, vx_lo = accumulate(marched.vx, marched.vx_lo, fma(kick, gx, ax))
+    vy, vy_lo = accumulate(marched.vy, marched.vy_lo, fma(kick, gy, ay))
+    vz, vz_lo = accumulate(marched.vz, marched.vz_lo, fma(kick, gz, az))
     return Marched(
         marched.x, marched.y, marched.z, marched.x_lo, marched.y_lo, marched.z_lo,
         vx, vy, vz, vx_lo, vy_lo, vz_lo, gx, gy, gz, marched.gm, marched.number, marched.common,
@@ -377,6 +409,35 @@ def take_particles(memory, p, there, rows):
     return Marched(
         x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo, zero, zero, zero, gm, number,
         0 if common == -2 else common,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def joined_marched(one, two):
+    """Return two times eight particles at once."""
+    return Marched(
+        joined(one.x, two.x), joined(one.y, two.y), joined(one.z, two.z),
+        joined(one.x_lo, two.x_lo), joined(one.y_lo, two.y_lo), joined(one.z_lo, two.z_lo),
+        joined(one.vx, two.vx), joined(one.vy, two.vy), joined(one.vz, two.vz),
+        joined(one.vx_lo, two.vx_lo), joined(one.vy_lo, two.vy_lo), joined(one.vz_lo, two.vz_lo),
+        joined(one.gx, two.gx), joined(one.gy, two.gy), joined(one.gz, two.gz),
+        joined(one.gm, two.gm), joined(one.number, two.number),
+        one.common if one.common == two.common else -1,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def half_of_marched(both, which):
+    """Return eight of `joined_marched`; which : 0 or 1, a literal."""
+    (x, y, z), (x_lo, y_lo, z_lo) = (both.x, both.y, both.z), (both.x_lo, both.y_lo, both.z_lo)
+    (u, v, w), (u_lo, v_lo, w_lo) = (both.vx, both.vy, both.vz), (both.vx_lo, both.vy_lo, both.vz_lo)
+    return Marched(
+        halves(x)[which], halves(y)[which], halves(z)[which],
+        halves(x_lo)[which], halves(y_lo)[which], halves(z_lo)[which],
+        halves(u)[which], halves(v)[which], halves(w)[which],
+        halves(u_lo)[which], halves(v_lo)[which], halves(w_lo)[which],
+        halves(both.gx)[which], halves(both.gy)[which], halves(both.gz)[which],
+        halves(both.gm)[which], halves(both.number)[which], both.common,
     )  # fmt: skip
 
 

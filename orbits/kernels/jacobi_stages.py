@@ -125,10 +125,11 @@ def tabulate_the_end(strength, planets, room, copy, drift, table):
 
 
 @kernel(inline=True)
-def particles_in_stages(marched, table, count, stages, rows):
+def particles_in_stages(model, marched, table, stages, rows):
     """Return eight particles after the stages of a step."""
+    count = model.parameters.shape[0] - 2
     for i in range(stages.shape[0]):
-        g = interaction_of_particles(table, i * table_rows(count), count, 0.0, 0.0, marched, rows)
+        g = interaction_of_particles(model, table, i * table_rows(count), 0.0, 0.0, marched, rows)
         marched = _with(marched, g)
         marched, ax, ay, az = drifted_particles(marched, stages[i, DRIFT], stages[i, KICK])
         marched = kicked_particles(marched, (ax, ay, az), 0.0, g)

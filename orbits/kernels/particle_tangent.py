@@ -45,6 +45,7 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.lanes.functions import log
+from orbits.kernels.steps import Model
 from orbits.kernels.tangent import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLER, SQUARE
 from orbits.kernels.watch import flat
 
@@ -91,18 +92,18 @@ class Judged(NamedTuple):
 
 @kernel
 def follow_particles(
-    coefficients, strength, t, h, memory, stages, retired, rows, begun, steps, start, stop, kick, scale,
+    tag, coefficients, strength, t, h, memory, stages, retired, rows, begun, steps, start, stop, kick, scale,
     vectors, growth, judged
 ):  # fmt: skip
     """March particles start ... stop - 1 by `steps` steps through the tables of the planets, and their vectors.
 
-    memory, stages, rows : see `orbits.kernels.jacobi_particles`; retired : (padded, 2) int64, those with another number
-        than 0 rest
+    tag, strength : of Newton's gravity; memory, stages, rows : see `orbits.kernels.jacobi_particles`
+    retired : (padded, 2) int64, those with another number than 0 rest
     begun : the number of steps before; kick : see `orbits.kernels.jacobi_tangent`
     vectors : (groups, count, 6, 8), dr' and its velocity; growth : (groups, count, 5, 8), see `orbits.kernels.tangent`
     """
     count, half, shift = strength.shape[0] - 2, 0.5 * h, coefficients[0, 2]
-    whole, lazy, after = coefficients[0, 1], coefficients[0, 3], table_rows(count)
+    whole, lazy, after, model = coefficients[0, 1], coefficients[0, 3], table_rows(count), Model(tag, strength)
     for p in range(start, stop, WIDTH):
         there = full(1.0)
         for j in range(WIDTH):
@@ -110,7 +111,7 @@ def follow_particles(
                 there = there - unit(j)
         group = p // WIDTH
         marched = take_particles(memory, p, there, rows)
-        marched = with_interaction(stages[0], 0, count, shift, lazy, marched, rows)
+        marched = with_interaction(model, stages[0], 0, shift, lazy, marched, rows)
         matrix = kick_matrix(stages[0], 0, count, kick, shift, marched, rows)
         for k in range(steps):
             table, before = stages[k], marched
@@ -123,7 +124,7 @@ def follow_particles(
                 (marched.z - before.z) + (marched.z_lo - before.z_lo),
                 ax - kx, ay - ky, az - kz,
             )  # fmt: skip
-            g = interaction(table, after, count, shift, lazy, marched, rows)
+            g = interaction(model, table, after, shift, lazy, marched, rows)
             marched = kicked_particles(marched, (ax, ay, az), half, g)
             last = matrix
             matrix = kick_matrix(table, after, count, kick, shift, marched, rows)

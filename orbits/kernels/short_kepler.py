@@ -20,9 +20,12 @@ from __future__ import annotations
 
 import math
 
+from numba.extending import overload
+
+from orbits.kernels.binding import OPTIONS
 from orbits.kernels.compile import kernel
 from orbits.kernels.kepler import SIXTH, SIXTH_REST, kepler_increments
-from orbits.kernels.lanes import any_lane, fma, select, sqrt
+from orbits.kernels.lanes import any_lane, fma, halves, joined, pair, select, sqrt
 
 EVEN = tuple(1.0 / math.factorial(2 * k + 2) for k in range(7, 0, -1))
 ODD = tuple(1.0 / math.factorial(2 * k + 3) for k in range(7, 0, -1))
@@ -50,11 +53,48 @@ def _any_increments(x, y, z, vx, vy, vz, gm, dt):
 
 
 @kernel(inline=True)
+def _in_lanes(short, found, x, y, z, vx, vy, vz, gm, dt):
+    if not any_lane(1.0 - short):
+        return found
+    dx, dy, dz, du, dv, dw = found
+    ex, ey, ez, eu, ev, ew = _any_increments(x, y, z, vx, vy, vz, gm, dt)
+    dx, dy, dz = select(short, dx, ex), select(short, dy, ey), select(short, dz, ez)
+    return dx, dy, dz, select(short, du, eu), select(short, dv, ev), select(short, dw, ew)
+
+
+@kernel(inline=True)
+def _in_a_pair(short, found, x, y, z, vx, vy, vz, gm, dt):
+    if not any_lane(1.0 - short):
+        return found
+    (x0, x1), (y0, y1), (z0, z1), (gm0, gm1) = halves(x), halves(y), halves(z), halves(gm)
+    (u0, u1), (v0, v1), (w0, w1), (short0, short1) = halves(vx), halves(vy), halves(vz), halves(short)
+    dt0, dt1 = halves(dt)
+    (dx0, dx1), (dy0, dy1), (dz0, dz1) = halves(found[0]), halves(found[1]), halves(found[2])
+    (du0, du1), (dv0, dv1), (dw0, dw1) = halves(found[3]), halves(found[4]), halves(found[5])
+    one = _in_lanes(short0, (dx0, dy0, dz0, du0, dv0, dw0), x0, y0, z0, u0, v0, w0, gm0, dt0)
+    two = _in_lanes(short1, (dx1, dy1, dz1, du1, dv1, dw1), x1, y1, z1, u1, v1, w1, gm1, dt1)
+    dx, dy, dz = joined(one[0], two[0]), joined(one[1], two[1]), joined(one[2], two[2])
+    return dx, dy, dz, joined(one[3], two[3]), joined(one[4], two[4]), joined(one[5], two[5])
+
+
+def _corrected(short, found, x, y, z, vx, vy, vz, gm, dt):
+    """Return `found`, with `kepler_increments` in the lanes in which `short` is 0."""
+    raise NotImplementedError("_corrected() is for compiled code only")
+
+
+@overload(_corrected, jit_options=OPTIONS)
+def _choose(short, found, x, y, z, vx, vy, vz, gm, dt):
+    corrected = _in_a_pair if short == pair else _in_lanes
+    return lambda short, found, x, y, z, vx, vy, vz, gm, dt: corrected(short, found, x, y, z, vx, vy, vz, gm, dt)
+
+
+@kernel(inline=True)
 def short_increments(x, y, z, vx, vy, vz, gm, dt):
     """Return (dx, dy, dz, dvx, dvy, dvz), the change of position and velocity in the time dt.
 
     The same as `kepler_increments`, for the same arguments and to the same accuracy; where the steps of all lanes are
-    short, in two thirds of the time, and otherwise in 1.7 times that.
+    short, in two thirds of the time, and otherwise in 1.7 times that. Two registers at once, `joined`, take 1.4 times
+    the time of one, to the same bits.
     """
     near = 1.0 / sqrt(fma(x, x, fma(y, y, z * z)))
     eta = fma(x, vx, fma(y, vy, z * vz))
@@ -111,11 +151,7 @@ def short_increments(x, y, z, vx, vy, vz, gm, dt):
     dx, dy, dz = fma(f, x, fma(lag, vx, dt * vx)), fma(f, y, fma(lag, vy, dt * vy)), fma(f, z, fma(lag, vz, dt * vz))
     dvx, dvy, dvz = fma(df, x, dg * vx), fma(df, y, dg * vy), fma(df, z, dg * vz)
     short = (fma(2.0, abs(E) + abs(Z), abs(B)) <= SMALL) * (abs(d) <= NEAR)
-    if any_lane(1.0 - short):
-        ex, ey, ez, evx, evy, evz = _any_increments(x, y, z, vx, vy, vz, gm, dt)
-        dx, dy, dz = select(short, dx, ex), select(short, dy, ey), select(short, dz, ez)
-        dvx, dvy, dvz = select(short, dvx, evx), select(short, dvy, evy), select(short, dvz, evz)
-    return dx, dy, dz, dvx, dvy, dvz
+    return _corrected(short, (dx, dy, dz, dvx, dvy, dvz), x, y, z, vx, vy, vz, gm, dt)
 
 
 __all__ = ["short_increments"]

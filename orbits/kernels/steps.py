@@ -193,13 +193,17 @@ def _show(method, model, state, storage):
 
 
 def record(method, model, state, storage, path, row):
-    """Write what observers see into a row of `path`, (rows * 2 * padded,); see `orbits.kernels.paths`."""
+    """Write what observers see into a row of `path`, (rows * 2 * padded,), see `orbits.kernels.paths`; for methods with
+    a kernel `trace`, from which they compute it.
+    """
     raise NotImplementedError("record() is for compiled code only")
 
 
 @overload(record, jit_options=OPTIONS)
 def _record(method, model, state, storage, path, row):
-    compiled = _kernel(method, "show")
+    traced, compiled = _kernel(method, "trace"), _kernel(method, "show")
+    if traced is not None:
+        return lambda method, model, state, storage, path, row: traced(method, model, state, storage, path, row)
     if compiled is None:
         return lambda method, model, state, storage, path, row: record_strip(
             path, row, state.q, state.p, storage.share.start, storage.share.stop
@@ -296,6 +300,61 @@ def _keep_particles(method, carry, storage):
     if compiled is None:
         return lambda method, carry, storage: None
     return lambda method, carry, storage: compiled(method, carry, storage)
+
+
+def begin_pair(method, model, one, two, storages):
+    """Return the carry of two times eight particles at the beginning of a block; by default that of each."""
+    raise NotImplementedError("begin_pair() is for compiled code only")
+
+
+@overload(begin_pair, jit_options=OPTIONS)
+def _begin_pair(method, model, one, two, storages):
+    compiled = _kernel(method, "begin_pair")
+    if compiled is None:
+        return lambda method, model, one, two, storages: (
+            begin_particles(method, model, one, storages[0]),
+            begin_particles(method, model, two, storages[1]),
+        )
+    return lambda method, model, one, two, storages: compiled(method, model, one, two, storages)
+
+
+def step_pair(method, model, t, h, one, two, carry, storages):
+    """Take one step of two times eight particles, by default of each. Returns (one, two, carry, evaluations of one)."""
+    raise NotImplementedError("step_pair() is for compiled code only")
+
+
+@overload(step_pair, jit_options=OPTIONS)
+def _step_pair(method, model, t, h, one, two, carry, storages):
+    compiled = _kernel(method, "step_pair")
+    if compiled is not None:
+        return lambda method, model, t, h, one, two, carry, storages: compiled(
+            method, model, t, h, one, two, carry, storages
+        )
+
+    def step_each(method, model, t, h, one, two, carry, storages):
+        one, first, _, count = step_particles(method, model, t, h, one, carry[0], storages[0])
+        two, second, _, _ = step_particles(method, model, t, h, two, carry[1], storages[1])
+        return one, two, (first, second), count
+
+    return step_each
+
+
+def keep_pair(method, carry, storages):
+    """Keep the carry of two times eight particles at the end of a block; by default that of each."""
+    raise NotImplementedError("keep_pair() is for compiled code only")
+
+
+@overload(keep_pair, jit_options=OPTIONS)
+def _keep_pair(method, carry, storages):
+    compiled = _kernel(method, "keep_pair")
+    if compiled is not None:
+        return lambda method, carry, storages: compiled(method, carry, storages)
+
+    def keep_each(method, carry, storages):
+        keep_particles(method, carry[0], storages[0])
+        keep_particles(method, carry[1], storages[1])
+
+    return keep_each
 
 
 def enter_particles(method, model, state, particles, rows, storage):

@@ -6,6 +6,7 @@ again, from there, up to that step.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,10 @@ from orbits.marching.losses import Contact
 from orbits.marching.passage_list import PassageList
 from orbits.marching.retirement import HIT, Lost, Retired, earlier
 from orbits.marching.watcher import Watcher
+
+SPAN, LEAST_SPAN = 3.0, 32
+"""The length of a block in which particles may be retired, as a multiple of the square root of the number of steps from
+one retirement to the next; and the least."""
 
 APART = 64
 """The number of steps between the states that are kept of a run of which not all are; see `steps_apart`."""
@@ -88,7 +93,7 @@ class Blocks:
         def time(self) -> float: ...
         def state(self) -> tuple[Array, Array]: ...
         def state_after(self, offset: float) -> tuple[Array, Array]: ...
-        def _as_seen(self) -> dict[str, Array]: ...
+        def _as_seen(self, particles: NDArray[np.intp] | None = None) -> dict[str, Array]: ...
         def _time_of(self, step: int) -> float: ...
 
     def advance(self, steps: int) -> None:
@@ -116,9 +121,16 @@ class Blocks:
         return self.step - before
 
     def _most(self) -> int:
-        """Return the number of steps up to the next state that is kept, if not all are."""
+        """Return the number of steps up to the next state that is kept, if not all are; fewer while particles are
+        retired often.
+        """
         every = (self._keep is not None and self._apart > 1) or self.integrator.departures != (None, None)
-        return APART - self.step % APART if every else self.block
+        most = APART - self.step % APART if every else self.block
+        if not (self._retire and self.integrator.retires_in_encounters):
+            return most
+        # A retirement costs a block, and a block about SPAN^2 steps: their sum is least for blocks of this length.
+        between = self.step / (1 + int(self._retired.gone().sum()))
+        return min(most, max(LEAST_SPAN, int(SPAN * math.sqrt(between))))
 
     def _advance_block(self, count: int) -> IntegrationError | None:
         """March on by at most `count` steps; return the error if the next step cannot be taken, else None."""
@@ -215,7 +227,7 @@ class Blocks:
         if not self._retire:
             return self._failure(int(lost.status[0]), 0, [int(self._particles[lost.particles[0]])])
         if self._form.transforms:  # what is left of them is what is seen
-            seen, alone = self._as_seen(), reached
+            seen, alone = self._as_seen(lost.particles), reached
             reached = {f"particle_{name}": seen[f"particle_{name}"][:, lost.particles] for name in ("q", "v")}
             parts = dict(zip(alone.get("away", np.zeros(0)).tolist(), alone.get("memory", np.zeros(0)), strict=True))
             for k, particle in enumerate(lost.particles.tolist()):
@@ -310,8 +322,12 @@ class Blocks:
         bound = self._loops.bound(clock, now)
         begun_lo = float(now[changing.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
-        path = self._nothing if record is None else self._watcher.path(count)
-        status, done, body, evaluations = self._loops.march(state, bound, path, count)
+        path, watched = self._nothing, (0, 0)
+        if record is not None and self._loops.is_ready(state, count):
+            path = self._watcher.path(count)
+        elif record is not None:
+            path, watched = self._watcher.of_trace(record, self.step, count, state["memory"])
+        status, done, body, evaluations = self._loops.march(state, bound, path, count, watched)
         self.evaluations += evaluations
         if status == BEYOND:
             status, count, self._arrived = OK, done, True
@@ -327,9 +343,11 @@ class Blocks:
             self._block = count, float(now[changing.ORIGIN]) if self.clock.changes else self._time_of(self.step)
             if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
-        if record is not None and count:
-            self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
-            self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
+        if record is not None and count and not self._loops.observed:
+            if not watched[0]:
+                self._watcher.begin(record, self.step, now[changing.ORIGIN] if self.clock.changes else 0.0)
+            carry = state["memory"] if watched[0] else None
+            self._watcher.look(h, count, state["q"], state["v"], carry, self._loops.parallel)
         if self._loops.tasks:
             if not goes_on:
                 self._retired.begin()
@@ -343,7 +361,7 @@ class Blocks:
                 self._meeting_of_planets = kepler_passages.first_meeting(listed, gm, self._watcher.dominant, self.step)
             # Not from a list that is not complete: shorter blocks follow.
             if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
-                where = (self._bodies, self._watcher.dominant, h, self.step)
+                where = (self._bodies, self._watcher.dominant, h, self.step, self.integrator.least_steps)
                 self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
             if self._retire and len(self._particles):
                 self._encountered = self._lost_anyhow(state, h, count)

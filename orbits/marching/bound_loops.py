@@ -53,6 +53,7 @@ class BoundLoops:
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
     ready : the next block, if it was computed along with those of other systems
+    observed : whether the block marched last was, and closest approaches have been looked for in it
     """
 
     def __init__(
@@ -73,7 +74,9 @@ class BoundLoops:
         self._clock, self._other = clock, (clock, self._usual)
         shape = form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
-        room = STAGES_BYTES // (8 * shape[0] * shape[1] + 48 * WIDTH) if m else PATH_BYTES // (16 * padded(3 * n))
+        room = PATH_BYTES // (16 * padded(3 * n))
+        if m:
+            room = STAGES_BYTES // (8 * form.stages_read(3 * n) + 48 * WIDTH)
         self.steps = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
         self.tasks = shares(m, threads)
         vector, columns, scratch = (padded(3 * n),), (3, padded(m)), form.scratch_shape(3 * n)
@@ -98,7 +101,7 @@ class BoundLoops:
         self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=False))
         self._task_scratch = arrays[len(shapes) :]
         rows = 12 * (self.steps + 1) if m else 0
-        self.tracks = [np.empty((rows, WIDTH)) for _ in range(max(1, len(self.tasks)))]
+        self.tracks = aligned(*[(rows, WIDTH)] * max(1, len(self.tasks)))
         changed = ("q", "q_lo", "v", "v_lo", "memory")
         self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
@@ -117,6 +120,7 @@ class BoundLoops:
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
         self.ready: Ready | None = None
+        self.observed = False
 
     @property
     def kind(self) -> tuple[Any, ...]:
@@ -172,13 +176,31 @@ class BoundLoops:
             coefficients = self._other[1]
         return self._form.tag, coefficients, self._tag, self._vectors, clock.timing, now, self.times
 
-    def march(self, state: dict[str, Array], bound: tuple[Any, ...], path: Array, count: int) -> tuple[int, ...]:
+    def is_ready(self, state: dict[str, Array], count: int) -> bool:
+        """Return whether the next block, of `count` steps of this state, is already computed, with its path."""
+        return self.ready is not None and self._fits(self.ready, state, count)
+
+    def _fits(self, ready: Ready, state: dict[str, Array], count: int) -> bool:
+        return state is self.state and count == ready.count
+
+    def march(
+        self,
+        state: dict[str, Array],
+        bound: tuple[Any, ...],
+        path: Array,
+        count: int,
+        watched: tuple[int, int] = (0, 0),
+    ) -> tuple[int, ...]:
         """March the massive bodies by `count` steps, recorded in `path` unless it is empty.
+
+        watched : the observer of a trace, and its context
 
         Returns (status, steps done, body, evaluations); see `orbits.marching.driver`.
         """
         ready, self.ready = self.ready, None
-        if ready is not None and state is self.state and path.size and count == ready.count:
+        self.observed = False
+        if ready is not None and path.size and self._fits(ready, state, count):
+            self.observed = ready.observed
             return ready.take(state)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
@@ -190,7 +212,7 @@ class BoundLoops:
                 path, kicks = self._of_copies
             self._record = path, kicks
         room = (self._scratch, self._stages)
-        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
+        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count, *watched)
         return status, done, body, evaluations
 
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
@@ -201,27 +223,50 @@ class BoundLoops:
         driver.enter_march(*self._transformation(state, clock))
         self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
 
-    def leave(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
-        """Compute what is seen from what is marched with this clock, in a copy of a state that is not marched on."""
-        self._transform_particles(driver.leave_march_of_particles, state, clock, retired)
+    def leave(
+        self,
+        state: dict[str, Array],
+        clock: Clock,
+        retired: NDArray[np.int64] | None = None,
+        particles: NDArray[np.intp] | None = None,
+    ) -> None:
+        """Compute what is seen from what is marched with this clock, in a copy of a state that is not marched on.
+
+        particles : those of which it is wanted; all by default
+        """
+        self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
         driver.leave_march(*self._transformation(state, clock))
 
     def _transform_particles(
-        self, kernel: Any, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None
+        self,
+        kernel: Any,
+        state: dict[str, Array],
+        clock: Clock,
+        retired: NDArray[np.int64] | None,
+        some: NDArray[np.intp] | None = None,
     ) -> None:
-        """Call `enter_march_of_particles` or `leave_march_of_particles` for all particles, in threads."""
+        """Call `enter_march_of_particles` or `leave_march_of_particles` for all particles, in threads, or for some."""
         bound = self.bound(clock, self.times)[:4]
         bodies = [state[name] for name in ("q", "q_lo", "v", "v_lo")]
         particles = [state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory")]
         gone = np.zeros((particles[0].shape[1], 2), dtype=np.int64) if retired is None else retired
 
+        tasks = self.tasks
+        if some is not None:
+            count = state["particle_memory"].shape[0]
+            tasks = [(WIDTH * k, min(WIDTH * (k + 1), count)) for k in sorted({int(p) // WIDTH for p in some})]
+
         def share(task: int) -> int:
             room = aligned(state["memory"].shape, self._scratch.shape, self._stages.shape[1:], (2 * WIDTH, WIDTH))
             room[0][...] = state["memory"]
-            kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], *self.tasks[task])
+            kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], *tasks[task])
             return 0
 
-        self._in_tasks(share)
+        if some is None:
+            self._in_tasks(share)
+        else:
+            for task in range(len(tasks)):
+                share(task)
 
     def seen(self, begun: Array, count: int) -> Array:
         """Return q and v as they are seen before the first of the `count` steps of the last block and after each, for a

@@ -36,28 +36,33 @@ from orbits.kernels.steps import (
     State,
     Storage,
     begin,
-    begin_particles,
+    begin_pair,
     enter,
     enter_particles,
-    keep_particles,
+    keep_pair,
     lanes_of,
     leave,
     leave_particles,
     record,
     show,
+    step_pair,
     step_particles,
 )
+from orbits.kernels.watch import no_particles
 
 NOWHERE = 1e6
 """Position of the padding in the last group of eight particles, and of retired particles: finite, and never read.
 Observers see NaN for a retired particle, so that every comparison with it is false.
 """
 
+TRACED = 128
+"""The most steps between two calls of an observer of a trace, which fits into the cache of a core."""
+
 
 @kernel
 def march(
     form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
-    path, every, kicks, steps
+    path, every, kicks, steps, observer, context
 ):  # fmt: skip
     """March by `steps` steps.
 
@@ -66,6 +71,9 @@ def march(
     stages : (slots, rows, columns), a slot for each step, or fewer slots that are reused in turn
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; empty for no recording
     kicks : (steps, rows, 8), receives the carry after each step, for dense output; (0, rows, 8) for no recording
+    observer, context : of methods with a kernel `trace`, or 0; see `orbits.kernels.observing`. It is called whenever
+        the path holds `TRACED` steps, which then begins anew, so that it stays in the cache; the arguments are the
+        number of steps done, 0 and `TRACED`
 
     Returns (status, steps done, body or coordinate, evaluations).
     """
@@ -79,6 +87,10 @@ def march(
         if left == 0:
             record(method, model, state, Storage(carry, scratch, stages[slot], share), path, row)
             left, row = every, row + 1
+            if observer != 0 and row > TRACED:  # and the trace begins anew, with this state
+                call_observer(observer, context, no_particles(), h, k, 0, TRACED)
+                record(method, model, state, Storage(carry, scratch, stages[slot], share), path, 0)
+                row = 1
         left -= 1
         storage = Storage(carry, scratch, stages[slot], share)
         status, where, count = take_step(clock, method, model, k, state, storage)
@@ -261,19 +273,19 @@ def _march_in_lanes(method, model, clock, columns, storage, retired, block, watc
     evaluations = 0
     for p in range(start, stop, 2 * WIDTH):
         P = p + WIDTH if p + WIDTH < stop else p
-        before, beside = _at(storage, 0, p, p + WIDTH), _at(storage, 0, P, P + WIDTH)
+        storages = _at(storage, 0, p, p + WIDTH), _at(storage, 0, P, P + WIDTH)
         one, two = _present(columns, retired, p), _present(columns, retired, P)
-        one_carry = begin_particles(method, model, one, before)
-        two_carry = begin_particles(method, model, two, beside)
+        carry = begin_pair(method, model, one, two, storages)
+        record_particles(track, 0, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+        record_particles(other, 0, two.x, two.y, two.z, two.vx, two.vy, two.vz)
         for k in range(steps):
-            (t, h), now, then = step_of(clock, k), _at(storage, k, p, p + WIDTH), _at(storage, k, P, P + WIDTH)
-            record_particles(track, k, one.x, one.y, one.z, one.vx, one.vy, one.vz)
-            record_particles(other, k, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-            one, one_carry, _, count = step_particles(method, model, t, h, one, one_carry, now)
-            two, two_carry, _, _ = step_particles(method, model, t, h, two, two_carry, then)
+            (t, h), storages = step_of(clock, k), (_at(storage, k, p, p + WIDTH), _at(storage, k, P, P + WIDTH))
+            one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
+            # At once, as methods that march other variables need these no longer.
+            record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+            record_particles(other, k + 1, two.x, two.y, two.z, two.vx, two.vy, two.vz)
             evaluations += count * min(2 * WIDTH, stop - p)
-        keep_particles(method, one_carry, before)
-        keep_particles(method, two_carry, beside)
+        keep_pair(method, carry, storages)
         _finish(columns, retired, track, steps, p, one, stop)
         call_observer(observer, context, track, h, steps, p, stop)
         if p < P:
@@ -348,7 +360,6 @@ def _present(columns, retired, p):
 @kernel
 def _finish(columns, retired, track, steps, p, particles, stop):
     """Store eight particles at the end of a block; retire those whose state is no longer finite."""
-    record_particles(track, steps, particles.x, particles.y, particles.z, particles.vx, particles.vy, particles.vz)
     kept = load_particles(columns, p)
     store_particles(columns, p, particles)
     for j in range(p, min(p + WIDTH, stop)):

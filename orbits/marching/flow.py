@@ -179,14 +179,14 @@ class Flow:
         if transforms:
             self._form.check_start(self.lagrangian.parameter_vector, q.reshape(-1, 3), second.reshape(-1, 3))
             driver.enter_march(*bound, self.dt, *state, self._carry, self._scratch, self._stages)
-        path = np.empty((room, 2, stride))
+        path = np.empty((0 if transforms else room, 2, stride))
         evaluations = status = done = 0
         for first in range(0, samples, room):
             count = min(room, samples - first)
             now = clock.numbers(self.t, first * every)
             status, done, _, more = driver.march(
                 *bound, clock.timing, now, _NO_ROOM, *state, self._carry, self._scratch, self._stages,
-                path.reshape(-1), every, _NO_KICKS, count * every,
+                path.reshape(-1), every, _NO_KICKS, count * every, 0, 0,
             )  # fmt: skip
             evaluations += more
             done += first * every

@@ -13,14 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.encounters import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
 from orbits.kernels.steps import NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.passage_list import BlockList
 from orbits.marching.retirement import Lost
 
-LEAST_STEPS = 16
-"""Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there."""
+LEAST_STEPS = Integrator.least_steps
+"""Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there: those of
+one kick.
+"""
 
 HILL_RADII = 3.0
 """Mutual Hill radii within which two planets disturb each other as much as a few steps can follow."""
@@ -33,9 +36,12 @@ SPARED = 1e-12
 """The error of the attraction by a planet on the way past it, as a fraction of that by the dominant body, up to which
 the map takes a particle past it."""
 
-LISTED = math.inf, 0.0, 2.0 * math.pi / LEAST_STEPS
-"""The limits for the list of passages, see `orbits.marching.watcher.thresholds`: all flybys within the reach of a
-planet, and all pericentres that a step does not resolve."""
+
+def listed(least: int) -> tuple[float, float, float]:
+    """Return the limits for the list of passages, see `orbits.marching.watcher.thresholds`: all flybys within the reach
+    of a planet, and all pericentres with fewer than `least` steps in a full turn.
+    """
+    return math.inf, 0.0, 2.0 * math.pi / least
 
 
 def reach(about: Array, gm: Array, dominant: float) -> Array:
@@ -59,9 +65,11 @@ def near_planets(gm: Array, dominant: int) -> Array:
     return near
 
 
-def is_unresolved(h: float, distance: Any, speed: Any) -> Any:
-    """Return whether steps of h do not resolve passages of the dominant body, numbers or arrays."""
-    return abs(h) * speed > 2.0 * math.pi / LEAST_STEPS * distance
+def is_unresolved(h: float, distance: Any, speed: Any, enough: int) -> Any:
+    """Return whether steps of h are fewer than `enough` in a full turn at passages of the dominant body, numbers or
+    arrays.
+    """
+    return abs(h) * speed > 2.0 * math.pi / enough * distance
 
 
 class Meeting(NamedTuple):
@@ -86,11 +94,14 @@ def first_meeting(listed: BlockList, gm: Array, dominant: int, begun: int) -> Me
     return Meeting(int(rows[first, STEP]) - begun, (int(row[first]), int(mate[first])), float(least[first]))
 
 
-def lost_in(lists: list[BlockList], gm: Array, massive: int, dominant: int, h: float, begun: int) -> Lost | None:
+def lost_in(
+    lists: list[BlockList], gm: Array, massive: int, dominant: int, h: float, begun: int, enough: int
+) -> Lost | None:
     """Return the massless particles that come first, of those in the lists of a block, to a passage that the method
     cannot follow, and before which step of the block; None if none does.
 
     gm : (rows,), of the massive bodies, then of the particles; begun : the number of steps before the block
+    enough : the steps in a full turn that resolve a passage of the dominant body
     """
     rows = np.concatenate([passages[: listed[0]] for passages, listed in lists])
     rows = rows[rows[:, ROW] >= massive]  # the row of a particle is the first one of the two
@@ -99,7 +110,7 @@ def lost_in(lists: list[BlockList], gm: Array, massive: int, dominant: int, h: f
     mate, least = rows[:, MATE].astype(int), np.sqrt(rows[:, LEAST2])
     central = mate == dominant
     close = ~central & (least < reach(rows[:, ABOUT : ABOUT + 3], gm[mate], gm[dominant]))
-    sharp = central & is_unresolved(h, least, np.sqrt(rows[:, FASTEST2]))
+    sharp = central & is_unresolved(h, least, np.sqrt(rows[:, FASTEST2]), enough)
     rows, close = rows[close | sharp], close[close | sharp]
     if not len(rows):
         return None

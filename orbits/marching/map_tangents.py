@@ -38,12 +38,11 @@ BLOCK = 4096
 def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
     """Raise InputError, with the reason, if the derivative of a map on Kepler orbits is not known."""
     form = form_for(integrator, lagrangian)
-    known = type(form) is KeplerSplitting
-    if not known or NEWTONIAN not in lagrangian.traits:
-        what = f"with {lagrangian.name}" if known else "in these coordinates"
+    if type(form) is not KeplerSplitting or NEWTONIAN not in lagrangian.traits:
+        with_terms = "" if NEWTONIAN in lagrangian.traits else f" with {lagrangian.name}"
         raise InputError(
-            f"the derivative of {integrator.label} {what} is not known; expected Newton's gravity alone, in Jacobi "
-            "coordinates. Use Gauss(stages=8), or Composition(StormerVerlet(), order=4) for many steps."
+            f"the derivative of {integrator.label}{with_terms} is not known; expected WisdomHolman in Jacobi "
+            "coordinates, with Newton's gravity alone. Use that, or Gauss(stages=8)."
         )
 
 
@@ -173,7 +172,7 @@ class MapTangents:
         return q, v
 
     def marched(self) -> Array:
-        """Return the vectors as they are marched, (count, 2, n, 3): of each planet outwards, then the centre of mass."""
+        """Return the vectors as they are marched, (count, 2, n, 3): of the planets outwards, then of the centre."""
         groups, _, rows, _ = self._vectors.shape
         lanes = self._vectors[:, [0, 2]].transpose(0, 3, 1, 2)
         return np.ascontiguousarray(lanes.reshape(groups * WIDTH, 2, rows // 3, 3)[: self._count])

@@ -153,7 +153,7 @@ class Marcher(Blocks):
         self._stopped = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         if integrator.follows_kepler:
-            limits = kepler_passages.LISTED
+            limits = kepler_passages.listed(integrator.least_steps)
         self._watcher = Watcher(
             self.parameters,
             self._massive,
@@ -167,6 +167,7 @@ class Marcher(Blocks):
             len(self._loops.tasks),
             radii,
             integrator.follows_kepler,
+            self._form.trace_rows(3 * n),
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._encountered: Lost | None = None
@@ -311,12 +312,15 @@ class Marcher(Blocks):
         self._seen = self._state["memory"]
         return self._gather(self._as_seen())
 
-    def _as_seen(self) -> dict[str, Array]:
-        """Return the state as it is seen: a copy, unless it is what is marched."""
+    def _as_seen(self, particles: NDArray[np.intp] | None = None) -> dict[str, Array]:
+        """Return the state as it is seen: a copy, unless it is what is marched.
+
+        particles : those of which it is wanted; all by default
+        """
         if not (self._form.transforms and self.step):
             return self._state
         copy = self._copied()
-        self._loops.leave(copy, self.clock, self._retired.block)
+        self._loops.leave(copy, self.clock, self._retired.block, particles)
         return copy
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -512,6 +516,21 @@ class Marcher(Blocks):
     def observe_path(self, path: Array) -> None:
         """Record the steps of blocks in this array, which has room for the longest."""
         self._watcher.use_path(path)
+
+    @property
+    def looks_for_planets_alone(self) -> bool:
+        """Whether all that is observed are closest approaches of planets about the first body."""
+        return self._watcher.looks_for_planets_alone
+
+    def observing_elsewhere(self, record: Array) -> int:
+        """Prepare the observers for a block that is computed along with others, with a copy of the record; return the
+        address of their context, or 0 if they need all states of the block.
+        """
+        if not self.looks_for_planets_alone:
+            return 0
+        record[...] = self._state["approaches"]
+        self._watcher.begin(record, self.step)
+        return self._watcher.contexts.addresses[0]
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""

@@ -117,7 +117,7 @@ class ParticleTangents(BoundLoops):
         def share(task: int) -> int:
             start, stop = self.tasks[task]
             follow_particles(
-                self._usual, self._strength, self.time, self._h, self.state["particle_memory"], self._stages,
+                self._tag, self._usual, self._strength, self.time, self._h, self.state["particle_memory"], self._stages,
                 self._gone, self._task_scratch[task], self._done, count, start, stop, self._kick, self._scale,
                 self._fans, self._growth, judged,
             )  # fmt: skip

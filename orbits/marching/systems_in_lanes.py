@@ -21,8 +21,16 @@ if TYPE_CHECKING:
     from orbits.marching.marcher import Marcher
 
 
+PATH_BYTES = 2_500_000
+"""Size of the recorded states of eight systems, where all are looked at: observers pass through those of each again and
+again, and should find them in the cache."""
+
+
 class Lanes:
-    """The memory in which up to eight marches of one kind are marched together; see `Marcher.kind_in_lanes`."""
+    """The memory in which up to eight marches of one kind are marched together; see `Marcher.kind_in_lanes`.
+
+    rows : the workspace of the kernel, which holds the states in lanes
+    """
 
     def __init__(self, marchers: Sequence[Marcher]) -> None:
         self._marchers, loops = list(marchers), marchers[0].loops
@@ -33,22 +41,44 @@ class Lanes:
         self._kernel, self._size = kernel, size
         self._strengths = np.stack([self._marchers[k % len(marchers)].parameters for k in range(WIDTH)])
         self._coefficients = loops.coefficients
-        *self._state, self._carries, self._room, self._rows = aligned(
+        *self._state, self._carries, self._room, self.rows = aligned(
             *[(WIDTH, width)] * 4, (WIDTH, form.carry_rows(size), WIDTH), form.scratch_shape(size), (rows, WIDTH)
         )
         self._path = np.zeros((WIDTH, 2 * (loops.steps + 1) * width))
-        for marcher, path in zip(marchers, self._path, strict=False):
-            marcher.observe_path(path)
+        self._records = [marcher.loops.state["approaches"].copy() for marcher in marchers]
+        self._contexts = np.zeros(WIDTH, dtype=np.int64)
+        if not all(marcher.looks_for_planets_alone for marcher in marchers):
+            for marcher in marchers:
+                marcher.block = min(marcher.block, max(1, PATH_BYTES // (16 * width * WIDTH)))
+        self._places: list[int] = []
 
     def march(self, members: Sequence[int], count: int) -> None:
         """Compute the next `count` steps of some of the marches, and leave them there to be taken over."""
-        for k in range(WIDTH):  # the first fills the lanes that are left
-            state = self._marchers[k if k in members else members[0]].loops.state
+        order = [*members, *[members[0]] * (WIDTH - len(members))]  # the first fills the lanes that are left
+        self._contexts[:] = 0
+        for lane, k in enumerate(order):
+            state, self._strengths[lane] = self._marchers[k].loops.state, self._marchers[k].parameters
             for array, name in zip((*self._state, self._carries), NAMES, strict=True):
-                array[k] = state[name]
+                array[lane] = state[name]
+        for lane, k in enumerate(members):
+            self._contexts[lane] = self._marchers[k].observing_elsewhere(self._records[k])
+        if not self._contexts[: len(members)].all():
+            self._contexts[:] = 0
+        self._take_places(members)
         evaluations = self._kernel(
-            self._coefficients, self._strengths, *self._state, self._carries, self._room, self._rows, self._path, count
-        )
-        for k in members:
-            arrays = [array[k] for array in (*self._state, self._carries)]
-            self._marchers[k].loops.ready = Ready(count, evaluations, self._size, arrays)
+            self._coefficients, self._strengths, *self._state, self._carries, self._room, self.rows, self._path,
+            self._contexts, count,
+        )  # fmt: skip
+        observed = bool(self._contexts[0])
+        for lane, k in enumerate(members):
+            arrays = [array[lane] for array in (*self._state, self._carries)]
+            record = self._records[k] if observed else None
+            self._marchers[k].loops.ready = Ready(count, evaluations, self._size, arrays, record)
+
+    def _take_places(self, members: Sequence[int]) -> None:
+        """Give each march a row of the path, first those that are marched."""
+        places = [*members, *(k for k in range(len(self._marchers)) if k not in members)]
+        if places != self._places:
+            self._places = places
+            for path, k in zip(self._path, places, strict=False):
+                self._marchers[k].observe_path(path)

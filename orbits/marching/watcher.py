@@ -14,11 +14,14 @@ from orbits.integrators.forms import Array, padded
 from orbits.kernels import collisions
 from orbits.kernels.approach_search import follow_bodies, follow_particles, search
 from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
+from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
-from orbits.kernels.planet_approaches import follow_planets
+from orbits.kernels.planet_approaches import BODY, IN_PATH, SHARE, follow_planets, show_trace
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
+from orbits.marching.alignment import aligned
+from orbits.marching.driver import TRACED
 from orbits.marching.passage_list import BlockList
 
 TOUCHED, ENERGY = -2, -1
@@ -85,6 +88,7 @@ class Watcher:
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
     tasks : the number of tasks that march particles at the same time
     on_kepler_orbits : whether the steps resolve the pericentres of all bodies about the dominant one
+    trace_rows : see `Form.trace_rows`
 
     contexts, lists : of the massive bodies, then of each task
     """
@@ -105,6 +109,7 @@ class Watcher:
         tasks: int = 0,
         radii: Array | None = None,
         on_kepler_orbits: bool = False,
+        trace_rows: int = 0,
     ) -> None:
         self._parameters, self._stride = parameters, len(q)
         self._path = np.empty(0)
@@ -115,8 +120,10 @@ class Watcher:
         self._collide = radii is not None
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
+        self._trace_rows, self._of_trace = trace_rows, 0
         few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
         self._planets = on_kepler_orbits and few and self.dominant == 0
+        (self._trace,) = aligned(((TRACED + 1) * trace_rows * WIDTH,))
         self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
@@ -197,10 +204,39 @@ class Watcher:
             self.contexts.enter(path=self._path)
         return self._path
 
+    def of_trace(self, record: Array, first: int, steps: int, carry: Array) -> tuple[Array, tuple[int, int]]:
+        """Prepare for a block of `steps` steps that is recorded in a trace, as `begin` does; return the trace, with its
+        observer and that one's context. Without a trace, return the path, and (0, 0).
+
+        carry : that of the march
+        """
+        path = self.path(steps)
+        if not self._trace_rows:
+            return path, (0, 0)
+        if not self._of_trace:
+            self._of_trace = observer_address(follow_planets if self._planets else show_trace)
+            self.contexts.enter(trace=self._trace, lanes=self._numbered(carry))
+        self.begin(record, first)
+        return self._trace, (self._of_trace, self.contexts.addresses[0])
+
+    def _numbered(self, carry: Array) -> Array:
+        """Return `lanes` of `orbits.kernels.watch`."""
+        lanes, inside = np.zeros((2, WIDTH)), self._parameters[1 + self.dominant]
+        lanes[BODY] = carry[STATE_ROWS + 2]
+        for k, body in enumerate(lanes[BODY, : len(self._massive) - 1].astype(int)):
+            inside += self._parameters[1 + body]
+            lanes[SHARE, k] = self._parameters[1 + body] / inside
+        return lanes
+
     def use_path(self, path: Array) -> None:
         """Record blocks of steps in this array."""
         self._path = path
         self.contexts.enter(path=path)
+
+    @property
+    def looks_for_planets_alone(self) -> bool:
+        """Whether all that is observed are closest approaches of planets about the first body."""
+        return self._planets and not len(self._stops) and self._energy_bound is None and not self._collide
 
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
@@ -208,19 +244,32 @@ class Watcher:
 
     def follow(self, h: float, steps: int) -> None:
         """Search for closest approaches among the massive bodies."""
-        search_all = follow_planets if self._planets else follow_bodies
-        search_all(self.contexts.addresses[0], h, steps)
+        if self._planets:
+            observe(observer_address(follow_planets), self.contexts.addresses[0], _NO_TRACK, h, steps, IN_PATH, steps)
+        else:
+            follow_bodies(self.contexts.addresses[0], h, steps)
 
-    def look(self, h: float, steps: int, q: Array, v: Array, parallel: Parallel | None = None) -> None:
+    def _end_trace(self, h: float, steps: int, carry: Array) -> None:
+        """Observe the last steps of a block, which ended with this carry."""
+        rows, left = carry[[*range(STATE_ROWS // 2), STATE_ROWS]], steps - TRACED * ((steps - 1) // TRACED)
+        self._trace[left * rows.size : (left + 1) * rows.size] = rows.ravel()
+        observe(self._of_trace, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, left)
+
+    def look(
+        self, h: float, steps: int, q: Array, v: Array, carry: Array | None = None, parallel: Parallel | None = None
+    ) -> None:
         """Observe the massive bodies in the block of `steps` steps just marched, which ended at q and v.
 
+        carry : that of the march, for a block that was recorded in a trace
         parallel : searches for closest approaches with several threads, for thousands of bodies
         """
         self._set_state(steps, q, v)
-        if parallel is None:
-            self.follow(h, steps)
-        else:
+        if carry is not None:
+            self._end_trace(h, steps, carry)
+        if parallel is not None:
             parallel.follow(self, h, steps)
+        elif carry is None or not self._planets:
+            self.follow(h, steps)
         for observer in (self._find_met, self._find_touch):
             observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
         if len(self._particles) and self.dominant >= 0:

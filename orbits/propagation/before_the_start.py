@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from orbits.checks import checked_flag
@@ -25,26 +26,34 @@ def checked_answer(check_step: Any) -> bool | str:
     return checked_flag(check_step, "check_step", f"True (warn), False or {REFUSE!r}")
 
 
+def check_bodies(system: System, integrator: Integrator) -> None:
+    """Raise InputError, naming them, for bodies and terms that a method on Kepler orbits cannot take."""
+    if integrator.follows_kepler:
+        kepler_splitting.require_outside(system)
+        kepler_splitting.require_terms_of_dominant(system, integrator)
+
+
 def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, check_step: Any) -> None:
     """Warn of what the steps of a run do not resolve, or refuse the run, or do neither, as `check_step` says.
 
-    Raises InputError for bodies inside the one about which a method moves them on Kepler orbits; for another
-    `check_step`; and with "refuse" for all that is a `StepWarning` with True.
+    Raises InputError for another `check_step`, and with "refuse" for all that is a `StepWarning` with True.
     """
+    if checked_answer(check_step):
+        warn_if_far(system, grid.end)
+    if not grid.clock.changes:
+        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
+        warn_or_refuse(lambda: check(system, integrator, grid.h, grid.end), check_step)
+
+
+def warn_or_refuse(check: Callable[[], None], check_step: Any) -> None:
+    """Call what warns of a step, if `check_step` is True; with "refuse" raise InputError with all that it warns of."""
     answer = checked_answer(check_step)
-    if integrator.follows_kepler:
-        kepler_splitting.require_outside(system)
-    if not answer:
-        return
-    warn_if_far(system, grid.end)
-    if grid.clock.changes:
-        return
-    check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
-    if answer != REFUSE:
-        check(system, integrator, grid.h, grid.end)
-        return
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always", StepWarning)
-        check(system, integrator, grid.h, grid.end)
-    if found:
-        raise InputError("\n".join(str(each.message) for each in found) + "\nThis is refused by check_step='refuse'.")
+    if answer == REFUSE:
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always", StepWarning)
+            check()
+        if found:
+            said = "\n".join(str(each.message) for each in found)
+            raise InputError(f"{said}\nThis is refused by check_step={REFUSE!r}.")
+    elif answer:
+        check()

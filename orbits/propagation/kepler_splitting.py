@@ -20,7 +20,8 @@ import numpy as np
 from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
-from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS, is_unresolved, reach
+from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
+from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
 
@@ -81,6 +82,23 @@ def require_outside(system: System) -> None:
         )
 
 
+def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
+    """Raise InputError for terms of other bodies than the dominant one, where the method takes any."""
+    sun = system.names[_dominant(system)]
+    for term in system.terms:
+        if ABOUT_ONE_BODY in integrator.requires and term.body not in (None, sun):
+            raise InputError(
+                f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
+                f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
+            )
+        of_places = SEPARABLE in term.summand(0, system.units).traits
+        if integrator.follows_encounters and not of_places and not system.massive.all():
+            raise InputError(
+                f"{integrator.label} lets massless particles take steps of their own, which take terms of positions "
+                f"alone; got {type(term).__name__}. Use encounters='retire' or 'warn', or Gauss(stages=8) with dt=..."
+            )
+
+
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
     """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, of planets or of massless
     particles, or if planets come so close to each other, now or at a crossing of their orbits, that the method cannot
@@ -90,14 +108,15 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     units, centre = system.units, system.names[_dominant(system)]
     angles = [(abs(h) * orbit.speed / orbit.pericentre, orbit) for orbit in orbits if _is_ahead(system, orbit, span)]
     angle, fastest = max(angles, default=(0.0, None), key=lambda pair: pair[0])
-    # The motion of a single planet is exact.
-    if fastest is not None and len(orbits) > 1 and angle > 2.0 * math.pi / LEAST_STEPS:
-        enough = abs(h) * 2.0 * math.pi / LEAST_STEPS / angle
+    least = integrator.least_steps
+    perturbed = len(orbits) > 1 or bool(system.terms) or not integrator.exact_for_two
+    if fastest is not None and perturbed and angle > 2.0 * math.pi / least:
+        enough = abs(h) * 2.0 * math.pi / least / angle
         body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
-            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {LEAST_STEPS} "
-            f"they are in resonance with it; dt <= {in_digits(enough, units.time, 2)} resolves it, or leave dt and the "
+            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {least} "
+            f"they are in resonance with it; dt <= {_at_most(enough, units.time)} resolves it, or leave dt and the "
             "method away: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
@@ -129,7 +148,8 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
         steps = 2.0 * math.pi / abs(h) * np.sqrt(pericentre**3 / (mu * (1.0 + e)))
         period = np.where(beta > 0.0, 2.0 * math.pi * mu / np.maximum(beta, 0.0) ** 1.5, np.inf)
     ahead = (abs(span) >= period) | ((q * v).sum(axis=1) * span < 0.0) | (e < 0.1)
-    worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < LEAST_STEPS]
+    least = integrator.least_steps
+    worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < least]
     if not worst:
         return
     lines = [
@@ -139,10 +159,10 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     ]
     hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
     count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
-    enough = abs(h) * float(steps[worst[0]]) / LEAST_STEPS
-    remedy = f"dt <= {in_digits(enough, units.time, 2)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    enough = abs(h) * float(steps[worst[0]]) / least
+    remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
     warnings.warn(
-        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {LEAST_STEPS} "
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {least} "
         "steps in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
         + "\n".join(lines)
         + f"{hidden}\n{remedy} encounters=\"follow\" lets each take steps of its own there.",
@@ -156,14 +176,15 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     planet, and at a pericentre that the step did not resolve.
     """
     gm, massive, found = run.system.values.gm, run.system.massive, []
-    perturbed = massive.sum() > 2  # the motion of a single planet is exact
+    perturbed = massive.sum() > 2 or bool(run.system.terms) or not run.integrator.exact_for_two
     followed = run.integrator.follows_encounters
     for k, passage in enumerate(seen.passages):
         if passage.about is None or (followed and not (massive[passage.body] and massive[passage.other])):
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body
-            if (perturbed or not massive[lighter]) and is_unresolved(run.step, passage.distance, passage.speed):
+            resolved = not is_unresolved(run.step, passage.distance, passage.speed, run.integrator.least_steps)
+            if (perturbed or not massive[lighter]) and not resolved:
                 found.append((passage.distance / abs(run.step * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
@@ -203,8 +224,8 @@ def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
             run,
             seen,
             central,
-            f"needs {LEAST_STEPS} steps in a full turn at the speed of a pericentre, or they are in resonance with it, "
-            f"and had fewer at {some}{len(central):,},",
+            f"needs {run.integrator.least_steps} steps in a full turn at the speed of a pericentre, or they are in "
+            f"resonance with it, and had fewer at {some}{len(central):,},",
             lines,
         )
 
@@ -231,6 +252,12 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def _at_most(step: float, unit: object) -> str:
+    """Return a step to two digits, rounded down: one that is rounded up would not do."""
+    digit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return in_digits(math.floor(step / digit) * digit, unit, 2)
 
 
 def _dominant(system: System) -> int:

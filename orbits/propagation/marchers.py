@@ -86,6 +86,8 @@ def bound(
         surfaces=None if system.radii is None else np.asarray(system.radii.value),
     )
     if state is None:  # a march from a state of a run must not be refused where the run itself was not
+        for term in system.terms:
+            term.check_start(system)
         massive = system.massive
         names = list(compress(system.names, massive))
         marcher.clock.check_bodies(marcher.parameters, bodies.q[massive], bodies.v[massive], names)

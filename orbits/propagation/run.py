@@ -16,7 +16,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.propagation.before_the_start import check_before_start
+from orbits.propagation.before_the_start import check_before_start, check_bodies
 from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
@@ -253,6 +253,7 @@ def begun(
     check_callback(callback)
     progress = checked_choice(progress, "progress")
     seeking = Seeking(system, events, grid.clock.direction)
+    check_bodies(system, integrator)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
         check_length(system, grid)

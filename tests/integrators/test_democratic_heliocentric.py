@@ -9,7 +9,7 @@ import pytest
 import orbits
 from orbits import diagnostics
 from orbits.elements import state_from_elements, two_body
-from orbits.errors import InputError
+from orbits.errors import InputError, StepWarning
 from orbits.integrators import parse
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
@@ -227,8 +227,9 @@ def test_what_is_made_for_jacobi_coordinates_is_refused_and_left_away_by_default
         ({"corrector": 17}, "corrector=17 is made for Jacobi coordinates"),
         ({"kernel": "lazy"}, "kernel='lazy' is made for Jacobi coordinates"),
         ({"corrector2": True}, "corrector2=True is made for Jacobi coordinates"),
+        ({"encounters": "follow"}, "encounters='follow' leaves and enters Jacobi coordinates"),
     ):
-        with pytest.raises(InputError, match=f"{text}.*leave it away, or use coordinates='jacobi'"):
+        with pytest.raises(InputError, match=f"{text}.*or coordinates='jacobi'|{text}.*or use coordinates='jacobi'"):
             orbits.WisdomHolman(coordinates="democratic-heliocentric", **options)
     for options, text in (
         ({"coordinates": "heliocentric"}, "expected 'jacobi' or 'democratic-heliocentric'"),
@@ -237,6 +238,13 @@ def test_what_is_made_for_jacobi_coordinates_is_refused_and_left_away_by_default
     ):
         with pytest.raises(InputError, match=text):
             orbits.WisdomHolman(**options)
+
+
+def test_steps_of_a_single_planet_are_judged_since_they_are_not_exact():
+    solar = orbits.System.solar_system()
+    alone = solar.remove(*solar.names[2:])
+    with pytest.warns(StepWarning, match=r"Mercury passes Sun, at 0\.3075 AU.*dt <= 3\.5 d"):
+        orbits.propagate(alone, METHOD, dt="9 d", duration="1 yr", samples=2, progress=False)
 
 
 def test_it_is_certified_with_and_without_particles():

@@ -1,11 +1,10 @@
 """Massless particles that a Wisdom–Holman map cannot follow take steps of their own, each alone, and return."""
 
-
 import warnings
 
-import astropy.units as u
 import numpy as np
 import pytest
+from astropy import units as u
 
 import orbits
 from orbits.elements import ecliptic_to_icrf, state_from_elements

@@ -1,6 +1,7 @@
 """SABA: several kicks a step, without a corrector; its error, its bits, its particles, and what observers see."""
 
 import json
+import warnings
 
 import astropy.units as u
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import orbits
 from orbits import diagnostics
+from orbits.errors import InputError, StepWarning
 from orbits.integrators import parse
 from orbits.kernels.interaction import interact
 from orbits.kernels.jacobi import advance_planets, finish_velocities
@@ -233,6 +235,21 @@ def test_it_is_certified_with_and_without_particles():
         assert found.ok, found.table()
         assert found["symplecticity"].holds
         assert found["reversibility"].holds
+
+
+def test_steps_that_do_not_resolve_a_pericentre_are_warned_of_with_those_that_do():
+    start, options = orbits.System.solar_system(), {"duration": 1 * u.yr, "samples": 2, "progress": False}
+    with pytest.warns(StepWarning, match=r"Mercury passes Sun, .* and below 8 they .*dt <= 7\.1 d"):
+        orbits.propagate(start, DEFAULT, dt="10 d", **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        orbits.propagate(start, DEFAULT, dt="7 d", **options)
+    plunging = system({(2.2, 0.97): 0})
+    with pytest.warns(StepWarning, match=r"p0 passes Sun [^§]*dt <= 0\.55 d") as seen:
+        orbits.propagate(plunging, DEFAULT, dt="3 d", **{**options, "duration": 4 * u.yr})
+    assert "SABA(10, 6, 4) needs 8 steps in a full turn" in str(seen[-1].message)
+    with pytest.raises(InputError, match=r"derivative of SABA\(10, 6, 4\) is not known; expected WisdomHolman"):
+        orbits.megno(start, DEFAULT, dt="3 d", duration="1 yr")
 
 
 def test_it_is_named_as_in_the_literature():

@@ -1,11 +1,11 @@
 """Wisdom–Holman maps within the bounds that REBOUND's tests assert of WHFast, on its own problems.
 
-REBOUND compares the energy at the end with that at the start; here it is the largest of 200 samples. Where REBOUND
-itself exceeds its bound, what it reaches is the bound. A step of WHFast is half a Kepler motion, a kick, and half a
-Kepler motion; ours begins and ends with half a kick. Without a corrector the energy error of the first order in the
-masses is h^2/24 times a commutator in the former, and -h^2/12 times the same in the latter (Hairer, Lubich & Wanner
-2006, III.4): twice as large, and so are the bounds of the plain map where they were set close to WHFast's error.
-Correctors remove it.
+REBOUND compares the energy at the end with that at the start; here it is the largest of 200 samples unless said. Where
+REBOUND itself exceeds its bound, what it reaches is the bound. A step of WHFast is half a Kepler motion, a kick, and
+half a Kepler motion; ours in Jacobi coordinates begins and ends with half a kick. Without a corrector the energy error
+of the first order in the masses is h^2/24 times a commutator in the former, and -h^2/12 times the same in the latter
+(Hairer, Lubich & Wanner 2006, III.4): twice as large, and so are the bounds of the plain map where they were set close
+to WHFast's error. Correctors remove it.
 """
 
 import json
@@ -31,7 +31,7 @@ ASSERTED = {row["name"]: row["asserts"] for row in DATA["tests"]}
 BOUND = {name: max(row["bound"], row["reached"]) for name, row in DATA["reached"].items()}
 
 PLAIN, DEFAULT = orbits.WisdomHolman(kernel="standard", corrector=0), orbits.WisdomHolman()
-LAZY = orbits.WisdomHolman(kernel="lazy")
+LAZY, HELIOCENTRIC = orbits.WisdomHolman(kernel="lazy"), orbits.WisdomHolman(coordinates="democratic-heliocentric")
 JUPITER = 11.86 * 2 * math.pi
 STEP = 0.0123235235
 """Periods of Jupiter in a step of test_whfast_advanced."""
@@ -73,11 +73,6 @@ def energy(gm, q, v):
     return float(diagnostics.energy(gm, q[None], v[None])[0])
 
 
-def positions_of_whfast(gm, q, v, h, steps, samples=200):
-    times = np.array([(k + 1) * steps // samples for k in range(samples)]) * h
-    return peers.run("whfast", PointMasses(gm, q, v), times=times, dt=h)
-
-
 # The default reaches 1.2e-5, 6.6e-14 and 1.1e-15, the plain map 2.8e-5, 2.8e-7 and 2.8e-9.
 @pytest.mark.parametrize(("method", "most"), [(PLAIN, (3e-5, 3e-7, 3e-9)), (DEFAULT, (2e-5, 2e-13, 3e-15))], ids=str)
 def test_the_energy_of_the_outer_solar_system_stays_within_the_bounds_at_three_steps(method, most):
@@ -96,28 +91,48 @@ def test_the_corrector_of_order_11_keeps_its_bound():
 
 
 PROBLEMS = {
-    "whfast jacobi OSS dt=0.005*12yr T=1000yr": (lambda: outer_solar_system()[:3], 0.005 * 12 * 2 * 3.1415, 16667),
-    "whfast jacobi 2 planets a=1,3 dt=.005123 T=1e3": (
-        lambda: planets({"a": 1.0, "e": 0.1}, {"a": 3.0, "e": 0.1})[:3],
-        0.005123 * 2 * math.pi,
-        195198,
-    ),
+    "OSS": (lambda: outer_solar_system()[:3], 0.005 * 12 * 2 * 3.1415, 16667),
+    "2 planets": (lambda: planets({"a": 1.0, "e": 0.1}, {"a": 3.0, "e": 0.1})[:3], 0.005123 * 2 * math.pi, 195198),
+    "hyperbolic": (lambda: planets({"a": -1.0, "e": 2.5})[:3], 0.00512 * 2 * math.pi / math.sqrt(1.001), 19531),
+}
+PLAIN_BOUNDS = {
+    ("OSS", "jacobi"): BOUND["whfast jacobi OSS dt=0.005*12yr T=1000yr"],
+    ("OSS", "democratic-heliocentric"): BOUND["whfast dh OSS same"],
+    ("2 planets", "jacobi"): BOUND["whfast jacobi 2 planets a=1,3 dt=.005123 T=1e3"],
+    ("2 planets", "democratic-heliocentric"): BOUND["whfast dh 2 planets"],
+    ("hyperbolic", "democratic-heliocentric"): BOUND["whfast dh hyperbolic"],
 }
 
 
-@pytest.mark.parametrize("problem", PROBLEMS)
-def test_the_plain_map_has_twice_the_energy_error_of_whfast_and_a_corrector_removes_it(problem):
+@pytest.mark.parametrize(("problem", "coordinates"), PLAIN_BOUNDS)
+def test_the_plain_map_has_twice_the_energy_error_of_whfast_and_the_heliocentric_one_the_same(problem, coordinates):
+    times_as_large = 2.0 if coordinates == "jacobi" else 1.0
     make, h, steps = PROBLEMS[problem]
-    x = make()
-    theirs = positions_of_whfast(*x, h, steps)
-    error = np.abs(np.array([energy(x[0], *state) for state in zip(theirs.q, theirs.v, strict=True)]) / energy(*x) - 1)
-    worst = {method: worst_energy_error(method, *x, h, steps)[0] for method in (PLAIN, DEFAULT, LAZY)}
-    assert 1.8 < worst[PLAIN] / error.max() < 2.2
-    assert worst[PLAIN] / 2 < 2 * BOUND[problem]  # the largest of a run; at WHFast's end it is half as large
-    corrected, _ = worst_energy_error(orbits.WisdomHolman(kernel="standard"), *x, h, steps)
-    assert corrected < 5e-11  # 2.4e-11 and 2.3e-12 were reached
-    for method in (DEFAULT, LAZY):
-        assert worst[method] < 4e-15  # 2.6e-15
+    gm, q, v = make()
+    times = np.array([(k + 1) * steps // 200 for k in range(200)]) * h
+    name = f"whfast:coordinates={coordinates}"
+    theirs = peers.run(name, PointMasses(gm, q, v), times=times, dt=h)
+    error = np.array([energy(gm, *state) for state in zip(theirs.q, theirs.v, strict=True)]) / energy(gm, q, v) - 1.0
+    method = orbits.WisdomHolman(kernel="standard", corrector=0, coordinates=coordinates)
+    worst, run = worst_energy_error(method, gm, q, v, h, steps)
+    assert abs(worst / np.abs(error).max() - times_as_large) < 1e-3  # 2.0003 was reached
+    end = abs(energy(gm, *run.state()) / energy(gm, q, v) - 1.0)
+    assert end < times_as_large * PLAIN_BOUNDS[problem, coordinates]
+
+
+@pytest.mark.parametrize("problem", ["OSS", "2 planets"])
+def test_the_map_in_whfasts_order_has_its_energy_error_and_a_corrector_removes_it(problem):
+    """SABA(2, 2), half a Kepler motion, a kick, half a Kepler motion, is WHFast."""
+    make, h, steps = PROBLEMS[problem]
+    x, bound = make(), PLAIN_BOUNDS[problem, "jacobi"]
+    theirs = peers.run("whfast", PointMasses(*x), times=np.array([steps * h]), dt=h)
+    _, run = worst_energy_error(orbits.SABA(2, 2), *x, h, steps)
+    end = energy(x[0], *run.state()) / energy(*x) - 1.0
+    assert abs(end) < bound
+    assert abs(end / (energy(x[0], theirs.q[0], theirs.v[0]) / energy(*x) - 1.0) - 1.0) < 1e-5  # 1e-6
+    assert worst_energy_error(orbits.WisdomHolman(kernel="standard"), *x, h, steps)[0] < 5e-11  # 2.4e-11 and 2.3e-12
+    for method in (DEFAULT, LAZY, orbits.WisdomHolman(corrector2=True)):
+        assert worst_energy_error(method, *x, h, steps)[0] < 1e-14  # 6e-15, in 195,198 steps; 2.6e-15 in 16,667
 
 
 SETTINGS = {
@@ -133,14 +148,20 @@ SETTINGS = {
     ("modified-kick", 11): (1e-12, 2e-13),
     ("modified-kick", 17): (1e-12, 2e-13),
     ("lazy", 17): (1e-12, 2e-13),
+    ("modified-kick", "11 and 2"): (1e-12, 2e-13),
 }
 """Kernels and correctors of test_whfast_advanced: REBOUND's bound of the energy error, and one near what is reached."""
+
+
+def with_corrector(kernel, corrector):
+    second = corrector == "11 and 2"
+    return orbits.WisdomHolman(kernel=kernel, corrector=11 if second else corrector, corrector2=second)
 
 
 @pytest.mark.parametrize(("kernel", "corrector"), SETTINGS)
 def test_kernels_and_correctors_keep_the_bounds_of_test_whfast_advanced(kernel, corrector):
     assert "no corrector 2e-7; corr3 1e-9; modifiedkick corr7+ 1e-12" in ASSERTED["test_whfast_advanced (15 settings)"]
-    method, bounds = orbits.WisdomHolman(kernel=kernel, corrector=corrector), SETTINGS[kernel, corrector]
+    method, bounds = with_corrector(kernel, corrector), SETTINGS[kernel, corrector]
     gm, q, v, period = outer_solar_system()
     steps = int(1000 * 2 * 3.1415 / (STEP * period))
     assert worst_energy_error(method, gm, q, v, STEP * period, steps)[0] < min(bounds)
@@ -157,7 +178,7 @@ def test_a_fast_moving_frame_costs_no_digits(kernel, corrector):
     """At 1050 times the Earth's speed; 2.3e-6 without a corrector, 4.6e-9 with that of order 3, 8.5e-10 with others,
     2e-11 with the modified kick and order 5, and less.
     """
-    method = orbits.WisdomHolman(kernel=kernel, corrector=corrector)
+    method = with_corrector(kernel, corrector)
     gm, q, v, period = outer_solar_system(1050.0)
     h = STEP * period
     steps = math.ceil(13.21415 / h)
@@ -209,10 +230,14 @@ def test_a_body_at_ten_thousand_times_the_speed_of_escape_is_deflected_by_what_i
     """
     gm, q, v, _ = planets({"x": 1.0, "vy": 1e5}, m=m)
     h = 1.234567
-    got, truth = march(PLAIN, gm, q, v, h, 1)[0][1], reference.exact(PointMasses(gm, q, v), np.array([h])).q[0, 1]
-    assert np.abs(got[:2] / truth[:2] - 1.0).max() < BOUND["veryhyperbolic jacobi"]
-    assert 9e-11 < 1.0 - got[1] / (h * 1e5) < 1.1e-10
-    assert got[0] == pytest.approx(0.9999876544, abs=1e-10)
+    truth = reference.exact(PointMasses(gm, q, v), np.array([h])).q[0, 1]
+    # In heliocentric coordinates it is exact for a light body only.
+    heliocentric = [(HELIOCENTRIC, "democraticheliocentric")] if m < 1e-20 else []
+    for method, problem in ((PLAIN, "jacobi"), *heliocentric):
+        got = march(method, gm, q, v, h, 1)[0][1]
+        assert np.abs(got[:2] / truth[:2] - 1.0).max() < BOUND[f"veryhyperbolic {problem}"]
+        assert 9e-11 < 1.0 - got[1] / (h * 1e5) < 1.1e-10
+        assert got[0] == pytest.approx(0.9999876544, abs=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -238,14 +263,14 @@ def test_the_order_of_planets_and_of_massless_bodies_does_not_change_a_bit():
     """REBOUND bounds this by 2e-16 to 1e-13 in the elements, and positions in heliocentric coordinates by 1e-14."""
     gm, q, v, _ = planets({"P": 0.4}, {"P": 0.7}, {"P": 1.0, "e": 0.1, "m": 0.0}, {"P": 1.0, "f": 1.0, "m": 0.0})
     order = [4, 1, 0, 3, 2]
-    for method in (PLAIN, DEFAULT, LAZY):
+    for method in (PLAIN, DEFAULT, LAZY, HELIOCENTRIC, orbits.SABA()):
         x, y = march(method, gm, q, v, 1e-3, 500), march(method, gm[order], q[order], v[order], 1e-3, 500)
         assert np.array_equal(x[0][order], y[0])
         assert np.array_equal(x[1][order], y[1])
 
 
 @pytest.mark.parametrize("count", [1, 2])
-@pytest.mark.parametrize("method", [PLAIN, DEFAULT, LAZY], ids=str)
+@pytest.mark.parametrize("method", [PLAIN, DEFAULT, LAZY, HELIOCENTRIC, orbits.SABA()], ids=str)
 def test_massless_bodies_move_as_bodies_of_a_negligible_mass_and_move_nothing(method, count):
     """REBOUND bounds the former by 1e-13, the latter by 1e-16."""
     particles = [{"P": 1.0, "e": 0.1, "f": float(i)} for i in range(count)]

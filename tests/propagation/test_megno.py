@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from astropy import units as u
 
 import orbits
 from orbits.errors import InputError, RetiredWarning, StepWarning
@@ -177,6 +178,38 @@ def test_particles_in_a_map_are_told_apart_as_by_a_method_without_kepler_orbits(
         assert abs(ours - theirs) < 0.08, name  # by other directions of the vectors; seen: 0.043
     assert abs(found[0]["calm"].megno[-1] - 2.0) < 0.02
     assert found[0]["calm"].passage is None
+
+
+def test_megno_of_particles_in_a_map_grows_at_the_borders_of_a_resonance_and_is_2_beside_it():
+    """Two asteroids on the borders of 3:1 with Jupiter, at e = 0.20 and 0.14, and two beside it; none is ever near."""
+    jupiter = {"gm": 9.5479e-4 * orbits.SOLAR.G, "a": 5.2026, "e": 0.0485}
+    system = orbits.System.from_elements({"Sun": {"gm": orbits.SOLAR.G}, "Jupiter": jupiter}, units=orbits.SOLAR)
+    a, e = np.array([2.5278, 2.48245, 2.45, 2.55]), np.array([0.2048, 0.1426, 0.1, 0.1])
+    angles = {"omega": np.full(4, np.pi) * u.rad, "M": np.zeros(4) * u.rad}
+    system = system.add(["outer", "inner", "in", "out"], primary="Sun", a=a * u.au, e=e, **angles)
+    m = orbits.megno(system, "wisdom-holman", dt=36 * u.day, duration=40_000 * u.yr, samples=5)
+    for name in ("outer", "inner"):
+        growth = m[name].megno[1:]
+        assert growth[-1] > 5.0, name  # seen: 5.6 and 7.4
+        assert np.polyfit(np.arange(len(growth)), growth, 1)[0] > 0.3, name
+        assert m[name].passage is None
+    for name in ("in", "out"):
+        assert abs(m[name].megno[-1] - 2.0) < 0.01  # seen: 0.004
+        assert m[name].lyapunov[-1] < 0.7 * m["outer"].lyapunov[-1]  # ln(t) / t, which falls slowly: seen 0.58
+
+
+def test_the_number_of_vectors_is_a_choice_and_the_first_ones_are_the_same():
+    system = a_star_and_a_planet().add("p", primary="S", a=0.4, e=0.1, M=1.0)
+    options = {"dt": 0.05, "duration": 50.0, "samples": [50.0], "check_step": False}
+    for method in ("wisdom-holman", "stormer-verlet"):
+        one, two = (orbits.megno(system, method, vectors=k, **options)["p"] for k in (1, 2))
+        assert math.isnan(one.spread[-1])
+        # The mean of both is the first and the second; the standard deviation is their distance over sqrt(2).
+        assert abs(abs(two.megno[-1] - one.megno[-1]) - two.spread[-1] / math.sqrt(2.0)) < 1e-12
+    with pytest.raises(InputError, match="vectors"):
+        orbits.megno(system, "gauss", vectors=0, **options)
+    with pytest.raises(InputError, match="steps of their own"):
+        orbits.megno(system, orbits.WisdomHolman(encounters="follow"), **options)
 
 
 @pytest.mark.parametrize("encounters", ["warn", "retire"])

@@ -1,5 +1,6 @@
 """Runs that a step or a method cannot follow are warned of before they start, or refused, by option, with a remedy."""
 
+import re
 import warnings
 
 import astropy.units as u
@@ -8,6 +9,7 @@ import pytest
 
 import orbits
 from orbits.errors import InputError, RetiredWarning, StepWarning
+from orbits.propagation.kepler_splitting import warn_if_unfit
 
 MAP = orbits.WisdomHolman()
 OPTIONS = {"samples": 2, "progress": False}
@@ -35,6 +37,21 @@ def test_a_dt_too_long_for_the_innermost_pericentre_is_refused_with_the_one_that
         orbits.propagate(system, "stormer-verlet", dt="30 d", duration="1 yr", check_step="refuse", **OPTIONS)
 
 
+@pytest.mark.parametrize("gm", [1e-5, 0.0])
+def test_the_dt_that_would_do_does(gm):
+    """It is rounded down: to the nearest two digits it would be too long for half of all orbits."""
+    for x in np.linspace(0.03, 0.3, 40):
+        system = around_a_star(("d", gm, x, 1.1 / np.sqrt(x)))
+        with pytest.raises(InputError) as caught:
+            orbits.propagate(system, MAP, dt=0.5, duration=2.0, check_step="refuse", **OPTIONS)
+        enough = min(map(float, re.findall(r"dt <= (\S+) resolves", str(caught.value))))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warn_if_unfit(system, MAP, enough, 2.0)
+        with pytest.warns(StepWarning):
+            warn_if_unfit(system, MAP, 1.12 * enough, 2.0)  # two digits
+
+
 def test_a_massive_orbit_that_crosses_another_is_refused_before_the_start():
     crossing = around_a_star(("d", 1e-4, 1.3, 1.0))
     with pytest.raises(InputError, match=r"(?s)the orbits of c and d come within 0\.0.*Gauss\(stages=8\), the default"):
@@ -49,6 +66,13 @@ def test_all_that_is_wrong_is_said_at_once():
         orbits.propagate(crossing, MAP, dt=0.1, duration=9.0, check_step="refuse", **OPTIONS)
     for part in ("too long for 1 massless particle", "rock passes star", "the orbits of c and d come within"):
         assert part in str(caught.value)
+
+
+@pytest.mark.parametrize("derivative", [orbits.megno, orbits.state_transition])
+def test_derivatives_of_runs_are_refused_alike(derivative):
+    system = orbits.System.solar_system()
+    with pytest.raises(InputError, match=r"(?s)dt = 30 d is too long for Gauss\(stages=2\).*check_step='refuse'"):
+        derivative(system, orbits.Gauss(stages=2), dt="30 d", duration="1 yr", check_step="refuse")
 
 
 def test_an_archive_is_not_begun_by_a_run_that_is_refused(tmp_path):
@@ -91,13 +115,38 @@ def test_a_particle_almost_at_the_centre_is_retired_without_warnings_of_numpy():
 
 
 def test_terms_and_forces_without_a_flow_in_the_map_are_refused_with_the_methods_that_take_them():
-    """Those that depend on velocities: frame dragging and drag."""
-    system, pole = orbits.System.solar_system(), (286.13, 63.87) * u.deg
-    dragged = system.with_terms(orbits.LenseThirring("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
+    """Those that depend on velocities: frame dragging by a planet, by the Sun in other maps, and drag."""
+    system, heliocentric = orbits.System.solar_system(), orbits.WisdomHolman(coordinates="democratic-heliocentric")
+
+    def dragged(body):
+        pole = (286.13, 63.87) * u.deg
+        return system.with_terms(orbits.LenseThirring(body, spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
+
     slowed = system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Mars"]))
-    for bodies, what in ((dragged, "Lense-Thirring.*not separable"), (slowed, "drag")):
-        with pytest.raises(InputError, match=rf"{what}.* Use .*Gauss"):
-            orbits.propagate(bodies, MAP, dt="3 d", duration="1 yr", **OPTIONS)
+    for bodies, method, text in (
+        (dragged("Jupiter"), MAP, r"dominant body alone, 'Sun'; got LenseThirring of 'Jupiter'\. Leave it out, or"),
+        (dragged("Sun"), orbits.SABA(), r"'newtonian \+ Lense-Thirring' is not\. Use Gauss.*WisdomHolman"),
+        (dragged("Sun"), heliocentric, r"no terms besides Newton's gravity, got Lense-Thirring; in Jacobi .*Gauss"),
+        (slowed, MAP, r"cannot march bodies with the force of drag\. Use Gauss"),
+    ):
+        with pytest.raises(InputError, match=text):
+            orbits.propagate(bodies, method, dt="3 d", duration="1 yr", **OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"corrector": 17}, r"corrector=17 is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"kernel": "lazy"}, r"kernel='lazy' is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"corrector2": True}, r"corrector2=True is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"coordinates": "jacobi", "kernel": "lazy", "corrector": 0}, r"use corrector=17, or kernel='standard'"),
+        ({"coordinates": "jacobi", "kernel": "standard", "corrector2": True}, r"use kernel='modified-kick' or 'lazy'"),
+        ({"coordinates": "jacobi", "corrector": -3}, r"corrector is -3; expected 17, 11, 7, 5, 3, or 0 for none"),
+    ],
+)
+def test_a_corrector_is_refused_with_a_kernel_or_coordinates_that_it_does_not_fit(options, text):
+    with pytest.raises(InputError, match=text):
+        orbits.WisdomHolman(**({"coordinates": "democratic-heliocentric"} | options))
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock
 
 STUDIES = [
-    *("arenstorf", "brouwer", "discrete_kepler", "eccentric", "figure_eight", "kirkwood_gaps", "liouville"),
+    *("arenstorf", "brouwer", "discrete_kepler", "eccentric", "figure_eight", "liouville"),
     *("outer_solar_system", "pendulum", "planetesimals", "pleiades", "resonance_map", "three_body_zoo"),
     "work_precision",
 ]
@@ -40,7 +40,7 @@ WITHOUT_DT = {
     "close_encounter": {"duration": 205 * u.day, "samples": 21},
 }
 
-BY_MAPS = "secular", "trojans"  # in test_long_runs.py
+BY_MAPS = "kirkwood_gaps", "secular", "trojans"  # in test_long_runs.py and test_studies.py
 
 
 def pair(**changes):

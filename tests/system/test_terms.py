@@ -146,6 +146,17 @@ BAD = {
     "four": (lambda s: s.with_terms(zonal(pole=(0, 0, 0, 1))), "expected .right ascension, declination"),
     "word": (lambda s: s.with_terms(zonal(pole=5)), "pole of 'Sun' is 5; expected"),
     "no spin": (lambda s: s.with_terms(orbits.LenseThirring(pole=POLE)), "spin is missing"),
+    "no source": (lambda s: s.with_terms(orbits.PostNewtonian()), r"sources is None; expected the name of the central"),
+    "sources": (
+        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun", "Jupiter"])),
+        r"has \['Sun', 'Jupiter'\]; expected one body",
+    ),
+    "two fields": (
+        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun"]), orbits.PostNewtonian(sources=["Jupiter"])),
+        "two terms PostNewtonian, of 'Sun' and 'Jupiter'; expected one",
+    ),
+    "light": (lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun"], c=0 * u.km / u.s)), "expected a speed > 0"),
+    "massless source": (lambda s: s.with_terms(orbits.PostNewtonian(sources=["Ceres"])), "expected a massive body"),
     "no rate": (lambda s: s.with_forces(orbits.Drag()), "rate is missing"),
     "rate": (
         lambda s: s.with_forces(orbits.Drag(rate=1 * u.yr)),
@@ -164,6 +175,15 @@ def test_what_cannot_act_is_refused_in_words(system, make, message):
         make(system)
 
 
+def test_motion_too_fast_for_the_first_order_of_relativity_is_refused_before_a_run():
+    units, c = orbits.DIMENSIONLESS, 9.0
+    system = orbits.System(["a", "b"], [1, 0.1], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]], units=units)
+    fast = system.with_terms(orbits.PostNewtonian(sources=["a"], c=c))
+    for method in (orbits.Gauss(stages=4), orbits.WisdomHolman()):
+        with pytest.raises(InputError, match=r"'b' .* of the speed of light.*\(v/c\)\^2 = 0.0272"):
+            orbits.propagate(fast, method, dt=0.01, duration=1.0, progress=False)
+
+
 def test_unknown_bodies_are_named_with_what_comes_close(system):
     with pytest.raises(UnknownNameError, match=r"body, for ZonalHarmonics, 'Jupyter'.*Did you mean 'Jupiter'"):
         system.with_terms(zonal("Jupyter"))
@@ -178,4 +198,7 @@ def test_dimensionless_systems_take_plain_numbers_and_ask_for_the_speed_of_light
     assert made == pickle.loads(pickle.dumps(made))
     with pytest.raises(InputError, match="has no speed of light: give c="):
         system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1)))
+    with pytest.raises(InputError, match="has no speed of light: give c="):
+        system.with_terms(orbits.PostNewtonian(sources=["a"]))
+    assert system.with_terms(orbits.PostNewtonian(sources="A", c=100)).terms[0].sources == ("a",)
     assert system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1), c=100)).terms[0].c.value == 100

@@ -5,6 +5,8 @@ four NEON ones, chosen by LLVM. Kernels written with `get`, `put`, `rsqrt_cubed`
 `Lanes` from one source: an element of a vector of shape (n,) is a float64, a row of an array of shape (n, 8) is a
 `Lanes`.
 
+`joined` makes one value of sixteen lanes of two: the same arithmetic with the same bits, whose instructions alternate.
+
 Comparison gives `Lanes` of 1.0 and 0.0. Nothing here checks bounds.
 """
 
@@ -22,9 +24,22 @@ from orbits.kernels.lanes.arithmetic import (
     select,
     sqrt,
 )
-from orbits.kernels.lanes.memory import full, get, lane, load, put, store, store_some, unit
+from orbits.kernels.lanes.memory import (
+    alike,
+    full,
+    get,
+    halves,
+    joined,
+    lane,
+    load,
+    put,
+    store,
+    store_some,
+    unit,
+)
 from orbits.kernels.lanes.reductions import (
     any_lane,
+    first_lane,
     largest,
     row_maxima,
     row_sums,
@@ -34,25 +49,30 @@ from orbits.kernels.lanes.reductions import (
     transposed,
     turned,
 )
-from orbits.kernels.lanes.type import WIDTH, LanesType, lanes
+from orbits.kernels.lanes.type import WIDTH, LanesType, lanes, pair
 
 __all__ = [
     "WIDTH",
     "LanesType",
+    "alike",
     "any_lane",
     "exact_add",
     "exact_mul",
     "exact_sub",
+    "first_lane",
     "fma",
     "full",
     "get",
+    "halves",
     "inverse_powers",
+    "joined",
     "lane",
     "lanes",
     "largest",
     "load",
     "maximum",
     "minimum",
+    "pair",
     "put",
     "rint",
     "row_maxima",

@@ -6,7 +6,6 @@ import operator
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic
@@ -23,7 +22,8 @@ from orbits.kernels.lanes.type import (
     common_type,
     constant,
     is_operand,
-    lanes,
+    shuffle,
+    suffixed,
     widen,
 )
 
@@ -31,14 +31,14 @@ from orbits.kernels.lanes.type import (
 def _register_binary(symbol, emit):
     class Template(AbstractTemplate):
         def generic(self, args, kws):
-            if len(args) == 2 and any(isinstance(a, LanesType) for a in args) and all(map(is_operand, args)):
-                return signature(lanes, *args)
-            return None
+            kind = common_type(*args) if len(args) == 2 else None
+            return signature(kind, *args) if isinstance(kind, LanesType) else None
 
     infer_global(symbol)(Template)
 
     def lower(context, builder, sig, args):
-        a, b = (widen(context, builder, value, kind) for value, kind in zip(args, sig.args, strict=True))
+        like = sig.return_type
+        a, b = (widen(context, builder, value, kind, like) for value, kind in zip(args, sig.args, strict=True))
         return emit(builder, a, b)
 
     for left, right in ((LanesType, LanesType), (LanesType, types.Number), (types.Number, LanesType)):
@@ -47,7 +47,7 @@ def _register_binary(symbol, emit):
 
 def _compare(predicate):
     def emit(builder, a, b):
-        return builder.uitofp(builder.fcmp_ordered(predicate, a, b), VECTOR)
+        return builder.uitofp(builder.fcmp_ordered(predicate, a, b), a.type)
 
     return emit
 
@@ -74,7 +74,7 @@ def _register_unary(symbol, emit):
     class Template(AbstractTemplate):
         def generic(self, args, kws):
             if len(args) == 1 and isinstance(args[0], LanesType):
-                return signature(lanes, *args)
+                return signature(args[0], *args)
             return None
 
     infer_global(symbol)(Template)
@@ -83,7 +83,7 @@ def _register_unary(symbol, emit):
 
 _register_unary(operator.neg, lambda b, x: b.fneg(x))
 _register_unary(operator.pos, lambda b, x: x)
-_register_unary(abs, lambda b, x: call_intrinsic(b, "llvm.fabs.v8f64", [x]))
+_register_unary(abs, lambda b, x: call_intrinsic(b, suffixed("llvm.fabs", x.type), [x]))
 
 
 @intrinsic
@@ -97,16 +97,14 @@ def fma(typingctx, a, b, c):
         if kind is types.float64:
             values = [context.cast(builder, v, k, kind) for v, k in zip(args, sig.args, strict=True)]
             return builder.fma(*values)
-        operands = [widen(context, builder, v, k) for v, k in zip(args, sig.args, strict=True)]
-        return call_intrinsic(builder, "llvm.fma.v8f64", operands)
+        operands = [widen(context, builder, v, k, kind) for v, k in zip(args, sig.args, strict=True)]
+        return call_intrinsic(builder, suffixed("llvm.fma", operands[0].type), operands)
 
     return kind(a, b, c), codegen
 
 
 def _emit_sqrt(builder, value):
-    name = "llvm.sqrt.f64" if value.type == DOUBLE else "llvm.sqrt.v8f64"
-    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(value.type, [value.type]), name)
-    return builder.call(function, [value])
+    return call_intrinsic(builder, suffixed("llvm.sqrt", value.type), [value])
 
 
 def _elementwise(emit, doc):
@@ -117,8 +115,8 @@ def _elementwise(emit, doc):
 
         def codegen(context, builder, sig, args):
             pairs = zip(args, sig.args, strict=True)
-            if kind is lanes:
-                x, y = (widen(context, builder, v, k) for v, k in pairs)
+            if isinstance(kind, LanesType):
+                x, y = (widen(context, builder, v, k, kind) for v, k in pairs)
             else:
                 x, y = (context.cast(builder, v, k, kind) for v, k in pairs)
             return emit(builder, x, y)
@@ -138,7 +136,8 @@ def sqrt(typingctx, x):
         return None
 
     def codegen(context, builder, sig, args):
-        return _emit_sqrt(builder, args[0] if kind is lanes else context.cast(builder, args[0], sig.args[0], kind))
+        value = args[0] if isinstance(kind, LanesType) else context.cast(builder, args[0], sig.args[0], kind)
+        return _emit_sqrt(builder, value)
 
     return kind(x), codegen
 
@@ -151,11 +150,8 @@ def rint(typingctx, x):
         return None
 
     def codegen(context, builder, sig, args):
-        if kind is lanes:
-            return call_intrinsic(builder, "llvm.rint.v8f64", [args[0]])
-        value = context.cast(builder, args[0], sig.args[0], kind)
-        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(DOUBLE, [DOUBLE]), "llvm.rint.f64")
-        return builder.call(function, [value])
+        value = args[0] if isinstance(kind, LanesType) else context.cast(builder, args[0], sig.args[0], kind)
+        return call_intrinsic(builder, suffixed("llvm.rint", value.type), [value])
 
     return kind(x), codegen
 
@@ -179,6 +175,8 @@ def select(typingctx, condition, a, b):
     kind = common_type(a, b)
     if kind is None or not (isinstance(condition, LanesType | types.Boolean) or is_operand(condition)):
         return None
+    if isinstance(condition, LanesType) and kind not in (condition, types.float64):
+        return None
     if not isinstance(condition, LanesType):
 
         def choose(context, builder, sig, args):
@@ -189,10 +187,10 @@ def select(typingctx, condition, a, b):
         return (kind(condition, a, b), choose) if kind is types.float64 else None
 
     def codegen(context, builder, sig, args):
-        x, y = (widen(context, builder, v, k) for v, k in zip(args[1:], sig.args[1:], strict=True))
-        return builder.select(builder.fcmp_unordered("!=", args[0], constant(0.0)), x, y)
+        x, y = (widen(context, builder, v, k, condition) for v, k in zip(args[1:], sig.args[1:], strict=True))
+        return builder.select(builder.fcmp_unordered("!=", args[0], constant(0.0, condition.count)), x, y)
 
-    return lanes(condition, a, b), codegen
+    return condition(condition, a, b), codegen
 
 
 @intrinsic
@@ -203,15 +201,22 @@ def _rsqrt_estimate(typingctx, x):
         return None
 
     def codegen(context, builder, sig, args):
-        value = args[0] if kind is lanes else context.cast(builder, args[0], sig.args[0], kind)
-        words = ir.VectorType(INT64, WIDTH) if kind is lanes else INT64
-        keep = ir.Constant(words, [-(1 << 36)] * WIDTH if kind is lanes else -(1 << 36))
-        if kind is lanes and "avx512f" in cpu_features():  # LLVM aborts the process if the CPU lacks it
+        count = kind.count if isinstance(kind, LanesType) else 1
+        value = args[0] if count > 1 else context.cast(builder, args[0], sig.args[0], kind)
+        words = ir.VectorType(INT64, count) if count > 1 else INT64
+        keep = ir.Constant(words, [-(1 << 36)] * count if count > 1 else -(1 << 36))
+        if count > 1 and "avx512f" in cpu_features():  # LLVM aborts the process if the CPU lacks it
+            parts = [
+                value if count == WIDTH else shuffle(builder, value, value, range(k, k + WIDTH))
+                for k in range(0, count, WIDTH)
+            ]
             name, every = "llvm.x86.avx512.rsqrt14.pd.512", ir.IntType(8)(255)
-            y = call_intrinsic(builder, name, [value, constant(0.0), every], [VECTOR, VECTOR, ir.IntType(8)])
+            kinds = [VECTOR, VECTOR, ir.IntType(8)]
+            found = [call_intrinsic(builder, name, [part, constant(0.0), every], kinds) for part in parts]
+            y = found[0] if count == WIDTH else shuffle(builder, *found, range(count))
         else:
             root = _emit_sqrt(builder, value)
-            y = builder.fdiv(constant(1.0) if kind is lanes else ir.Constant(DOUBLE, 1.0), root)
+            y = builder.fdiv(constant(1.0, count) if count > 1 else ir.Constant(DOUBLE, 1.0), root)
         return builder.bitcast(builder.and_(builder.bitcast(y, words), keep), value.type)
 
     return kind(x), codegen

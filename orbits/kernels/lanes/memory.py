@@ -14,10 +14,13 @@ from orbits.kernels.lanes.type import (
     VECTOR,
     WIDTH,
     LanesType,
+    common_type,
     constant,
     element_pointer,
     is_contiguous,
+    is_operand,
     lanes,
+    pair,
     shuffle,
     widen,
 )
@@ -40,7 +43,7 @@ def load(typingctx, array, index):
 @intrinsic
 def store(typingctx, array, index, value):
     """Write eight lanes to where `load` reads them."""
-    if not (is_contiguous(array, 1, 2) and isinstance(value, LanesType)):
+    if not (is_contiguous(array, 1, 2) and value == lanes):
         return None
 
     def codegen(context, builder, sig, args):
@@ -55,7 +58,7 @@ def store(typingctx, array, index, value):
 @intrinsic
 def store_some(typingctx, array, index, value, count):
     """Write the first `count` of eight lanes to consecutive elements of a vector from `index` on; all, if count > 8."""
-    if not (is_contiguous(array, 1) and isinstance(value, LanesType)):
+    if not (is_contiguous(array, 1) and value == lanes):
         return None
 
     def codegen(context, builder, sig, args):
@@ -135,6 +138,42 @@ def full(typingctx, value):
 
 
 @intrinsic
+def alike(typingctx, value, other):
+    """Return a float64 in all lanes of the kind that `other` has; the float64 itself, if that is one."""
+    if not isinstance(value, types.Float | types.Integer) or not is_operand(other):
+        return None
+    kind = common_type(value, other)
+
+    def codegen(context, builder, sig, args):
+        if isinstance(kind, LanesType):
+            return widen(context, builder, args[0], sig.args[0], kind)
+        return context.cast(builder, args[0], sig.args[0], kind)
+
+    return kind(value, other), codegen
+
+
+@intrinsic
+def joined(typingctx, a, b):
+    """Return two `Lanes` as one value of sixteen lanes, whose instructions alternate: so latencies overlap."""
+    if not a == b == lanes:
+        return None
+    return pair(a, b), lambda context, builder, sig, args: shuffle(builder, *args, range(2 * WIDTH))
+
+
+@intrinsic
+def halves(typingctx, value):
+    """Return the two `Lanes` of what `joined` returns."""
+    if value != pair:
+        return None
+
+    def codegen(context, builder, sig, args):
+        parts = [shuffle(builder, args[0], args[0], range(k, k + WIDTH)) for k in (0, WIDTH)]
+        return context.make_tuple(builder, sig.return_type, parts)
+
+    return types.UniTuple(lanes, 2)(value), codegen
+
+
+@intrinsic
 def unit(typingctx, index):
     """Return 1 in lane `index` and 0 in the others."""
     if not isinstance(index, types.Integer):
@@ -149,7 +188,7 @@ def unit(typingctx, index):
 
 @intrinsic
 def lane(typingctx, value, index):
-    """Return lane `index` (0 ... 7) as float64."""
+    """Return lane `index`, counted from 0, as float64."""
     if not isinstance(value, LanesType):
         return None
 

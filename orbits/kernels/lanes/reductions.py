@@ -33,10 +33,25 @@ def any_lane(typingctx, condition):
         return None
 
     def codegen(context, builder, sig, args):
-        mask = builder.fcmp_unordered("!=", args[0], constant(0.0))
-        return builder.icmp_unsigned("!=", builder.bitcast(mask, ir.IntType(8)), ir.IntType(8)(0))
+        mask, word = builder.fcmp_unordered("!=", args[0], constant(0.0, condition.count)), ir.IntType(condition.count)
+        return builder.icmp_unsigned("!=", builder.bitcast(mask, word), word(0))
 
     return types.boolean(condition), codegen
+
+
+@intrinsic
+def first_lane(typingctx, condition):
+    """Return the first lane in which `condition` is not zero; the number of lanes if there is none."""
+    if not isinstance(condition, LanesType):
+        return None
+
+    def codegen(context, builder, sig, args):
+        mask, word = builder.fcmp_unordered("!=", args[0], constant(0.0, condition.count)), ir.IntType(condition.count)
+        bits = builder.zext(builder.bitcast(mask, word), INT64)
+        # A bit beyond the lanes, so that there is always one.
+        return builder.cttz(builder.or_(bits, INT64(1 << condition.count)), ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(condition), codegen
 
 
 # Three rounds fold or mix pairs of vectors, whose lanes then alternate between the two.

@@ -1,4 +1,7 @@
-"""The type itself: LLVM's `<8 x double>` as a Numba type, and helpers for the code generators of this package."""
+"""The type itself: LLVM's `<8 x double>` as a Numba type, and helpers for the code generators of this package.
+
+`Pair` is `<16 x double>`: two `Lanes` at once, whose instructions alternate.
+"""
 
 from __future__ import annotations
 
@@ -18,36 +21,42 @@ FUSE = ("contract",)
 
 
 class LanesType(types.Type):
-    """The Numba type of eight float64 lanes."""
+    """The Numba type of `count` float64 lanes: 8, or 16."""
 
-    def __init__(self) -> None:
-        super().__init__(name="Lanes")
+    def __init__(self, count: int) -> None:
+        super().__init__(name="Lanes" if count == WIDTH else f"Lanes({count})")
+        self.count = count
 
 
-lanes = LanesType()
+lanes = LanesType(WIDTH)
+pair = LanesType(2 * WIDTH)
 
 
 @register_model(LanesType)
 class _LanesModel(PrimitiveModel):
     def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, VECTOR)
+        super().__init__(dmm, fe_type, vector(fe_type.count))
 
 
-def splat(builder, value):
-    seed = builder.insert_element(ir.Constant(VECTOR, ir.Undefined), value, INT32(0))
-    return builder.shuffle_vector(
-        seed, ir.Constant(VECTOR, ir.Undefined), ir.Constant(ir.VectorType(INT32, WIDTH), [0] * WIDTH)
-    )
+def vector(count):
+    return ir.VectorType(DOUBLE, count)
 
 
-def constant(value):
-    return ir.Constant(VECTOR, [float(value)] * WIDTH)
+def splat(builder, value, count=WIDTH):
+    undefined = ir.Constant(vector(count), ir.Undefined)
+    seed = builder.insert_element(undefined, value, INT32(0))
+    return builder.shuffle_vector(seed, undefined, ir.Constant(ir.VectorType(INT32, count), [0] * count))
 
 
-def widen(context, builder, value, kind):
+def constant(value, count=WIDTH):
+    return ir.Constant(vector(count), [float(value)] * count)
+
+
+def widen(context, builder, value, kind, like=lanes):
+    """Return an operand as lanes of the type `like`."""
     if isinstance(kind, LanesType):
         return value
-    return splat(builder, context.cast(builder, value, kind, types.float64))
+    return splat(builder, context.cast(builder, value, kind, types.float64), like.count)
 
 
 def shuffle(builder, a, b, indices):
@@ -55,9 +64,15 @@ def shuffle(builder, a, b, indices):
 
 
 def call_intrinsic(builder, name, args, kinds=None):
-    kinds = kinds or [VECTOR] * len(args)
-    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(VECTOR, kinds), name)
+    """Call an intrinsic of LLVM whose result has the type of the first argument."""
+    kinds = kinds or [args[0].type] * len(args)
+    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(args[0].type, kinds), name)
     return builder.call(function, args)
+
+
+def suffixed(name, kind):
+    """Return the name of the variant of an intrinsic for a type of LLVM: float64, or vectors of them."""
+    return f"{name}.f64" if kind == DOUBLE else f"{name}.v{kind.count}f64"
 
 
 def is_operand(kind):
@@ -79,7 +94,10 @@ def is_contiguous(kind, *dimensions):
 
 
 def common_type(*kinds):
-    """Return the common type of operands: `Lanes` if one of them is, float64 otherwise."""
+    """Return the common type of operands: that of the lanes among them, float64 if none are; None for several."""
     if not all(map(is_operand, kinds)):
         return None
-    return lanes if any(isinstance(k, LanesType) for k in kinds) else types.float64
+    wide = {k for k in kinds if isinstance(k, LanesType)}
+    if len(wide) > 1:
+        return None
+    return wide.pop() if wide else types.float64

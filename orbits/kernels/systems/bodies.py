@@ -98,12 +98,12 @@ def _drift(rows, size, h, v):
 
 
 @kernel
-def march_bodies(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows, path, steps):
+def march_bodies(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows, path, contexts, steps):
     """March eight systems by `steps` steps of kicks and drifts; return the evaluations of each.
 
     coefficients : of `Splitting`; strengths : (8, 1 + n), see `orbits.kernels.gravity`
     q, q_lo, v, v_lo : (8, padded), the states; rows : workspace, see `rows_of_bodies`
-    path : (8, length), receives q and v of each system, each padded, at the beginning of each step
+    path : (8, length), receives q and v of each system, each padded, at the beginning of each step; contexts : not used
     """
     n = strengths.shape[1] - 1
     size, width = 3 * n, q.shape[1]

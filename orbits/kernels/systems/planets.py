@@ -27,7 +27,7 @@ from orbits.kernels.interaction import (
     store_three,
 )
 from orbits.kernels.jacobi import prepare_room
-from orbits.kernels.lanes import WIDTH, fma, full, inverse_powers, load, store
+from orbits.kernels.lanes import WIDTH, fma, full, halves, inverse_powers, joined, load, store
 from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate, add_product
 from orbits.kernels.systems.sums import before_each, minus, plus, times
@@ -85,7 +85,7 @@ def gather_planets(strengths, carries, room, rows):
     strengths : (8, 1 + n), see `prepare_room`; carries : (8, rows, 8), the `planets` of each; room : workspace for one
     """
     count = strengths.shape[1] - 2
-    for k in range(ROWS):
+    for k in range(rows.shape[0]):
         store(rows, k, full(0.0))
     for system in range(WIDTH):
         planets = carries[system]
@@ -121,7 +121,7 @@ def scatter_planets(rows, count, carries):
 
 
 @kernel(inline=True)
-def _store_places(rows, source, stride, out):
+def store_places(rows, source, stride, out):
     """Write a vector of each planet relative to the dominant body, from that relative to the centre of mass of those
     inside; the first is the same.
     """
@@ -246,7 +246,7 @@ def _of_pair(rows, places, i, k):
 @kernel
 def interact_in_lanes(rows, count, source, stride):
     """Write the interaction at the positions r' in the rows from `source` on, `stride` rows apart."""
-    _store_places(rows, source, stride, PLACE)
+    store_places(rows, source, stride, PLACE)
     _store_pulls(rows, count)
     for i in range(count):
         masses = _masses(rows, i)
@@ -304,7 +304,7 @@ def modify_in_lanes(rows, count, shift):
         fx, fy, fz = load_three(rows, FORCE + 3 * i)
         shifted = times(full(shift), fx), times(full(shift), fy), times(full(shift), fz)
         store_three(rows, SHIFTED + 3 * i, shifted)
-    _store_places(rows, SHIFTED, 3, MOVED)
+    store_places(rows, SHIFTED, 3, MOVED)
     for i in range(count):
         for apart in range(1, 4):
             if (i + apart) % WIDTH < count:
@@ -356,23 +356,45 @@ def kick_in_lanes(rows, count, shift, lazy):
 
 @kernel
 def _advance(rows, count, h):
-    """Move the planets from velocities that are kicked, and write what this changes of the velocities."""
+    """Move the planets from velocities that are kicked, and write what this changes of the velocities: two planets at
+    once, whose instructions alternate, and the last one of an odd number with itself.
+    """
     kick = full(0.5 * h)
-    for i in range(count):
-        first = STATE_ROWS * i
-        x, y, z = load_three(rows, first)
-        u, v, w = load_three(rows, first + 3)
-        fx, fy, fz = load_three(rows, FORCE + 3 * i)
-        dx, dy, dz, dvx, dvy, dvz = short_increments(
-            x, y, z, fma(kick, fx, u), fma(kick, fy, v), fma(kick, fz, w), load(rows, CONSTANTS + 8 * i + 5), full(h)
-        )
-        store_three(rows, CHANGE + 3 * i, (fma(kick, fx, dvx), fma(kick, fy, dvy), fma(kick, fz, dvz)))
-        x_lo, y_lo, z_lo = load_three(rows, first + 6)
-        x, x_lo = accumulate(x, x_lo, dx)
-        y, y_lo = accumulate(y, y_lo, dy)
-        z, z_lo = accumulate(z, z_lo, dz)
-        store_three(rows, first, (x, y, z))
-        store_three(rows, first + 6, (x_lo, y_lo, z_lo))
+    for i in range(0, count, 2):
+        j = min(i + 1, count - 1)
+        (x, y, z), (u, v, w), (fx, fy, fz) = _begun(rows, i)
+        (X, Y, Z), (U, V, W), (Fx, Fy, Fz) = _begun(rows, j)
+        dx, dy, dz, du, dv, dw = short_increments(
+            joined(x, X), joined(y, Y), joined(z, Z),
+            joined(fma(kick, fx, u), fma(kick, Fx, U)), joined(fma(kick, fy, v), fma(kick, Fy, V)),
+            joined(fma(kick, fz, w), fma(kick, Fz, W)),
+            joined(load(rows, CONSTANTS + 8 * i + 5), load(rows, CONSTANTS + 8 * j + 5)), joined(full(h), full(h)),
+        )  # fmt: skip
+        (dx, dX), (dy, dY), (dz, dZ) = halves(dx), halves(dy), halves(dz)
+        (du, dU), (dv, dV), (dw, dW) = halves(du), halves(dv), halves(dw)
+        if j > i:
+            _store_advanced(rows, j, kick, (X, Y, Z), (dX, dY, dZ), (dU, dV, dW))
+        _store_advanced(rows, i, kick, (x, y, z), (dx, dy, dz), (du, dv, dw))
+
+
+@kernel(inline=True)
+def _begun(rows, i):
+    """Return r' of a planet, its velocity, and the interaction."""
+    first = STATE_ROWS * i
+    return load_three(rows, first), load_three(rows, first + 3), load_three(rows, FORCE + 3 * i)
+
+
+@kernel(inline=True)
+def _store_advanced(rows, i, kick, place, moved, change):
+    (x, y, z), (dx, dy, dz), (du, dv, dw) = place, moved, change
+    first, (fx, fy, fz) = STATE_ROWS * i, load_three(rows, FORCE + 3 * i)
+    store_three(rows, CHANGE + 3 * i, (fma(kick, fx, du), fma(kick, fy, dv), fma(kick, fz, dw)))
+    x_lo, y_lo, z_lo = load_three(rows, first + 6)
+    x, x_lo = accumulate(x, x_lo, dx)
+    y, y_lo = accumulate(y, y_lo, dy)
+    z, z_lo = accumulate(z, z_lo, dz)
+    store_three(rows, first, (x, y, z))
+    store_three(rows, first + 6, (x_lo, y_lo, z_lo))
 
 
 @kernel
@@ -400,38 +422,45 @@ def step_in_lanes(rows, count, h, shift, lazy):
 
 
 @kernel
-def show_in_lanes(rows, count):
-    """Write the state of the bodies, rounded, into the rows SEEN: six of the dominant body, then of each planet."""
+def show_in_lanes(rows, source, stride, centre):
+    """Write the state of the bodies, rounded, into the rows SEEN: six of the dominant body, then of each planet.
+
+    source, stride : where positions and velocities begin, and how many rows a planet has there; centre : those of the
+        centre of mass
+    """
     for k in range(6):
-        inside = load(rows, CENTRE + k)
-        b, c, d = _weighted(rows, 1, k), _weighted(rows, 2, k), _weighted(rows, 3, k)
-        e, f, g, h = _weighted(rows, 4, k), _weighted(rows, 5, k), _weighted(rows, 6, k), _weighted(rows, 7, k)
-        hg, gf, fe, ed, dc, cb, ba = before_each((h, g, f, e, d, c, b))
-        _store_seen(rows, 0, k, inside, ba)
-        _store_seen(rows, 1, k, inside, cb)
-        _store_seen(rows, 2, k, inside, dc)
-        _store_seen(rows, 3, k, inside, ed)
-        _store_seen(rows, 4, k, inside, fe)
-        _store_seen(rows, 5, k, inside, gf)
-        _store_seen(rows, 6, k, inside, hg)
-        _store_seen(rows, 7, k, inside, full(0.0))
-        store(rows, SEEN + k, minus(inside, _outwards(rows, 0, k, ba)))
+        inside = load(rows, centre + k)
+        beyond = before_each(
+            (
+                _weighted(rows, source, stride, 7, k),
+                _weighted(rows, source, stride, 6, k),
+                _weighted(rows, source, stride, 5, k),
+                _weighted(rows, source, stride, 4, k),
+                _weighted(rows, source, stride, 3, k),
+                _weighted(rows, source, stride, 2, k),
+                _weighted(rows, source, stride, 1, k),
+            )
+        )
+        _store_seen(rows, source, stride, 0, k, inside, beyond[6])
+        _store_seen(rows, source, stride, 1, k, inside, beyond[5])
+        _store_seen(rows, source, stride, 2, k, inside, beyond[4])
+        _store_seen(rows, source, stride, 3, k, inside, beyond[3])
+        _store_seen(rows, source, stride, 4, k, inside, beyond[2])
+        _store_seen(rows, source, stride, 5, k, inside, beyond[1])
+        _store_seen(rows, source, stride, 6, k, inside, beyond[0])
+        _store_seen(rows, source, stride, 7, k, inside, full(0.0))
+        store(rows, SEEN + k, minus(inside, plus(_weighted(rows, source, stride, 0, k), beyond[6])))
 
 
 @kernel(inline=True)
-def _weighted(rows, i, k):
-    return times(_share(rows, i), load(rows, STATE_ROWS * i + k))
+def _weighted(rows, source, stride, i, k):
+    return times(_share(rows, i), load(rows, source + stride * i + k))
 
 
 @kernel(inline=True)
-def _outwards(rows, i, k, beyond):
-    return plus(times(_share(rows, i), load(rows, STATE_ROWS * i + k)), beyond)
-
-
-@kernel(inline=True)
-def _store_seen(rows, i, k, inside, beyond):
-    place = plus(load(rows, STATE_ROWS * i + k), minus(inside, _outwards(rows, i, k, beyond)))
-    store(rows, SEEN + 6 * (i + 1) + k, place)
+def _store_seen(rows, source, stride, i, k, inside, beyond):
+    outwards = plus(_weighted(rows, source, stride, i, k), beyond)
+    store(rows, SEEN + 6 * (i + 1) + k, plus(load(rows, source + stride * i + k), minus(inside, outwards)))
 
 
 @kernel(inline=True)
@@ -445,28 +474,3 @@ def place_seen(rows, count, planets, system, q, v, first, after):
         for k in range(3):
             q[first + k * n + body] = rows[SEEN + 6 * i + k, system]
             v[first + after + k * n + body] = rows[SEEN + 6 * i + 3 + k, system]
-
-
-@kernel
-def march_planets(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows, path, steps):
-    """March eight systems of up to eight planets by `steps` steps; return the evaluations of each.
-
-    coefficients : of `KeplerSplitting`; strengths, carries, room : see `gather_planets`; rows : (ROWS, 8), workspace
-    q, v : (8, padded), receive what is seen at the end; their low parts are not used
-    path : (8, length), receives q and v of each system, each padded, at the beginning of each step
-    """
-    count = strengths.shape[1] - 2
-    h, shift, lazy = coefficients[0, 1], coefficients[0, 2], coefficients[0, 3] != 0.0
-    gather_planets(strengths, carries, room, rows)
-    kick_in_lanes(rows, count, shift, lazy)
-    width = q.shape[1]
-    for k in range(steps):
-        show_in_lanes(rows, count)
-        for system in range(WIDTH):
-            place_seen(rows, count, carries[system], system, path[system], path[system], 2 * k * width, width)
-        step_in_lanes(rows, count, h, shift, lazy)
-    show_in_lanes(rows, count)
-    for system in range(WIDTH):
-        place_seen(rows, count, carries[system], system, q[system], v[system], 0, 0)
-    scatter_planets(rows, count, carries)
-    return steps

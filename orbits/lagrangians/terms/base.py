@@ -82,6 +82,9 @@ class Term:
         """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
 
+    def check_start(self, system: Any) -> None:
+        """Raise InputError if this term does not describe the motion of a system in its state at the start of a run."""
+
     def later(self, time: Any) -> Self:
         """Return this term for a system whose epoch is later by `time`, a quantity: a term that depends on the time
         since the epoch must keep the old one.

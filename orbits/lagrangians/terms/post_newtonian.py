@@ -35,6 +35,9 @@ from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLE
 from orbits.lagrangians.terms.base import Summand, Term, number
 from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference
 
+TOO_STRONG = 1e-2
+"""The largest (v/c)^2 for which the first order is taken."""
+
 
 @kernel(inline=True)
 def _derivatives(r2, M, size, r, w):
@@ -186,6 +189,24 @@ class PostNewtonian(Term):
         if not c > 0.0:
             raise InputError(f"PostNewtonian: c is {c:g}; expected a speed > 0.")
         return replace(self, c=c * units.speed)
+
+    def check_start(self, system: Any) -> None:
+        """Raise InputError if a body moves so fast, or is so deep in the field, that the next order is needed."""
+        gm, q, v, _ = system.values
+        source = system.index(self.body)
+        others = np.arange(len(gm)) != source
+        r = np.linalg.norm(q - q[source], axis=1)[others]
+        v2 = (np.linalg.norm(v - v[source], axis=1) ** 2)[others]
+        c = float(system.units.speed_value(self.c))
+        with np.errstate(divide="ignore"):
+            strength = np.maximum(v2, 2.0 * (gm[source] + gm[others]) / r) / c**2
+        if strength.size and not strength.max() <= TOO_STRONG:
+            body, most = system.names[int(np.flatnonzero(others)[strength.argmax()])], float(strength.max())
+            raise InputError(
+                f"{body!r} moves about {self.body!r} with {100 * most**0.5:.3g} % of the speed of light, or would by "
+                f"falling there from far away: (v/c)^2 = {most:.3g}, and PostNewtonian leaves out its square. Expected "
+                f"at most {TOO_STRONG:g}; nothing here takes stronger fields."
+            )
 
     def summand(self, row: int, units: Any) -> Summand:
         """Return the term for the massive body of that row."""

@@ -109,7 +109,12 @@ def each_in_threads(
 
 
 def tangents_of(
-    followed: Followed, integrator: Integrator, vectors: Array, scale: float | None = None, *, clock: Clock | None = None
+    followed: Followed,
+    integrator: Integrator,
+    vectors: Array,
+    scale: float | None = None,
+    *,
+    clock: Clock | None = None,
 ) -> Tangents | MapTangents:
     """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`.
 

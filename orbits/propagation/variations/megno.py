@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from astropy import units as u
@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from orbits import integrators
 from orbits.body_names import index_of
-from orbits.checks import checked_flag
+from orbits.checks import checked_flag, whole_number
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, RetiredWarning, level_of_caller, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.integrators.base import Integrator
+from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.variations.following import (
     Followed,
     at_samples,
@@ -48,7 +49,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 VECTORS = 8
-"""The tangent vectors that are followed: they fill the lanes of a register, so that eight take the time of one."""
+"""The tangent vectors that are followed by default: they fill the lanes of a register, so that eight take the time of
+one."""
 
 WHOLE = "all massive bodies"
 
@@ -59,8 +61,8 @@ class TangentGrowth:
 
     name : of the massless particle, or "all massive bodies"
     t : times since the epoch
-    megno : the mean over eight tangent vectors; NaN at the start
-    spread : their standard deviation
+    megno : the mean over all tangent vectors, eight by default; NaN at the start
+    spread : their standard deviation; NaN for a single one
     lyapunov : ln(|x(t)| / |x(0)|) / t, their mean, 1 / time: it tends to the largest Lyapunov exponent on a chaotic
         orbit, and to 0, as ln(t) / t, on a regular one
     passage : of a particle in a `WisdomHolman` map, the time of its first passage that the map cannot follow, near a
@@ -161,8 +163,9 @@ def megno(
     until: Any = None,
     samples: Any = 101,
     coupled: bool = False,
+    vectors: int = VECTORS,
     seed: int = 0,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> Megno:
@@ -176,7 +179,9 @@ def megno(
     coupled : whether the tangent vectors of massless particles include variations of the massive bodies; by default
         only the particle is varied, in the field of the bodies on their orbits, which is the usual indicator and much
         faster
-    seed : of the directions of the eight tangent vectors, which are random
+    vectors : the number of tangent vectors; up to eight take the time of one, but for massless particles in a
+        `WisdomHolman` map, where each takes its own
+    seed : of the directions of the tangent vectors, which are random
     threads : number of threads for massless particles; None for all processors. No bit of the result depends on it
 
     With `WisdomHolman` massless particles march eight at a time, unless they are coupled, which makes maps of thousands
@@ -184,8 +189,8 @@ def megno(
     `passage` of the orbit; WisdomHolman(encounters="retire") gives NaN from there on.
 
     The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start, in the
-    coordinates that are marched; MEGNO does not depend on this choice in the end. Vectors are scaled when they become large. Nothing is stored: an interrupted
-    computation is lost.
+    coordinates that are marched; MEGNO does not depend on this choice in the end. Vectors are scaled when they become
+    large. Nothing is stored: an interrupted computation is lost.
 
     Raises as `orbits.state_transition`. A massless particle that is lost on the way has NaN from there on, with a
     `RetiredWarning`.
@@ -198,9 +203,9 @@ def megno(
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
     seed = checked_seed(seed)
     require_followable(system, integrator, grid)
-    if checked_flag(check_step, "check_step"):
-        warn_if_too_long(system, integrator, grid)
-    return megno_of(system, integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed, threads=threads)
+    warn_or_refuse(lambda: warn_if_too_long(system, integrator, grid), check_step)
+    count, coupled = whole_number(vectors, "vectors"), checked_flag(coupled, "coupled")
+    return megno_of(system, integrator, grid, coupled=coupled, vectors=count, seed=seed, threads=threads)
 
 
 def checked_seed(seed: Any) -> int:
@@ -217,6 +222,7 @@ def megno_of(
     *,
     coupled: bool,
     seed: int,
+    vectors: int = VECTORS,
     threads: int | None = None,
 ) -> Megno:
     """As `megno`, on an existing grid of steps and samples."""
@@ -226,7 +232,7 @@ def megno_of(
     scale = scale if np.isfinite(scale) else 1.0
 
     def growth(name: str, followed: Followed) -> tuple[TangentGrowth, IntegrationError | None]:
-        return _growth(name, followed, integrator, grid, scale, seed)
+        return _growth(name, followed, integrator, grid, scale, seed, vectors)
 
     massive, failure = growth(WHOLE, massive_of(system))
     if failure is not None:
@@ -237,7 +243,7 @@ def megno_of(
         return growth(system.names[p], particle_of(system, p, coupled=coupled))
 
     if together and numbers:
-        in_lanes = _together(system, integrator, grid, scale, seed, threads)
+        in_lanes = _together(system, integrator, grid, scale, seed, vectors, threads)
         return Megno(system, massive, in_lanes, made_by(system, integrator, grid))
     particles = []
     for found in each_in_threads(of_particle, numbers, threads):
@@ -254,10 +260,16 @@ def megno_of(
 
 
 def _together(
-    system: System, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, threads: int | None
+    system: System,
+    integrator: Integrator,
+    grid: TimeGrid,
+    scale: float,
+    seed: int,
+    vectors: int,
+    threads: int | None,
 ) -> tuple[TangentGrowth, ...]:
     """Return the growth of tangent vectors of all massless particles, which march eight at a time."""
-    found = growths_of_particles(system, integrator, grid, _starts(seed, scale, 1)[:, :, 0], scale, threads)
+    found = growths_of_particles(system, integrator, grid, _starts(seed, scale, vectors, 1)[:, :, 0], scale, threads)
     unit = system.units.time
     t, rates, passages = u.Quantity(grid.times, unit), u.Quantity(found.lyapunov.T, 1 / unit), found.passage * unit
     return tuple(
@@ -270,26 +282,27 @@ def _light(system: System) -> list[str]:
     return [name for name, massive in zip(system.names, system.massive.tolist(), strict=True) if not massive]
 
 
-def _starts(seed: int, scale: float, count: int) -> Array:
-    """Return random tangent vectors of `count` bodies, (8, 2, count, 3), of length 1."""
-    vectors = np.random.default_rng(seed).standard_normal((VECTORS, 2, count, 3))
+def _starts(seed: int, scale: float, count: int, bodies: int) -> Array:
+    """Return `count` random tangent vectors, (count, 2, bodies, 3), of length 1."""
+    vectors = np.random.default_rng(seed).standard_normal((count, 2, bodies, 3))
     vectors[:, 1] /= scale
     lengths = np.sqrt(np.sum(vectors[:, 0] ** 2 + (scale * vectors[:, 1]) ** 2, axis=(1, 2)))
     return np.asarray(vectors / lengths[:, None, None, None])
 
 
 def _growth(
-    name: str, followed: Followed, integrator: Integrator, grid: TimeGrid, scale: float, seed: int
+    name: str, followed: Followed, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, vectors: int
 ) -> tuple[TangentGrowth, IntegrationError | None]:
     """Return the growth of tangent vectors of what is followed at the samples, and what ended it before the last."""
-    starts = _starts(seed, scale, len(followed.varied))
+    starts = _starts(seed, scale, vectors, len(followed.varied))
     tangents = tangents_of(followed, integrator, starts, scale, clock=grid.clock)
     out, failure = np.full((3, len(grid)), np.nan), None
     try:
         for k, (now, time) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=False)):
             if time != 0.0:
                 mean, log = now.growth(time)
-                out[:, k] = mean.mean(), mean.std(ddof=1), log.mean() / abs(time)
+                spread = mean.std(ddof=1) if vectors > 1 else np.nan
+                out[:, k] = mean.mean(), spread, log.mean() / abs(time)
     except IntegrationError as error:
         failure = error
     time_unit = followed.system.units.time

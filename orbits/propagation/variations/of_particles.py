@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.checks import whole_number
-from orbits.errors import RetiredWarning, StepWarning, level_of_caller, with_unit
+from orbits.errors import InputError, RetiredWarning, StepWarning, level_of_caller, with_unit
 from orbits.integrators.base import Integrator
 from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS
 from orbits.marching.marcher import available_threads
@@ -45,6 +45,11 @@ def growths_of_particles(
     Warns, with `RetiredWarning`, of particles that are lost, and of those retired in encounters if the method asks for
     that: their numbers are NaN from there on; and with `StepWarning` of others with encounters.
     """
+    if integrator.follows_encounters:
+        raise InputError(
+            f"the variations of {integrator.label} are not known where particles take steps of their own; use "
+            'encounters="warn" or "retire", or Gauss(stages=8) without dt.'
+        )
     acting, values, massive = model(system), system.values, system.massive
     count = available_threads() if threads is None else whole_number(threads, "threads, if given,")
     bodies, particles = ((values.q[which], values.v[which]) for which in (massive, ~massive))
@@ -60,8 +65,9 @@ def growths_of_particles(
             if march.time != 0.0:
                 mean, log = march.growth()
                 out.megno[sample], out.lyapunov[sample] = _mean(mean), _mean(log) / abs(march.time)
-                away = (mean - out.megno[sample, :, None]) ** 2
-                out.spread[sample] = np.sqrt(_mean(away) * (len(vectors) / (len(vectors) - 1)))
+                if len(vectors) > 1:
+                    away = (mean - out.megno[sample, :, None]) ** 2
+                    out.spread[sample] = np.sqrt(_mean(away) * (len(vectors) / (len(vectors) - 1)))
     finally:
         march.close()
     _judge(system, integrator, grid, out, march.passages())
@@ -83,7 +89,7 @@ def _judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths,
     times = np.fmin(abs(passages.near), abs(passages.sharp))
     out.passage[:] = times * grid.direction
     met = np.isfinite(times)
-    retires = bool(getattr(integrator, "retires_in_encounters", False))
+    retires = integrator.retires_in_encounters
     lost = ~np.isfinite(out.megno[-1]) & (grid.times[-1] != 0.0) & ~(met & retires)
     if retires:
         gone = met & (abs(grid.times[:, None]) > times)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from astropy import units as u
@@ -18,6 +18,7 @@ from orbits.errors import InputError, RetiredWarning, level_of_caller, shown
 from orbits.export import headed, html_table, text_table
 from orbits.integrators.base import Integrator
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
+from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.variations.following import (
     Followed,
     at_samples,
@@ -134,7 +135,7 @@ def state_transition(
     until: Any = None,
     samples: Any = None,
     coupled: bool = True,
-    check_step: bool = True,
+    check_step: bool | Literal["refuse"] = True,
     threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> StateTransition:
@@ -170,8 +171,7 @@ def state_transition(
     if samples is None:
         grid = TimeGrid(grid.clock, grid.times[-1:])
     require_followable(system, integrator, grid)
-    if checked_flag(check_step, "check_step"):
-        warn_if_too_long(system, integrator, grid)
+    warn_or_refuse(lambda: warn_if_too_long(system, integrator, grid), check_step)
     return state_transition_of(system, integrator, grid, coupled=with_bodies, threads=threads, at_end=samples is None)
 
 
