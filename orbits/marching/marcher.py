@@ -515,6 +515,7 @@ class Marcher(Blocks):
 
     def observe_path(self, path: Array) -> None:
         """Record the steps of blocks in this array, which has room for the longest."""
+        self._watcher.of_trace(self._state["approaches"], self.step, 1, self._state["memory"])  # for what looks at it
         self._watcher.use_path(path)
 
     @property

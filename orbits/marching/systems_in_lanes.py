@@ -56,6 +56,7 @@ class Lanes:
         """Compute the next `count` steps of some of the marches, and leave them there to be taken over."""
         order = [*members, *[members[0]] * (WIDTH - len(members))]  # the first fills the lanes that are left
         self._contexts[:] = 0
+        self._take_places(members)
         for lane, k in enumerate(order):
             state, self._strengths[lane] = self._marchers[k].loops.state, self._marchers[k].parameters
             for array, name in zip((*self._state, self._carries), NAMES, strict=True):
@@ -64,7 +65,6 @@ class Lanes:
             self._contexts[lane] = self._marchers[k].observing_elsewhere(self._records[k])
         if not self._contexts[: len(members)].all():
             self._contexts[:] = 0
-        self._take_places(members)
         evaluations = self._kernel(
             self._coefficients, self._strengths, *self._state, self._carries, self._room, self.rows, self._path,
             self._contexts, count,

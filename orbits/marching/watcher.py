@@ -17,7 +17,7 @@ from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passag
 from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
-from orbits.kernels.planet_approaches import BODY, IN_PATH, SHARE, follow_planets, show_trace
+from orbits.kernels.planet_approaches import BODY, SHARE, follow_planets, show_trace
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.alignment import aligned
@@ -244,10 +244,7 @@ class Watcher:
 
     def follow(self, h: float, steps: int) -> None:
         """Search for closest approaches among the massive bodies."""
-        if self._planets:
-            observe(observer_address(follow_planets), self.contexts.addresses[0], _NO_TRACK, h, steps, IN_PATH, steps)
-        else:
-            follow_bodies(self.contexts.addresses[0], h, steps)
+        follow_bodies(self.contexts.addresses[0], h, steps)
 
     def _end_trace(self, h: float, steps: int, carry: Array) -> None:
         """Observe the last steps of a block, which ended with this carry."""
