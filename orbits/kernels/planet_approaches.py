@@ -40,9 +40,6 @@ WANDERING, BOUND = 1.03, 1.06
 """Factors by which planets may leave their apsides of the beginning of a block until all pairs are looked at, and by
 which the apsides of pairs that are left out are wider."""
 
-IN_PATH = 1
-"""What is passed instead of 0 if the states of all steps are in the path."""
-
 SHARE, BODY = 0, 1
 """Rows of `lanes`."""
 
@@ -83,15 +80,13 @@ def follow_planets(context, track, h, steps, start, stop):
     """Search for closest approaches in the last `stop` steps of h of the first `steps` of a block, all of that length,
     among 2 to 9 massive bodies without particles, the first of which dominates.
 
-    start : 0 for what is in the trace, `IN_PATH` for the states in the path, of all steps
-    track : not used, as there are no particles
+    start, track : not used: the trace has all of them, and there are no particles
     """
-    watch, base, traced = watch_at(context), steps - stop, start == 0
-    if traced and watch.stops.shape[0] > 0:  # conditions are sought in all states
+    watch, base = watch_at(context), steps - stop
+    if watch.stops.shape[0] > 0:  # conditions are sought in all states
         _show(context, base, 0, stop)
     if watch.first + base == 0:
-        if traced:
-            _show(context, base, 0, 0)
+        _show(context, base, 0, 0)
         note_rows(context, 0, watch.bodies)
     there = full(0.0)
     for k in range(watch.bodies - 1):
@@ -104,12 +99,12 @@ def follow_planets(context, track, h, steps, start, stop):
         there * turned(there, 3),
         there * turned(there, 4) * half,
     )
-    place, velocity = _relative(watch, traced, 0)
+    place, velocity = _relative(watch, 0)
     lowest, highest, time = _apsides(watch, place, velocity)
     apart = _steps_apart(there, time, h)
     near, far = select(there, lowest / WANDERING, 0.0), select(there, highest * WANDERING, 1e150)
     near, far = near * near, far * far
-    known = _known(watch, traced)
+    known = _known(watch)
     every1, every2 = _meet(known, lowest, highest, with1, 1), _meet(known, lowest, highest, with2, 2)
     every3, every4 = _meet(known, lowest, highest, with3, 3), _meet(known, lowest, highest, with4, 4)
     with1, with2 = with1 * _within(known, 1), with2 * _within(known, 2)
@@ -118,7 +113,7 @@ def follow_planets(context, track, h, steps, start, stop):
     k = last = 0
     before0 = before1 = before2 = before3 = before4 = full(0.0)
     while True:
-        place, velocity = _relative(watch, traced, k)
+        place, velocity = _relative(watch, k)
         (x, y, z), (u, v, w) = place, velocity
         r2 = x * x + y * y + z * z
         if not wander and any_lane((r2 < near) + (r2 > far)):
@@ -129,16 +124,16 @@ def follow_planets(context, track, h, steps, start, stop):
         now0 = (x * u + y * v + z * w) * h
         turned0 = there * (before0 < 0.0) * (now0 >= 0.0)
         if any_lane(turned0):
-            _examine_star(context, base, traced, h, last, k, turned0, before0 / (before0 - now0))
+            _examine_star(context, base, h, last, k, turned0, before0 / (before0 - now0))
         before0 = now0
         if every1:
-            before1 = _met(context, base, traced, h, last, k, with1, before1, place, velocity, 1)
+            before1 = _met(context, base, h, last, k, with1, before1, place, velocity, 1)
         if every2:
-            before2 = _met(context, base, traced, h, last, k, with2, before2, place, velocity, 2)
+            before2 = _met(context, base, h, last, k, with2, before2, place, velocity, 2)
         if every3:
-            before3 = _met(context, base, traced, h, last, k, with3, before3, place, velocity, 3)
+            before3 = _met(context, base, h, last, k, with3, before3, place, velocity, 3)
         if every4:
-            before4 = _met(context, base, traced, h, last, k, with4, before4, place, velocity, 4)
+            before4 = _met(context, base, h, last, k, with4, before4, place, velocity, 4)
         if k == stop:
             break
         last = k
@@ -146,7 +141,7 @@ def follow_planets(context, track, h, steps, start, stop):
 
 
 @kernel(inline=True)
-def _met(context, base, traced, h, last, k, pairs, before, place, velocity, count):
+def _met(context, base, h, last, k, pairs, before, place, velocity, count):
     """Examine the pairs that no longer draw nearer; return whether they draw apart, for the next sample.
 
     pairs : squared distances below which approaches are looked at; 0 in lanes without a pair
@@ -157,25 +152,13 @@ def _met(context, base, traced, h, last, k, pairs, before, place, velocity, coun
     least = x * x + y * y + z * z - 3.0 * (k - last) * now
     met = (before < 0.0) * (now >= 0.0) * (least < pairs)
     if any_lane(met):
-        _examine_planets(context, base, traced, h, last, k, met, count)
+        _examine_planets(context, base, h, last, k, met, count)
     return now
 
 
 @kernel(inline=True)
-def _relative(watch, traced, step):
+def _relative(watch, step):
     """Return positions and velocities relative to the star at the beginning of a step."""
-    if not traced:
-        n, path, a = watch.bodies, watch.path, 2 * step * watch.stride
-        b = a + watch.stride
-        return (
-            load(path, a + 1) - path[a],
-            load(path, a + n + 1) - path[a + n],
-            load(path, a + 2 * n + 1) - path[a + 2 * n],
-        ), (
-            load(path, b + 1) - path[b],
-            load(path, b + n + 1) - path[b + n],
-            load(path, b + 2 * n + 1) - path[b + 2 * n],
-        )
     trace, share, first = watch.trace, load(watch.lanes, SHARE), TRACE_ROWS * WIDTH * step
     x, y, z = load(trace, first), load(trace, first + WIDTH), load(trace, first + 2 * WIDTH)
     u, v, w = load(trace, first + 3 * WIDTH), load(trace, first + 4 * WIDTH), load(trace, first + 5 * WIDTH)
@@ -191,9 +174,9 @@ def _relative(watch, traced, step):
 
 
 @kernel(inline=True)
-def _body(watch, traced, i):
+def _body(watch, i):
     """Return the body in a lane."""
-    return int(watch.lanes[BODY, i]) if traced else 1 + i
+    return int(watch.lanes[BODY, i])
 
 
 @kernel(inline=True)
@@ -244,11 +227,11 @@ def _steps_apart(there, time, h):
 
 
 @kernel(inline=True)
-def _known(watch, traced):
+def _known(watch):
     """Return the distances below which the approaches of the planet in each lane to others are looked at."""
     limit = full(0.0)
     for k in range(watch.bodies - 1):
-        body = _body(watch, traced, k)
+        body = _body(watch, k)
         reach = watch.reaches[body]
         limit = limit + max(watch.record[DISTANCE2, OTHER, body], reach * reach) ** 0.5 * unit(k)
     return limit
@@ -270,7 +253,7 @@ def _meet(known, lowest, highest, pairs, count):
 
 
 @kernel
-def _examine_star(context, base, traced, h, last, k, met, guess):
+def _examine_star(context, base, h, last, k, met, guess):
     """Enter the approaches to the star between two samples of the planets for which `met` is not 0: those that are
     closer than known ones, and those that a step may not resolve.
 
@@ -280,33 +263,32 @@ def _examine_star(context, base, traced, h, last, k, met, guess):
     while any_lane(met):
         i = first_lane(met)
         met = met * (1.0 - unit(i))
-        begin, body = last + min(max(int(lane(guess, i) * (k - last)), 0), k - last - 1), _body(watch, traced, i)
-        place, velocity = _relative(watch, traced, begin)
-        after, velocity_after = _relative(watch, traced, begin + 1)
+        begin, body = last + min(max(int(lane(guess, i) * (k - last)), 0), k - last - 1), _body(watch, i)
+        place, velocity = _relative(watch, begin)
+        after, velocity_after = _relative(watch, begin + 1)
         d2, speed2, turning = _estimated(h, place, velocity, after, velocity_after)
         if lane(turning, i) == 0.0:
             begin, end = last, k
             while end - begin > 1:
                 middle = (begin + end) // 2
-                (x, y, z), (u, v, w) = _relative(watch, traced, middle)
+                (x, y, z), (u, v, w) = _relative(watch, middle)
                 if lane((x * u + y * v + z * w) * h, i) < 0.0:
                     begin = middle
                 else:
                     end = middle
-            place, velocity = _relative(watch, traced, begin)
-            after, velocity_after = _relative(watch, traced, end)
+            place, velocity = _relative(watch, begin)
+            after, velocity_after = _relative(watch, end)
             d2, speed2, _ = _estimated(h, place, velocity, after, velocity_after)
         known = max(watch.record[DISTANCE2, DOMINANT, body], watch.record[DISTANCE2, OTHER, 0])
         least, angle = lane(d2, i), SLACK * min(watch.pericentre_angle, 1.0)
         # Above an angle of 1, what is recorded is the osculating pericentre.
         if CLOSE * least < known or h * h * lane(speed2, i) > angle * angle * least:
-            if traced:
-                _show(context, base, begin, begin + 1)
+            _show(context, base, begin, begin + 1)
             call_enter(watch.enter, context, no_particles(), 0, body, base + begin, base + begin + 1, h)
 
 
 @kernel
-def _examine_planets(context, base, traced, h, last, k, met, count):
+def _examine_planets(context, base, h, last, k, met, count):
     """Enter the approaches between two samples of the planets for which `met` is not 0 and those `count` lanes on."""
     watch = watch_at(context)
     while any_lane(met):
@@ -315,22 +297,21 @@ def _examine_planets(context, base, traced, h, last, k, met, count):
         begin, end = last, k
         while end - begin > 1:
             middle = (begin + end) // 2
-            place, velocity = _relative(watch, traced, middle)
+            place, velocity = _relative(watch, middle)
             if lane(_opening(place, velocity, h, count), i) < 0.0:
                 begin = middle
             else:
                 end = middle
-        place, velocity = _relative(watch, traced, begin)
-        after, velocity_after = _relative(watch, traced, end)
+        place, velocity = _relative(watch, begin)
+        after, velocity_after = _relative(watch, end)
         place, velocity = _turned(place, count), _turned(velocity, count)
         d2, speed2, _ = _estimated(h, place, velocity, _turned(after, count), _turned(velocity_after, count))
-        one, two = _body(watch, traced, i), _body(watch, traced, (i + count) % WIDTH)
+        one, two = _body(watch, i), _body(watch, (i + count) % WIDTH)
         known = max(watch.record[DISTANCE2, OTHER, one], watch.record[DISTANCE2, OTHER, two])
         reach = max(watch.reaches[one], watch.reaches[two])
         least, angle = SLACK * lane(d2, i), CAUTION * watch.passage_angle
         if least < max(known, reach * reach) or h * h * lane(speed2, i) > angle * angle * least:
-            if traced:
-                _show(context, base, begin, end)
+            _show(context, base, begin, end)
             call_enter(watch.enter, context, no_particles(), min(one, two), max(one, two), base + begin, base + end, h)
 
 
