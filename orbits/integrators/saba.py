@@ -31,15 +31,8 @@ from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS
 from orbits.kernels.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
-from orbits.kernels.jacobi_particles import (
-    AWAY,
-    MEMORY_ROWS,
-    enter_among,
-    leave_among,
-    seen_particles,
-    store_marched,
-    take_particles,
-)
+from orbits.kernels.jacobi_particles import AWAY, MEMORY_ROWS, seen_particles, store_marched, take_particles
+from orbits.kernels.jacobi_particles_entering import enter_among, leave_among
 from orbits.kernels.jacobi_stages import (
     particles_at_the_end,
     particles_in_stages,

@@ -122,12 +122,12 @@ def interact(planets, room, count, shifted):
                 w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, dx * dx))) * room[other + MASS, slot]
                 fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
         near = rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
-        sx, sy, sz = _pulls_on_inner(masses, (fx, fy, fz), (ux, uy, uz), near)
+        sx, sy, sz = pulls_on_inner(masses, (fx, fy, fz), (ux, uy, uz), near)
         beyond = sums_after(sx) + bx, sums_after(sy) + by, sums_after(sz) + bz
         bx, by, bz = bx + total(sx), by + total(sy), bz + total(sz)
         x, y, z = _coordinates(planets, room, register, shifted)
         kepler = rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
-        force = _whole(masses, (fx, fy, fz), beyond, (x, y, z), kepler, (ux, uy, uz), near)
+        force = whole_interaction(masses, (fx, fy, fz), beyond, (x, y, z), kepler, (ux, uy, uz), near)
         store_three(room, first + FORCE, force)
 
 
@@ -142,9 +142,9 @@ def interaction(x, y, z, masses):
     own, pairs = pulls_within(ux, uy, uz, masses.mass)
     near, near2 = inverse_powers(fma(ux, ux, fma(uy, uy, uz * uz)))
     kepler, kepler2 = inverse_powers(fma(x, x, fma(y, y, z * z)))
-    sx, sy, sz = _pulls_on_inner(masses, own, (ux, uy, uz), near)
+    sx, sy, sz = pulls_on_inner(masses, own, (ux, uy, uz), near)
     beyond = sums_after(sx), sums_after(sy), sums_after(sz)
-    force = _whole(masses, own, beyond, (x, y, z), kepler, (ux, uy, uz), near)
+    force = whole_interaction(masses, own, beyond, (x, y, z), kepler, (ux, uy, uz), near)
     return force, (ux, uy, uz), (pairs, Pairs(ux, uy, uz, near, near2), Pairs(x, y, z, kepler, kepler2))
 
 
@@ -160,7 +160,7 @@ def _place(room, register, row, x, y, z, bx, by, bz):
 
 
 @kernel(inline=True)
-def _pulls_on_inner(masses, own, place, near):
+def pulls_on_inner(masses, own, place, near):
     """Return m F, which is summed over the planets further out."""
     pull = -masses.central * near
     return (
@@ -171,7 +171,7 @@ def _pulls_on_inner(masses, own, place, near):
 
 
 @kernel(inline=True)
-def _whole(masses, own, beyond, r, kepler, place, near):
+def whole_interaction(masses, own, beyond, r, kepler, place, near):
     """Return the interaction from its three parts."""
     pull, rest = masses.pull * near, masses.rest * near
     return (
@@ -277,11 +277,11 @@ def modify(planets, room, count, shift):
         (x, y, z), (sx, sy, sz) = _coordinates(planets, room, register, False), load_three(room, first + SHIFTED)
         kepler = tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
         centre = tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
-        hx, hy, hz = _tides_on_inner(masses, (fx, fy, fz), centre)
+        hx, hy, hz = tides_on_inner(masses, (fx, fy, fz), centre)
         beyond = sums_after(hx) + bx, sums_after(hy) + by, sums_after(hz) + bz
         bx, by, bz = bx + total(hx), by + total(hy), bz + total(hz)
         force = load_three(room, first + FORCE)
-        store_three(room, first + FORCE, _with_change(masses, force, (fx, fy, fz), beyond, kepler, centre))
+        store_three(room, first + FORCE, with_change(masses, force, (fx, fy, fz), beyond, kepler, centre))
 
 
 @kernel(inline=True)
@@ -295,14 +295,14 @@ def change_along(force, pairs, shift, masses):
     ey = y + sums_before(masses.share * y)
     ez = z + sums_before(masses.share * z)
     within = _tides_within(among, (ex, ey, ez), masses.mass)
-    kepler, centre = _tide(own, x, y, z), _tide(inwards, ex, ey, ez)
-    hx, hy, hz = _tides_on_inner(masses, within, centre)
+    kepler, centre = tide_of_pair(own, x, y, z), tide_of_pair(inwards, ex, ey, ez)
+    hx, hy, hz = tides_on_inner(masses, within, centre)
     beyond = sums_after(hx), sums_after(hy), sums_after(hz)
-    return _with_change(masses, force, within, beyond, kepler, centre), (x, y, z), (ex, ey, ez)
+    return with_change(masses, force, within, beyond, kepler, centre), (x, y, z), (ex, ey, ez)
 
 
 @kernel(inline=True)
-def _tides_on_inner(masses, own, centre):
+def tides_on_inner(masses, own, centre):
     """Return the change of m F, which is summed over the planets further out."""
     return (
         masses.mass * fma(-masses.central, centre[0], own[0]),
@@ -312,7 +312,7 @@ def _tides_on_inner(masses, own, centre):
 
 
 @kernel(inline=True)
-def _with_change(masses, force, own, beyond, kepler, centre):
+def with_change(masses, force, own, beyond, kepler, centre):
     """Return the interaction with its change, from the three parts of it."""
     return (
         _changed(masses, force[0], own[0], beyond[0], kepler[0], centre[0]),
@@ -331,10 +331,10 @@ def _changed(masses, force, own, beyond, kepler, centre):
 def _tides_within(pairs, moved, mass):
     """Return the changes of the accelerations of `pulls_within` with the places moved."""
     ex, ey, ez = moved
-    ax, ay, az = _tide(pairs[0], turned(ex, 1) - ex, turned(ey, 1) - ey, turned(ez, 1) - ez)
-    bx, by, bz = _tide(pairs[1], turned(ex, 2) - ex, turned(ey, 2) - ey, turned(ez, 2) - ez)
-    cx, cy, cz = _tide(pairs[2], turned(ex, 3) - ex, turned(ey, 3) - ey, turned(ez, 3) - ez)
-    dx, dy, dz = _tide(pairs[3], turned(ex, 4) - ex, turned(ey, 4) - ey, turned(ez, 4) - ez)
+    ax, ay, az = tide_of_pair(pairs[0], turned(ex, 1) - ex, turned(ey, 1) - ey, turned(ez, 1) - ez)
+    bx, by, bz = tide_of_pair(pairs[1], turned(ex, 2) - ex, turned(ey, 2) - ey, turned(ez, 2) - ez)
+    cx, cy, cz = tide_of_pair(pairs[2], turned(ex, 3) - ex, turned(ey, 3) - ey, turned(ez, 3) - ez)
+    dx, dy, dz = tide_of_pair(pairs[3], turned(ex, 4) - ex, turned(ey, 4) - ey, turned(ez, 4) - ez)
     return _sum_of_pairs(mass, ax, bx, cx, dx), _sum_of_pairs(mass, ay, by, cy, dy), _sum_of_pairs(mass, az, bz, cz, dz)
 
 
@@ -342,11 +342,11 @@ def _tides_within(pairs, moved, mass):
 def tide(x, y, z, r2, ex, ey, ez):
     """Return the change of (x, y, z) / r^3 with (x, y, z) along (ex, ey, ez); r2 : r^2."""
     cubed, squared = inverse_powers(r2)
-    return _tide(Pairs(x, y, z, cubed, squared), ex, ey, ez)
+    return tide_of_pair(Pairs(x, y, z, cubed, squared), ex, ey, ez)
 
 
 @kernel(inline=True)
-def _tide(pair, ex, ey, ez):
+def tide_of_pair(pair, ex, ey, ez):
     along = -3.0 * fma(pair.x, ex, fma(pair.y, ey, pair.z * ez)) * pair.squared
     return pair.cubed * fma(along, pair.x, ex), pair.cubed * fma(along, pair.y, ey), pair.cubed * fma(along, pair.z, ez)
 

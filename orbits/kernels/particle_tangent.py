@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.jacobi_particles import (
-    _of_places,
     drifted_particles,
     interaction,
     kicked_particles,
+    of_places,
     store_marched,
     table_rows,
     take_particles,
@@ -270,15 +270,15 @@ def kick_matrix(table, first, count, kick, shift, marched, rows):
     """Return the derivative of the kick of eight particles, by a table of the planets."""
     line = flat(table)
     x, y, z = marched.x, marched.y, marched.z
-    centre = _of_places(line, first, 0, marched, rows)
+    centre = of_places(line, first, 0, marched, rows)
     T, g = _derivative(line, first, count, 0, (x, y, z), centre, marched)
     if kick == LAZY:
-        moved = _of_places(line, first, 1, marched, rows)
+        moved = of_places(line, first, 1, marched, rows)
         place = fma(shift, g[0], x), fma(shift, g[1], y), fma(shift, g[2], z)
         U, _ = _derivative(line, first, count, 1, place, moved, marched)
         return _product(U, T, shift, U)
     if kick == MODIFIED:
-        moved = _of_places(line, first, 1, marched, rows)
+        moved = of_places(line, first, 1, marched, rows)
         sx, sy, sz = shift * g[0], shift * g[1], shift * g[2]
         ex, ey, ez = sx + moved[0], sy + moved[1], sz + moved[2]
         ux, uy, uz = x + centre[0], y + centre[1], z + centre[2]
@@ -327,7 +327,7 @@ def _judge(table, count, h, when, ends, judged, found, rows):
     (begun, k), (before, marched), line = when, ends, flat(table)
     step, n, sun = 1.0 * (begun + k), judged.order.shape[0], judged.order[0]
     there = marched.gm > 0.0
-    cx, cy, cz, _, _, _ = _of_places(line, table_rows(count), 0, marched, rows)
+    cx, cy, cz, _, _, _ = of_places(line, table_rows(count), 0, marched, rows)
     begin, end = judged.path[k], judged.path[k + 1]
     for j in range(count):
         body = judged.order[1 + j]

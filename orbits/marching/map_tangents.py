@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, SingularityError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, coefficients_of, padded
-from orbits.integrators.wisdom_holman import KERNELS, KeplerSplitting
+from orbits.integrators.kepler_map import KeplerSplitting
+from orbits.integrators.wisdom_holman import KERNELS
 from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.jacobi_tangent import (
     FLOW,

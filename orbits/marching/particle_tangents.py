@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from orbits.errors import SingularityError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
-from orbits.integrators.wisdom_holman import KeplerSplitting, outwards
+from orbits.integrators.kepler_map import KeplerSplitting, outwards
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.particle_tangent import NEAR, SHARP, WHICH, Judged, follow_particles
 from orbits.kernels.tangent import AREA, LOGARITHM, SQUARE

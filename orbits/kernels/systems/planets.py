@@ -18,13 +18,13 @@ from orbits.kernels.interaction import (
     STATE_ROWS,
     Masses,
     Pairs,
-    _pulls_on_inner,
-    _tide,
-    _tides_on_inner,
-    _whole,
-    _with_change,
     load_three,
+    pulls_on_inner,
     store_three,
+    tide_of_pair,
+    tides_on_inner,
+    whole_interaction,
+    with_change,
 )
 from orbits.kernels.jacobi import prepare_room
 from orbits.kernels.lanes import WIDTH, fma, full, halves, inverse_powers, joined, load, store
@@ -260,10 +260,10 @@ def interact_in_lanes(rows, count, source, stride):
         store(rows, POWERS + 4 * i + 2, kepler)
         store(rows, POWERS + 4 * i + 3, kepler2)
         store_three(rows, OWN + 3 * i, own)
-        store_three(rows, INWARDS + 3 * i, _pulls_on_inner(masses, own, (ux, uy, uz), near))
+        store_three(rows, INWARDS + 3 * i, pulls_on_inner(masses, own, (ux, uy, uz), near))
     _store_beyond(rows)
     for i in range(count):
-        force = _whole(
+        force = whole_interaction(
             _masses(rows, i),
             load_three(rows, OWN + 3 * i),
             load_three(rows, INWARDS + 3 * i),
@@ -293,7 +293,7 @@ def _tide_of_pair(rows, i, apart):
     EX, EY, EZ = load_three(rows, MOVED + 3 * j)
     pair_of_two = Pairs(dx, dy, dz, load(rows, INVERSE + 2 * pair), load(rows, INVERSE + 2 * pair + 1))
     store_three(
-        rows, PULLS + 3 * pair, _tide(pair_of_two, minus(EX, ex), minus(EY, ey), minus(EZ, ez))
+        rows, PULLS + 3 * pair, tide_of_pair(pair_of_two, minus(EX, ex), minus(EY, ey), minus(EZ, ez))
     )
 
 
@@ -316,11 +316,11 @@ def modify_in_lanes(rows, count, shift):
         within = _sum_pulls(rows, i, 0), _sum_pulls(rows, i, 1), _sum_pulls(rows, i, 2)
         _, centre = _central_tides(rows, i)
         store_three(rows, OWN + 3 * i, within)
-        store_three(rows, INWARDS + 3 * i, _tides_on_inner(masses, within, centre))
+        store_three(rows, INWARDS + 3 * i, tides_on_inner(masses, within, centre))
     _store_beyond(rows)
     for i in range(count):
         kepler, centre = _central_tides(rows, i)
-        force = _with_change(
+        force = with_change(
             _masses(rows, i),
             load_three(rows, FORCE + 3 * i),
             load_three(rows, OWN + 3 * i),
@@ -340,7 +340,8 @@ def _central_tides(rows, i):
     ex, ey, ez = load_three(rows, MOVED + 3 * i)
     near, near2 = load(rows, POWERS + 4 * i), load(rows, POWERS + 4 * i + 1)
     kepler, kepler2 = load(rows, POWERS + 4 * i + 2), load(rows, POWERS + 4 * i + 3)
-    return _tide(Pairs(x, y, z, kepler, kepler2), sx, sy, sz), _tide(Pairs(ux, uy, uz, near, near2), ex, ey, ez)
+    own = tide_of_pair(Pairs(x, y, z, kepler, kepler2), sx, sy, sz)
+    return own, tide_of_pair(Pairs(ux, uy, uz, near, near2), ex, ey, ez)
 
 
 @kernel(inline=True)
