@@ -117,10 +117,10 @@ class CentralForce(Force):
     def _block(
         self, values: float | tuple[float, ...], row: int, massive: Sequence[str], particles: Sequence[str]
     ) -> NDArray[np.float64]:
-        names = [*massive, *particles]
-        block = np.zeros(len(names) + WIDTH)
-        on = names if self.bodies is None else self.bodies
-        for k, name in enumerate(on):
-            if name in names and names.index(name) != row:
-                block[names.index(name)] = values[k] if isinstance(values, tuple) else values
+        places = {name: k for k, name in enumerate((*massive, *particles))}
+        block = np.zeros(len(places) + WIDTH)
+        for k, name in enumerate(places if self.bodies is None else self.bodies):
+            place = places.get(name, row)
+            if place != row:
+                block[place] = values[k] if isinstance(values, tuple) else values
         return block

@@ -144,11 +144,6 @@ class WisdomHolman(Integrator):
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
         if self.planets not in ("warn", "refuse"):
             raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'refuse'")
-        if self._heliocentric and self.encounters == "follow":
-            raise InputError(
-                'encounters="follow" lets particles leave Jacobi coordinates, and return; got democratic heliocentric '
-                'ones. Use coordinates="jacobi", or encounters="warn".'
-            )
         for name in ("ejected_beyond", "lost_within"):
             value = getattr(self, name)
             if value is not None:

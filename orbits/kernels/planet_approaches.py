@@ -150,7 +150,7 @@ def _met(context, base, h, last, k, pairs, before, place, velocity, count):
     now = (x * u + y * v + z * w) * h
     # While it grows, the squared distance grows by at most 2 now in a step; 3, as its growth may not be steady.
     least = x * x + y * y + z * z - 3.0 * (k - last) * now
-    met = (before < 0.0) * (now >= 0.0) * (least < pairs)
+    met = (pairs > 0.0) * (before < 0.0) * (now >= 0.0) * (least < pairs)
     if any_lane(met):
         _examine_planets(context, base, h, last, k, met, count)
     return now

@@ -124,9 +124,10 @@ class Blocks:
         """Return the number of steps up to the next state that is kept, if not all are; fewer while particles are
         retired often.
         """
-        every = (self._keep is not None and self._apart > 1) or self.integrator.departures != (None, None)
+        departs = len(self._particles) > 0 and self.integrator.departures != (None, None)
+        every = (self._keep is not None and self._apart > 1) or departs
         most = APART - self.step % APART if every else self.block
-        if not (self._retire and self.integrator.retires_in_encounters):
+        if not (len(self._particles) and self._retire and self.integrator.retires_in_encounters):
             return most
         # A retirement costs a block, and a block about SPAN^2 steps: their sum is least for blocks of this length.
         between = self.step / (1 + int(self._retired.gone().sum()))
@@ -304,7 +305,8 @@ class Blocks:
         self.evaluations, self.particle_evaluations = self._counts
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
-        self._arrived, self._block, self._encountered = False, (0, self.time), None
+        self._arrived, self._block = False, (0, self.time)
+        self._encountered = self._meeting_of_planets = None
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -355,8 +357,10 @@ class Blocks:
             self.particle_evaluations += self._loops.march_particles(state, bound, self._retired.block, watcher, count)
         if record is not None and count:
             self._overflowed = self._passages.overflows(self._watcher.lists)
+            if self._surfaces is not None:
+                self._overflowed = self._overflowed or self._passages.overflows(self._watcher.own_lists)
             self._encountered = self._meeting_of_planets = None
-            if self.integrator.refuses_meetings:
+            if self.integrator.refuses_meetings and (count == 1 or not self._overflowed):
                 listed, gm = self._watcher.lists[0], self._gm[: self._bodies]
                 self._meeting_of_planets = kepler_passages.first_meeting(listed, gm, self._watcher.dominant, self.step)
             # Not from a list that is not complete: shorter blocks follow.

@@ -61,7 +61,7 @@ class HandOver:
     """
 
     def __init__(self, form: Form, followed: Followed, n: int, steps: int, tasks: int) -> None:
-        self._followed, self._block = followed, steps
+        self._followed = followed
         self._numbers = Adaptive().numbers_for(METHOD)
         self._tasks = [_Task(form, followed.form, n, steps) for _ in range(tasks)]
         self._now: tuple[Any, ...] = ()

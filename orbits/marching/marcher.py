@@ -166,7 +166,7 @@ class Marcher(Blocks):
             self._loops.times,
             len(self._loops.tasks),
             radii,
-            integrator.follows_kepler and self._form.trace_rows(3 * n) > 0,
+            integrator.follows_kepler,
             self._form.trace_rows(3 * n),
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
@@ -205,7 +205,7 @@ class Marcher(Blocks):
 
     def next_block(self, place: Place) -> int:
         """Return the most steps of the next block on the way to a place."""
-        return self.block if self.clock.changes else min(self.block, place.steps - self.step)
+        return self.block if self.clock.changes else min(self.block, self._most(), place.steps - self.step)
 
     def go_back(self, steps: int) -> None:
         """Return to the state after the first `steps` steps of the last block."""
@@ -515,7 +515,6 @@ class Marcher(Blocks):
 
     def observe_path(self, path: Array) -> None:
         """Record the steps of blocks in this array, which has room for the longest."""
-        self._watcher.of_trace(self._state["approaches"], self.step, 1, self._state["memory"])  # for what looks at it
         self._watcher.use_path(path)
 
     @property

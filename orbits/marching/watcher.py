@@ -87,7 +87,7 @@ class Watcher:
     stops, energy_bound, radii : see `Marcher`
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.watch`
     tasks : the number of tasks that march particles at the same time
-    on_kepler_orbits : whether the steps resolve the pericentres of all bodies about the dominant one
+    on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
     trace_rows : see `Form.trace_rows`
 
     contexts, lists : of the massive bodies, then of each task
@@ -122,9 +122,10 @@ class Watcher:
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
         self._trace_rows, self._of_trace = trace_rows, 0
         few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
-        self._planets = on_kepler_orbits and few and self.dominant == 0
+        self._planets = trace_rows > 0 and few and self.dominant == 0
         (self._trace,) = aligned(((TRACED + 1) * trace_rows * WIDTH,))
-        self._annuli = self._reaches(q[: 3 * len(massive)].reshape(3, -1))
+        of_bodies = slice(0, 3 * len(massive))
+        self._annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
             self.listed_within[: len(massive)] = self._annuli[:, REACH]
@@ -366,18 +367,36 @@ class Watcher:
         heaviest = int(gm.argmax())
         return -1 if gm[heaviest] <= RULE * gm.sum() else heaviest
 
-    def _reaches(self, q: Array) -> Array:
-        """Return `annuli` with the reach of each body."""
+    def _reaches(self, q: Array, v: Array, on_kepler_orbits: bool) -> Array:
+        """Return `annuli` with the reach of each body: of planets that steps on Kepler orbits do not follow there, with
+        their mutual Hill radius at their apocentres.
+        """
         gm, dominant = self._parameters[1:], self.dominant
         annuli = np.zeros((len(gm), 3))
         if dominant < 0:
             annuli[:, REACH] = np.inf
             return annuli
         distance = np.sqrt(((q - q[:, dominant : dominant + 1]) ** 2).sum(axis=0))
-        hill = distance * np.cbrt(gm / (3.0 * gm[dominant]))
+        farthest, masses = distance, gm
+        if on_kepler_orbits:
+            place, velocity = (x - x[:, dominant : dominant + 1] for x in (q, v))
+            farthest = np.maximum(distance, _apocentres(place, velocity, gm[dominant] + gm))
+            others = np.sort(np.delete(gm, dominant))[::-1]
+            if len(others) > 1:
+                masses = gm + np.where(gm == others[0], others[1], others[0])
+        hill = farthest * np.cbrt(masses / (3.0 * gm[dominant]))
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0
         return annuli
+
+
+def _apocentres(q: Array, v: Array, mu: Array) -> Array:
+    """Return the largest distances on the osculating orbits, 0 where there is none; q, v : (3, n), mu : (n,)."""
+    with np.errstate(all="ignore"):
+        inverse = 2.0 / np.sqrt((q * q).sum(axis=0)) - (v * v).sum(axis=0) / mu
+        e2 = 1.0 - (np.cross(q, v, axis=0) ** 2).sum(axis=0) / mu * inverse
+        found = (1.0 + np.sqrt(np.maximum(e2, 0.0))) / inverse
+    return np.where(np.isfinite(found) & (inverse > 0.0), found, 0.0)
 
 
 _NO_STOPS = np.zeros((0, 4))

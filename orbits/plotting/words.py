@@ -50,7 +50,8 @@ def method_words(label: str) -> str:
     if len(head.split()) > 3:  # a sentence, not a name
         head = cls.__name__ if cls.__name__.isupper() else cls.__name__.lower()
     customary = {f.name: f.default_factory().label for f in fields(cls) if f.default_factory is not MISSING}
-    parts = [CUSTOMARY.get(head, head)]
+    orders = [str(given.value) for given in call.args if isinstance(given, ast.Constant)]
+    parts = [" ".join([CUSTOMARY.get(head, head), ", ".join(orders)]).strip()]
     for given in call.keywords:
         value = given.value
         if isinstance(value, ast.Call):

@@ -23,6 +23,7 @@ from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.error_bars import ErrorBars
 from orbits.propagation.marchers import bound
 from orbits.propagation.signals import StopRequest
+from orbits.system.model import model
 
 if TYPE_CHECKING:
     from orbits.marching.clocks import Clock
@@ -44,7 +45,7 @@ SEED = 53
 def error_bars(run: Trajectory, threads: int | None = None) -> ErrorBars:
     """Return the error bars of a run, at the cost of 2.4 such runs; see `Trajectory.error_estimate`."""
     _check(run)
-    clock, order = run.clock, run.integrator.order
+    clock, order = run.clock, run.integrator.order_with(model(run.system).lagrangian)
     with StopRequest() as stop:
         finer, one = _followed(run, clock.finer(run.integrator, FINER), False, threads, stop)
         finer /= 1.0 - FINER**order

@@ -13,7 +13,7 @@ import numpy as np
 from orbits import integrators
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller
+from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, shown
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation.before_the_start import check_before_start, check_bodies
@@ -353,6 +353,8 @@ def resume(
             )
         run = _resumed(path, threads=threads, **options)
         return run if isinstance(run, Trajectory) else march(run)
+    if not isinstance(path, Iterable):
+        raise ArchiveError(f"path is {shown(path)}; expected the path of an archive, or a list of paths.")
     paths = list(path)
     if not paths:
         raise ArchiveError("the list of archives is empty; expected a path, or a list with at least one.")

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
 
 from orbits.archive.creation import check_target
+from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, level_of_caller, shown
 from orbits.marching.marcher import available_threads
 from orbits.propagation.loop import Marching, Run, marching, to_its_end
@@ -33,7 +34,7 @@ SHOWN = 5
 
 def systems_of(given: object) -> list[System]:
     """Return a list of systems of equal shape. Raises InputError for anything else, naming those that differ."""
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
         raise InputError(
             f"system must be an orbits.System, or a list of systems of equal shape, got {type(given).__name__}"
         )
@@ -236,7 +237,7 @@ class _Reached:
 
 def threads_of_each(count: int, threads: int | None) -> int:
     """Return how many threads each of several runs has that are marched at the same time."""
-    whole = available_threads() if threads is None else threads
+    whole = available_threads() if threads is None else whole_number(threads, "threads, if given,")
     return max(1, whole // count)
 
 

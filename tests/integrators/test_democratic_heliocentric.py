@@ -16,9 +16,8 @@ from orbits.marching.marcher import Marcher
 from orbits.resources import data_path
 
 from ..contracts.problems import march
+from ..maps import EVERYWHERE, among_planets, energies, solar_system, system
 from ..problems import particles_around, rebounds_outer_solar_system, three_bodies
-from .test_saba import energies, solar_system
-from .test_wisdom_holman_particles import EVERYWHERE, among_planets, system
 
 METHOD = orbits.WisdomHolman(coordinates="democratic-heliocentric")
 JACOBI = orbits.WisdomHolman(kernel="standard", corrector=0)

@@ -19,21 +19,14 @@ from orbits.marching.marcher import Marcher
 from orbits.resources import data_path
 
 from ..contracts.problems import march
+from ..maps import EVERYWHERE, among_planets, energies, marched, solar_system, system
 from ..problems import rebounds_outer_solar_system, three_bodies
-from .test_wisdom_holman_particles import EVERYWHERE, among_planets, marched, system
 
 DEFAULT, EIGHT, CLASSIC = orbits.SABA(), orbits.SABA(8, 6, 4), orbits.SABA(8, 2)
 SCHEMES = [DEFAULT, EIGHT, orbits.SABA(8, 4), CLASSIC, orbits.SABA(2, 2)]
 GAUSS = orbits.Gauss(stages=8)
 KM = 149597870.7
 BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]}
-
-
-def solar_system(count=9):
-    """GM, q, v of the Sun and the first planets, and where the ten bodies are after 1000 years."""
-    data = json.loads(data_path("solar_system_10body.json").read_text())
-    gm, q, v = (np.array(data[name])[: count + 1] for name in ("gm_au3_d2", "q", "v"))
-    return gm, q, v, np.array(data["reference_years"]["1000"], dtype=float)[:, :3]
 
 
 @pytest.mark.parametrize(
@@ -76,23 +69,6 @@ def test_the_energy_of_the_outer_solar_system_is_within_rebounds_bounds(method, 
     start = orbits.from_rebound(rebounds_outer_solar_system()).values
     found = energies(method, start, 0.0123235235 * 11.862 * 2 * np.pi, 6840)
     assert np.abs(found / found[0] - 1.0).max() < most
-
-
-def energies(method, start, h, steps):
-    """The energy at 40 times of a run, and at its end."""
-    run = Marcher(newtonian, method, parameters(start.gm), start.gm > 0, start.q, start.v, h)
-    found = []
-    for _ in range(40):
-        found.append(newtonian_energy(start.gm, *run.state()))
-        run.advance(steps // 40)
-    run.advance(steps - steps // 40 * 40)
-    return np.array([*found, newtonian_energy(start.gm, *run.state())])
-
-
-def newtonian_energy(gm, q, v):
-    i, j = np.triu_indices(len(gm), 1)
-    apart = np.linalg.norm(q[i] - q[j], axis=1)
-    return 0.5 * (gm * (v**2).sum(axis=1)).sum() - (gm[i] * gm[j] / apart).sum()
 
 
 @pytest.mark.parametrize(("method", "kind"), [(DEFAULT, "10_6_4"), (EIGHT, "8_6_4"), (CLASSIC, "4")], ids=str)

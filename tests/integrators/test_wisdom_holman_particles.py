@@ -7,53 +7,16 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.elements import state_from_elements
 from orbits.errors import InputError, StepWarning
 from orbits.kernels.jacobi_particles import NUMBER
-from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
 
+from ..maps import EVERYWHERE, among_planets, marched, marcher, system
 from ..problems import three_bodies
 
 DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)
 LAZY, CORRECTED = orbits.WisdomHolman(kernel="lazy"), orbits.WisdomHolman(kernel="standard")
 GAUSS = orbits.Gauss(stages=8)
 KM = 149597870.7
-
-EVERYWHERE = {  # semi-major axis, eccentricity: the number of planets inside it
-    (1.3, 0.1): 3,
-    (2.7, 0.15): 4,
-    (2.8, 0.5): 3,
-    (7.0, 0.05): 5,
-    (17.8, 0.967): 1,
-    (45.0, 0.05): 8,
-    (-20.0, 1.1): 4,
-}
-"""Orbits among the planets; the comet and the unbound body pass their pericentres in 500 days."""
-
-
-def among_planets(orbits_of=EVERYWHERE):
-    """The Sun and eight planets, in au and days, with massless particles."""
-    solar = orbits.System.solar_system().remove("Pluto")
-    gm, q, v = solar.values.gm, solar.values.q, solar.values.v
-    rng = np.random.default_rng(4)
-    for a, e in orbits_of:
-        angles = dict(zip(("inc", "Omega", "omega"), np.radians(rng.uniform([0, 0, 0], [15, 360, 360])), strict=True))
-        when = {"M": rng.uniform(0, 2 * np.pi)} if e < 0.9 else {"T": 500.0, "t": 0.0}
-        x, w = state_from_elements(gm[0], a=a, e=e, **angles, **when)
-        q, v = np.vstack([q, x + q[0]]), np.vstack([v, w + v[0]])
-    return np.append(gm, np.zeros(len(orbits_of))), q, v
-
-
-def marcher(method, gm, q, v, h, **options):
-    return Marcher(newtonian, method, parameters(gm[gm > 0]), gm > 0, q, v, h, **options)
-
-
-def marched(method, gm, q, v, h, steps, **options):
-    run = marcher(method, gm, q, v, h, **options)
-    run.advance(steps)
-    return run.state()
-
 
 @pytest.fixture(scope="module")
 def truth():
@@ -125,13 +88,6 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
     for k in (9, 14, 40):
         alone = np.append(np.arange(9), k)
         assert np.array_equal(marched(method, gm[alone], q[alone], v[alone], 3.0, 50)[0][-1], x[k])
-
-
-def system(orbits_of=EVERYWHERE):
-    gm, q, v = among_planets(orbits_of)
-    solar = orbits.System.solar_system().remove("Pluto")
-    names = [*solar.names, *(f"p{k}" for k in range(len(orbits_of)))]
-    return orbits.System.from_states(names, gm, q, v, units=solar.units, epoch=solar.epoch)
 
 
 def test_samples_archives_and_times_between_leave_the_run_as_it_is(tmp_path):

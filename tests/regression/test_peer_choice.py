@@ -13,7 +13,7 @@ from orbits.errors import InputError, UnknownNameError
 from orbits.regression import peers
 from orbits.regression.peer_choice import OPTIONS, PEERS, POSITIVE, listed, lookup
 
-from .test_peers import DT, GM, Q, V
+from ..mixed_bodies import DT, GM, Q, V
 
 MASSIVE = GM > 0
 START = orbits.System(["Jupiter", "Sun", "Saturn"], GM[MASSIVE], Q[MASSIVE], V[MASSIVE])

@@ -183,7 +183,10 @@ def _wanted_of_star(rows, h, many, i, contexts):
     reach = maximum(load(rows, REACHES + i), load(rows, REACHES + MOST_PLANETS))
     first = load_three(rows, LAST_PLACES + 3 * i), load_three(rows, LAST_SPEEDS + 3 * i)
     second = load_three(rows, PLACES + 3 * i), load_three(rows, SPEEDS + 3 * i)
-    return _wanted(watch_at(contexts[0]).passage_angle, h, many, first, second, (known, reach))
+    watch = watch_at(contexts[0])
+    # Above an angle of 1, what is recorded is the osculating pericentre.
+    angle = min(watch.passage_angle, SLACK * min(watch.pericentre_angle, 1.0))
+    return _wanted(angle, h, many, first, second, (known, reach))
 
 
 @kernel
@@ -206,8 +209,8 @@ def _wanted_of_pair(rows, h, many, i, j, contexts):
 def _wanted(passage_angle, h, many, first, second, limits):
     (known, reach), before, now = limits, _opening(first[0], first[1], h), _opening(second[0], second[1], h)
     (x, y, z), _ = second
-    # While it grows, the squared distance grows by less than this.
-    least = x * x + y * y + z * z - 2.0 * many * now
+    # While it grows, the squared distance grows by at most 2 now in a step; 3, as its growth may not be steady.
+    least = x * x + y * y + z * z - 3.0 * many * now
     if not any_lane(SLACK * least < maximum(known, reach * reach)):
         return full(0.0)
     d2 = estimate(h * many, before * many, now * many, (*first[0], *first[1]), (*second[0], *second[1]))
