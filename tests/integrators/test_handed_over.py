@@ -228,3 +228,20 @@ def test_what_does_not_fit_is_refused():
         orbits.propagate(system(CROSSERS[:1]).with_terms(term), FOLLOW, dt=DT * u.day, duration=1 * u.yr)
     with pytest.raises(orbits.InputError, match="ejected_beyond is -3; expected a distance above 0"):
         orbits.WisdomHolman(ejected_beyond=-3)
+
+
+def two_equal_planets(apart=0.235, mass=1e-3):
+    """Planets on circles, that pass each other at 3.4 Hill radii of one of them, within 3 mutual ones."""
+    r = np.array([1.0, 1.0 + apart])
+    q, v = np.zeros((2, 3, 3))
+    q[1:, 0], v[1:, 1] = [1.0, -1.0] * r, [1.0, -1.0] / np.sqrt(r)
+    return orbits.System(["star", "a", "b"], [1.0, mass, mass], q, v, units=orbits.DIMENSIONLESS)
+
+
+def test_planets_meet_within_mutual_hill_radii_not_within_those_of_one():
+    start, options = two_equal_planets(), {"duration": 40.0, "samples": 2, "progress": False, "check_step": False}
+    method = orbits.WisdomHolman(planets="refuse")
+    with pytest.raises(orbits.errors.SingularityError, match="within 3 mutual Hill radii"):
+        orbits.propagate(start, method, dt=0.05, **options)
+    far = two_equal_planets(0.4)
+    assert orbits.propagate(far, method, dt=0.05, **options).times[-1] == 40.0

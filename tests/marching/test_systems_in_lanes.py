@@ -194,3 +194,12 @@ def test_archives_of_a_list_in_lanes_are_resumed_in_lanes(monkeypatch, tmp_path)
     assert len(spy.blocks) > before > 0
     whole = orbits.propagate(systems, METHODS["modified"], duration=802.0, samples=5, **options)
     assert [same(*pair) for pair in zip(runs, whole, strict=True)] == [True] * 6
+
+
+def test_pericentres_that_steps_do_not_resolve_are_listed_as_for_systems_alone() -> None:
+    bodies = [planets(3, seed, eccentricity=0.9) for seed in range(8)]
+    method = METHODS["modified"]
+    marchers, alone = ([march(method, each, 12.0) for each in bodies] for _ in range(2))
+    assert_same(marchers, alone, 400)
+    listed = [len(one.passages()[0]) for one in alone]
+    assert max(listed) > 10
