@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.checks import finite_numbers, whole_number
+from orbits.checks import finite_numbers, has_unit, whole_number
 from orbits.diagnostics.doubledouble import Floats
 from orbits.errors import InputError
 
@@ -62,7 +62,9 @@ class Frequencies:
 
     def series(self, t: ArrayLike) -> Complexes:
         """Return the sum of the terms at times t, of any shape."""
-        times = finite_numbers(t, "t")
+        if has_unit(t):
+        raise InputError(f"t has a unit, {t.unit}; expected plain numbers, such as run.t.to_value(u.yr).")  # type: ignore[union-attr]
+    times = finite_numbers(t, "t")
         out: Complexes = np.exp(1j * times[..., None] * self.frequency) @ self.amplitude
         return out
 
@@ -210,6 +212,8 @@ def _turned(angle: Floats) -> Floats:
 
 
 def _checked(t: ArrayLike, series: ArrayLike) -> tuple[Floats, Complexes]:
+    if has_unit(t):
+        raise InputError(f"t has a unit, {t.unit}; expected plain numbers, such as run.t.to_value(u.yr).")  # type: ignore[union-attr]
     times = finite_numbers(t, "t")
     z = np.asarray(series)
     if z.dtype.kind not in "fiuc":

@@ -136,9 +136,9 @@ def test_terms_and_forces_without_a_flow_in_the_map_are_refused_with_the_methods
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"corrector": 17}, r"corrector=17 is made for Jacobi coordinates, and does not fit .*leave it away"),
-        ({"kernel": "lazy"}, r"kernel='lazy' is made for Jacobi coordinates, and does not fit .*leave it away"),
-        ({"corrector2": True}, r"corrector2=True is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"corrector": 17}, r"corrector=17 is made for Jacobi coordinates, and does not fit .*leave it out"),
+        ({"kernel": "lazy"}, r"kernel='lazy' is made for Jacobi coordinates, and does not fit .*leave it out"),
+        ({"corrector2": True}, r"corrector2=True is made for Jacobi coordinates, and does not fit .*leave it out"),
         ({"coordinates": "jacobi", "kernel": "lazy", "corrector": 0}, r"use corrector=17, or kernel='standard'"),
         ({"coordinates": "jacobi", "kernel": "standard", "corrector2": True}, r"use kernel='modified-kick' or 'lazy'"),
         ({"coordinates": "jacobi", "corrector": -3}, r"corrector is -3; expected 17, 11, 7, 5, 3, or 0 for none"),
