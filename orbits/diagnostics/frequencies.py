@@ -62,9 +62,7 @@ class Frequencies:
 
     def series(self, t: ArrayLike) -> Complexes:
         """Return the sum of the terms at times t, of any shape."""
-        if has_unit(t):
-        raise InputError(f"t has a unit, {t.unit}; expected plain numbers, such as run.t.to_value(u.yr).")  # type: ignore[union-attr]
-    times = finite_numbers(t, "t")
+        times = finite_numbers(t, "t")
         out: Complexes = np.exp(1j * times[..., None] * self.frequency) @ self.amplitude
         return out
 
@@ -213,7 +211,8 @@ def _turned(angle: Floats) -> Floats:
 
 def _checked(t: ArrayLike, series: ArrayLike) -> tuple[Floats, Complexes]:
     if has_unit(t):
-        raise InputError(f"t has a unit, {t.unit}; expected plain numbers, such as run.t.to_value(u.yr).")  # type: ignore[union-attr]
+        unit = getattr(t, "unit", "")
+        raise InputError(f"t is in {unit}; expected plain numbers, such as run.t.to_value(u.yr).")
     times = finite_numbers(t, "t")
     z = np.asarray(series)
     if z.dtype.kind not in "fiuc":
