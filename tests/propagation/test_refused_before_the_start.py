@@ -197,7 +197,7 @@ def beside_jupiter(*distances):
     ],
 )
 def test_particles_that_start_beside_a_planet_are_told_before_the_start_or_refused(method, remedy):
-    """They may come no closer than they are, so that no passage would tell; one is bound to Jupiter, the other 0.8 au from it."""
+    """They may come no closer than they are, so that no passage would tell: one is bound, one 0.8 au away."""
     start, options = beside_jupiter(0.001, 0.9), {"dt": "50 d", "duration": "1 yr", **OPTIONS}
     text = (
         r"2 massless particles start within 3 Hill radii of a planet, where .* cannot follow them: m0 is 0\.0009 AU "
