@@ -163,7 +163,7 @@ class UnitSystem:
 
     def acceleration_value(self, x: Any, what: str = "acceleration") -> Floats:
         """Return an acceleration as float64 in this system's unit; `what` names it in errors."""
-        return self._value(x, self.acceleration, what, "acceleration")
+        return self._value(x, self.acceleration, what, "an acceleration")
 
     def mass_value(self, x: Any, what: str = "mass") -> Floats:
         """Return a mass as float64 in this system's unit; `what` names it in errors."""
@@ -183,11 +183,11 @@ class UnitSystem:
 
     def frequency_value(self, x: Any, what: str = "rate") -> Floats:
         """Return a number per time as float64 in this system's unit; `what` names it in errors."""
-        return self._value(x, self.time**-1, what, "number per time")
+        return self._value(x, self.time**-1, what, "a number per time")
 
     def wavenumber_value(self, x: Any, what: str = "number per length") -> Floats:
         """Return a number per length as float64 in this system's unit; `what` names it in errors."""
-        return self._value(x, self.length**-1, what, "number per length")
+        return self._value(x, self.length**-1, what, "a number per length")
 
     def angular_momentum_value(self, x: Any, what: str = "angular momentum") -> Floats:
         """Return an angular momentum as float64 in this system's unit; `what` names it in errors."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.checks import finite_numbers, whole_number
+from orbits.checks import finite_numbers, has_unit, whole_number
 from orbits.diagnostics.doubledouble import Floats
 from orbits.errors import InputError
 
@@ -210,6 +210,9 @@ def _turned(angle: Floats) -> Floats:
 
 
 def _checked(t: ArrayLike, series: ArrayLike) -> tuple[Floats, Complexes]:
+    if has_unit(t):
+        unit = getattr(t, "unit", "")
+        raise InputError(f"t is in {unit}; expected plain numbers, such as run.t.to_value(u.yr).")
     times = finite_numbers(t, "t")
     z = np.asarray(series)
     if z.dtype.kind not in "fiuc":

@@ -255,7 +255,7 @@ class SABA(Integrator):
 
     first, second, third : the generalized order (first, second, third), the powers of the step in the errors of the
         first, second and third order in the planets' masses: (10, 6, 4), (8, 6, 4) or (8, 4); or (2 n, 2), the scheme
-        of n kicks that Laskar and Robutel call SABA_n, n = 1 ... 10. Also as one value: SABA("10,6,4"), SABA((8, 2))
+        of n kicks that Laskar and Robutel call SABA_n, n = 1 ... 10. Also as one value: SABA("10-6-4"), SABA((8, 2))
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
 
@@ -331,7 +331,7 @@ def _orders(first: Any, second: Any, third: Any) -> tuple[int, ...]:
     given = first if second is None and third is None and not is_whole(first) else (first, second, third)
     if isinstance(given, str):
         try:
-            given = ast.literal_eval(given)
+            given = ast.literal_eval(given.replace("-", ","))
         except (SyntaxError, ValueError):
             given = (given,)
     values = tuple(x for x in given if x is not None) if isinstance(given, tuple | list) else (given,)

@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from orbits.checks import finite_number
+from orbits.checks import finite_number, has_unit
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
@@ -44,6 +44,10 @@ ENCOUNTERS = "warn", "follow", "retire"
 
 def _distance(value: Any, name: str) -> float:
     """Return a distance above 0. Raises InputError for anything else."""
+    if has_unit(value):
+        raise InputError(
+            f"{name} is {shown(value)}; expected a number in the system's unit of length, such as {name}=100"
+        )
     number = finite_number(value, name)
     if not number > 0.0:
         raise InputError(f"{name} is {number:g}; expected a distance above 0, in the system's unit of length")
@@ -148,6 +152,11 @@ class WisdomHolman(Integrator):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, _distance(value, name))
+        if None not in self.departures and not self.lost_within < self.ejected_beyond:  # type: ignore[operator]
+            raise InputError(
+                f"lost_within is {self.lost_within:g}, and ejected_beyond {self.ejected_beyond:g}; expected a smaller "
+                "distance within than beyond"
+            )
         object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
             raise InputError(
@@ -171,7 +180,7 @@ class WisdomHolman(Integrator):
                 raise InputError(
                     f"{name}={getattr(self, name)!r} is made for Jacobi coordinates, and does not fit "
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
-                    f"together; leave it away, or use coordinates='jacobi'"
+                    f"together; leave it out, or use coordinates='jacobi'"
                 )
         if self.encounters == "follow":
             raise InputError(

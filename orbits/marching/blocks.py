@@ -18,7 +18,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.dense import times_reached
 from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
-from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT
+from orbits.kernels.steps import BEYOND, NEAR_A_PLANET, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages, losses
 from orbits.marching.bound_loops import BoundLoops, numbers_of
@@ -69,6 +69,7 @@ class Blocks:
         _counts: tuple[int, int]
         _dense: bool
         _encountered: Lost | None
+        _starts_close: NDArray[np.intp]
         _form: Form
         _gm: Array
         _keep: Callable[[Array, Array, Array], None] | None
@@ -379,6 +380,11 @@ class Blocks:
             gm = self._gm[: self._bodies]
             hits, self._contacts = losses.impacts(self._watcher.own_lists, self._surfaces, gm, h, self.step)
             found = earlier(hits, found)
+        if not self.step and len(self._starts_close):  # most have no passage to be seen by
+            known = self._retired.table()[self._starts_close, 0]
+            begun = self._starts_close[known == OK]
+            if len(begun):
+                found = earlier(Lost(0, begun, np.full(len(begun), NEAR_A_PLANET)), found)
         limits = self.integrator.departures
         if limits != (None, None) and (self.step + count) % APART == 0:
             n, m, sun = self._bodies, len(self._particles), self._watcher.dominant

@@ -90,12 +90,12 @@ def _transformed(
     if more:
         raise InputError(
             f"transformed time is for bodies that attract each other and nothing else, so far, not with {more[0]}. "
-            + ("Give dt=... a length." if forces or SEPARABLE not in lagrangian.traits else "Leave dt away.")
+            + ("Give dt=... a length." if forces or SEPARABLE not in lagrangian.traits else "Leave dt out.")
         )
     if with_particles:
         raise InputError(
             "massless particles have no part in the energy that transformed time needs, and would be moved by its "
-            "rounding errors alone: leave dt away, or leave the particles out."
+            "rounding errors alone: leave dt out, or leave the particles out."
         )
     assert isinstance(integrator, VariationalRungeKutta)  # as `TimeTransformed.check` demands
     return TransformedBodies(integrator.tableau)

@@ -91,7 +91,7 @@ def failure_of_bodies(
     if status == NOT_CONVERGED:
         return ConvergenceError(
             f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "
-            "the result would not be symplectic. Use a smaller dt, or leave it away: steps are then chosen one by one, "
+            "the result would not be symplectic. Use a smaller dt, or leave it out: steps are then chosen one by one, "
             "also where bodies come very close."
             + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without particles.",
             step=step,

@@ -12,6 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
@@ -51,6 +52,20 @@ def reach(about: Array, gm: Array, dominant: float) -> Array:
     """
     near: Array = HILL_RADII * np.linalg.norm(about, axis=-1) * np.cbrt(gm / (3.0 * dominant))
     return near
+
+
+def near_a_planet(q: Array, planets: Array, gm: Array, dominant: float) -> NDArray[np.intp]:
+    """Return of each particle the number of a planet within whose reach it is, the deepest; -1 if there is none.
+
+    q, planets : (m, 3) and (p, 3), relative to the dominant body; gm : (p,), of the planets; dominant : its GM
+    """
+    found, share = np.full(len(q), -1), np.ones(len(q))
+    for k, (place, near) in enumerate(zip(planets, reach(planets, gm, dominant), strict=True)):
+        with np.errstate(over="ignore"):  # the square of a distance beyond 1e154
+            depth = np.linalg.norm(q - place, axis=1) / near
+        deeper = depth < share
+        found[deeper], share[deeper] = k, depth[deeper]
+    return found
 
 
 def near_planets(gm: Array, dominant: int) -> Array:

@@ -170,6 +170,14 @@ class Marcher(Blocks):
             self._form.trace_rows(3 * n),
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
+        self._starts_close = np.zeros(0, dtype=np.intp)
+        if integrator.retires_in_encounters and m:
+            sun, x = self._watcher.dominant, q[self._massive]
+            planets = np.arange(n) != sun
+            close = kepler_passages.near_a_planet(
+                q[self._particles] - x[sun], (x - x[sun])[planets], self._gm[:n][planets], float(self._gm[sun])
+            )
+            self._starts_close = np.flatnonzero(close >= 0)
         self._encountered: Lost | None = None
         self._meeting_of_planets: kepler_passages.Meeting | None = None
         self._passages = PassageList(self._gm, self._watcher.dominant, limits[0], self.clock)

@@ -104,7 +104,7 @@ class TimeTransformed(ChangingSteps):
     direction : 1 forwards in time, -1 backwards; set by the run
 
     For a few massive bodies of comparable masses, near-collisions above all, and Gauss or another variational
-    Runge–Kutta method of at most 8 stages; others leave dt away. Raises InputError for a step that is not a positive
+    Runge–Kutta method of at most 8 stages; others leave dt out. Raises InputError for a step that is not a positive
     number, or longer than 2.
     """
 
@@ -155,7 +155,7 @@ class TimeTransformed(ChangingSteps):
         if len(q) < 2:
             raise InputError(
                 f"transformed time is counted in dynamical times of pairs of massive bodies; this system has {len(q)}. "
-                "Leave dt away, or give it a length."
+                "Leave dt out, or give it a length."
             )
         amplified = rounding_amplified(strength, q, v)
         worst = int(np.argmax(amplified))
@@ -163,7 +163,7 @@ class TimeTransformed(ChangingSteps):
             raise InputError(
                 f"{names[worst]} is too light for transformed time: rounding errors of the energy of the whole system, "
                 f"divided by its mass, would act on it with {amplified[worst]:,.0f} times those of its own force (at "
-                f"most {MOST_AMPLIFIED:g} are accepted). Leave dt away: steps are then chosen one by one."
+                f"most {MOST_AMPLIFIED:g} are accepted). Leave dt out: steps are then chosen one by one."
             )
 
     def numbers_for(self, integrator: Any) -> Array:

@@ -630,7 +630,7 @@ def march_of_run(
         )
     if not isinstance(clock, Adaptive | ConstantSteps):
         raise InputError(
-            "the bodies of a run change in the time of the system, not in transformed time: leave dt away, or give a "
+            "the bodies of a run change in the time of the system, not in transformed time: leave dt out, or give a "
             "step."
         )
     if events.touching and integrator.follows_kepler:

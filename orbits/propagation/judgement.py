@@ -11,7 +11,7 @@ import numpy as np
 
 from orbits.errors import EventWarning, RetiredWarning, StepWarning, level_of_caller
 from orbits.kernels.steps import IMPACT
-from orbits.marching.retirement import REASONS
+from orbits.marching.retirement import EJECTED, REASONS, TOO_CLOSE
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.kepler_splitting import encounters
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
@@ -21,6 +21,7 @@ from orbits.propagation.step_check import UNRESOLVED, in_digits, passage_error, 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
     from orbits.trajectory import Trajectory
+    from orbits.trajectory.retired import RetiredParticle
 
 LEAST_SHARE = 1e-3
 """Fraction of a noticeable error below which even a thousand passages of a pair have no noticeable effect together."""
@@ -33,6 +34,9 @@ SHOWN = 5
 
 FEW_STEPS = 20_000
 """The most steps that are marched again to state a passage in a warning to the accuracy of the orbit."""
+
+AS_ASKED = REASONS[EJECTED], REASONS[TOO_CLOSE]
+"""Reasons for which particles are retired because the method was told where."""
 
 
 def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
@@ -141,14 +145,18 @@ def warn_of_events(remarks: Sequence[str]) -> None:
 
 def warn_of_retired(run: Trajectory) -> None:
     """Warn, with `RetiredWarning`, about the particles that were retired in a run, but for those that merged."""
-    retired = [particle for particle in run.retired if particle.reason != REASONS[IMPACT]]
+    asked = [particle for particle in run.retired if particle.reason in AS_ASKED]
+    if asked:
+        whose = "their" if len(asked) > 1 else "its"
+        _warn_of_these(
+            asked,
+            f"{run.integrator.label} retired {_count(asked)}, as asked: {whose} q and v are NaN from then on, and "
+            f"run[k] leaves {'them' if len(asked) > 1 else 'it'} out.",
+        )
+    retired = [particle for particle in run.retired if particle.reason not in (*AS_ASKED, REASONS[IMPACT])]
     if not retired:
         return
     unit = run.system.units.time
-    first = sorted(retired, key=lambda particle: abs(particle.time.value))[:SHOWN]
-    hidden = len(retired) - len(first)
-    more = f"\n  And {hidden:,} more, in run.retired." if hidden else ""
-    who = f"{len(retired):,} massless particle{'s' * (len(retired) > 1)}"
     if run.clock.changes:
         how = run.made_by
         remedy = "They meet a body there, as points do. Use softening, or end the run before."
@@ -157,14 +165,25 @@ def warn_of_retired(run: Trajectory) -> None:
         remedy = "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening."
     if run.integrator.retires_in_encounters:
         remedy = "They can be run by themselves among the massive bodies without dt and method, by steps of their own."
-    warnings.warn(
-        f"{how} could not step {who} any further, and the run went on without: their q and v are NaN from then on, and "
-        "run[k] leaves them out. All others are the same as without them.\n"
-        + "\n".join(f"  {particle}." for particle in first)
-        + f"{more}\n{remedy}",
-        RetiredWarning,
-        stacklevel=level_of_caller(),
+    _warn_of_these(
+        retired,
+        f"{how} could not step {_count(retired)} any further, and the run went on without: their q and v are NaN from "
+        "then on, and run[k] leaves them out. All others are the same as without them.",
+        remedy,
     )
+
+
+def _count(retired: Sequence[RetiredParticle]) -> str:
+    return f"{len(retired):,} massless particle{'s' * (len(retired) > 1)}"
+
+
+def _warn_of_these(retired: Sequence[RetiredParticle], what: str, remedy: str = "") -> None:
+    """Warn of retired particles, the first of which are listed between what is said and what can be done."""
+    first = sorted(retired, key=lambda particle: abs(particle.time.value))[:SHOWN]
+    hidden = len(retired) - len(first)
+    lines = [what, *(f"  {particle}." for particle in first)]
+    lines += [f"  And {hidden:,} more, in run.retired."] * (hidden > 0) + [remedy] * bool(remedy)
+    warnings.warn("\n".join(lines), RetiredWarning, stacklevel=level_of_caller())
 
 
 def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:

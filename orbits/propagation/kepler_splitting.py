@@ -1,7 +1,7 @@
 """Is a run fit for a method that moves planets on Kepler orbits about a dominant body? Before and after it.
 
 Such a method follows the two-body motion about the dominant body exactly, so that its error on a single passage (see
-`step_check`) says nothing. Steps must resolve the fastest pericentre, or they are in resonance with it; and the planets
+`step_check`) says nothing. Steps must resolve the fastest pericentre, or they resonate with it; and the planets
 and the massless particles must stay away from planets, because a close pair is not near a Kepler orbit about the
 dominant body.
 
@@ -20,8 +20,9 @@ import numpy as np
 from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
-from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
-from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, reach
+from orbits.integrators.wisdom_holman import WisdomHolman
+from orbits.lagrangians.base import ABOUT_ONE_BODY
+from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
 
@@ -91,11 +92,10 @@ def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
                 f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
                 f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
             )
-        of_places = SEPARABLE in term.summand(0, system.units).traits
-        if integrator.follows_encounters and not of_places and not system.massive.all():
+        if integrator.follows_encounters and not system.massive.all():
             raise InputError(
-                f"{integrator.label} lets massless particles take steps of their own, which take terms of positions "
-                f"alone; got {type(term).__name__}. Use encounters='retire' or 'warn', or Gauss(stages=8) with dt=..."
+                f"{integrator.label} lets massless particles take steps of their own, by Newton's gravity and without "
+                f"terms; got {type(term).__name__}. Use encounters='warn' or 'retire', or Gauss(stages=8) with dt=..."
             )
 
 
@@ -115,14 +115,16 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
-            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps, and below {least} "
-            f"they are in resonance with it; dt <= {_at_most(enough, units.time)} resolves it, or leave dt and the "
-            "method away: steps are then chosen one by one.",
+            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps; fewer than "
+            f"{least} resonate with the motion. dt <= {_at_most(enough, units.time)} resolves it, or leave out dt and "
+            "the method: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
         )
     if orbits and not system.massive.all() and not integrator.follows_encounters:
         _warn_of_particles(system, integrator, h, span)
+        if not integrator.retires_in_encounters:
+            _warn_of_particles_near_planets(system, integrator)
     close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
     if close:
         hidden = f"\n  And {len(close) - SHOWN:,} more pairs." if len(close) > SHOWN else ""
@@ -161,14 +163,52 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
     enough = abs(h) * float(steps[worst[0]]) / least
     remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    follow = _following(system, integrator)
+    instead = f"{follow} lets each take steps of its own there" if follow else "use Gauss(stages=8)"
     warnings.warn(
-        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: below {least} "
-        "steps in a full turn they are in resonance with the pericentre, and its errors do not average out:\n"
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: fewer than "
+        f"{least} steps in a full turn resonate with the motion at a pericentre, and errors do not average out:\n"
         + "\n".join(lines)
-        + f"{hidden}\n{remedy} encounters=\"follow\" lets each take steps of its own there.",
+        + f"{hidden}\n{remedy} {instead}.",
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> None:
+    """Warn of massless particles that start within `HILL_RADII` of a planet: most have no passage to be seen by."""
+    values, sun = system.values, _dominant(system)
+    planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun])
+    rows = np.flatnonzero(~system.massive)
+    q, about = values.q[rows] - values.q[sun], values.q[planets] - values.q[sun]
+    where = near_a_planet(q, about, values.gm[planets], float(values.gm[sun]))
+    close = np.flatnonzero(where >= 0)
+    if not len(close):
+        return
+    lines = []
+    for k in close[:SHOWN]:
+        row, planet = rows[k], planets[where[k]]
+        distance = in_digits(float(np.linalg.norm(values.q[row] - values.q[planet])), system.units.length)
+        lines.append(f"{system.names[row]} is {distance} from {system.names[planet]}")
+    more = f", and {len(close) - SHOWN:,} more" if len(close) > SHOWN else ""
+    one, follow = len(close) == 1, _following(system, integrator)
+    remedy = "Use Gauss(stages=8)."
+    if follow:
+        remedy = f"Use {follow}, or Gauss(stages=8) without dt."
+    warnings.warn(
+        f"{len(close):,} massless particle{' starts' if one else 's start'} within {HILL_RADII:.0f} Hill radii of a "
+        f"planet, where {integrator.label} cannot follow {'it' if one else 'them'}: {', '.join(lines)}{more}. {remedy}",
+        StepWarning,
+        stacklevel=level_of_caller(),
+    )
+
+
+def _following(system: System, integrator: Integrator) -> str:
+    """Return what lets particles take steps of their own: an option of the method, or another method; "" with terms."""
+    if system.terms:
+        return ""
+    jacobi = isinstance(integrator, WisdomHolman) and integrator.coordinates == "jacobi"
+    return 'encounters="follow"' if jacobi else 'WisdomHolman(encounters="follow")'
 
 
 def encounters(run: Trajectory, seen: Seen) -> list[int]:
@@ -224,13 +264,14 @@ def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
             run,
             seen,
             central,
-            f"needs {run.integrator.least_steps} steps in a full turn at the speed of a pericentre, or they are in "
-            f"resonance with it, and had fewer at {some}{len(central):,},",
+            f"needs {run.integrator.least_steps} steps in a full turn at a pericentre, as fewer resonate with the "
+            f"motion; {some}{len(central):,} passage{'s' * (len(central) > 1)}",
             lines,
+            " had fewer",
         )
 
 
-def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[str]) -> None:
+def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[str], had: str = "") -> None:
     """Warn of passages, and of the bodies concerned."""
     massive = run.system.massive
     pairs = [(seen.passages[k].body, seen.passages[k].other) for k in found]
@@ -240,18 +281,25 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
     whose += " of massive bodies" * of_planets
     remedy = "Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
     if not of_planets:
-        remedy = (
-            "All others are right. Let these take steps of their own there, with "
-            'encounters="follow"; or retire them, with encounters="retire".'
-        )
+        remedy = f"All others are right. {_remedy_for_particles(run.system, run.integrator)}"
     hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
     warnings.warn(
-        f"{run.integrator.label} {what}{whose}; the rest of the run is not to be trusted for these bodies:\n"
+        f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:\n"
         + "\n".join(f"  {line}." for line in lines)
         + f"{hidden}\n{remedy}",
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def _remedy_for_particles(system: System, integrator: Integrator) -> str:
+    """Return the advice for particles that the method could not follow."""
+    follow = _following(system, integrator)
+    if not follow:
+        return 'Retire these, with encounters="retire", or use Gauss(stages=8).'
+    if follow.startswith("W"):
+        return f'Use {follow}, or retire them, with encounters="retire".'
+    return f'Let these take steps of their own there, with {follow}; or retire them, with encounters="retire".'
 
 
 def _at_most(step: float, unit: object) -> str:

@@ -107,7 +107,7 @@ def warn_of_energy(run: Trajectory) -> None:
     if off > tolerance:
         warnings.warn(
             f"with a tolerance of {tolerance:g}, the energy is wrong by {off:.2g} of itself at the end of the run, and "
-            f"orbits with it: steps so long do not resolve the motion. Leave dt away: the default, {usual:.2g}, leaves "
+            f"orbits with it: steps so long do not resolve the motion. Leave dt out: the default, {usual:.2g}, leaves "
             "only round-off.",
             StepWarning,
             stacklevel=level_of_caller(),

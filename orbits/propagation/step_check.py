@@ -153,8 +153,8 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
 
 
 def without_dt(system: System) -> str:
-    """Return the advice to leave dt away, if runs of this system can do without."""
-    return "" if system.terms or system.forces else "leave dt away: steps are then chosen one by one"
+    """Return the advice to leave dt out, if runs of this system can do without."""
+    return "" if system.terms or system.forces else "leave dt out: steps are then chosen one by one"
 
 
 def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:

@@ -219,7 +219,7 @@ def test_what_a_run_minds_is_said_in_sentences(tmp_path):
     out = call("run", "kepler", "--duration", "1", "--samples", "3", "--no-plot", "--out", tmp_path)
     said = " ".join(out.stderr.split())
     assert "a full turn would take 400 steps" in said
-    assert "would resolve it, or leave dt away: steps are then chosen one by one. e = 0, comparing with" in said
+    assert "would resolve it, or leave dt out: steps are then chosen one by one. e = 0, comparing with" in said
 
 
 def test_certify_fails_a_control_that_was_asked_for(tmp_path):

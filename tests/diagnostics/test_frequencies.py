@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from astropy import units as u
 
 from orbits import diagnostics
 from orbits.errors import InputError
@@ -132,3 +133,8 @@ def test_series_that_cannot_be_analysed_are_refused(changes, message):
     given = {"t": np.arange(100.0), "series": np.exp(0.1j * np.arange(100.0)), **changes}
     with pytest.raises(InputError, match=message):
         diagnostics.frequency_analysis(**given)
+
+
+def test_times_with_a_unit_are_refused_with_the_call_that_takes_it_off():
+    with pytest.raises(InputError, match=r"t is in yr; expected plain numbers, such as run\.t\.to_value\(u\.yr\)"):
+        diagnostics.frequency_analysis(np.arange(99.0) * u.yr, np.ones(99), 1)

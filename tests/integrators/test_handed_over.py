@@ -181,7 +181,9 @@ def test_what_is_ejected_or_falls_too_close_is_retired_after_every_64th_step(enc
     start = orbits.System.from_states(names, gm, q, v, units=orbits.SOLAR)
     method = orbits.WisdomHolman(encounters=encounters, ejected_beyond=30.0, lost_within=2.1)
     options = {"dt": 60 * u.day, "duration": 50 * u.yr, "progress": False, "check_step": False}
-    run = orbits.propagate(start, method, samples=3, **options)
+    with pytest.warns(orbits.RetiredWarning, match="retired 2 massless particles, as asked: their q and v") as seen:
+        run = orbits.propagate(start, method, samples=3, **options)
+    assert not any("smaller dt" in str(each.message) for each in seen)
     again = orbits.propagate(start, method, samples=29, **options)
     reasons = {one.name: one.reason for one in run.retired}
     assert reasons == {"comet": "it was ejected", "stone": "its pericentre is below the limit"}
@@ -221,13 +223,17 @@ def test_planets_that_meet_end_the_run_if_asked():
 def test_what_does_not_fit_is_refused():
     with pytest.raises(orbits.InputError, match="expected 'warn' or 'refuse'"):
         orbits.WisdomHolman(planets="follow")
-    with pytest.raises(orbits.InputError, match="or coordinates='jacobi'"):
+    with pytest.raises(orbits.InputError, match="'warn' or 'retire', or coordinates='jacobi'"):
         orbits.WisdomHolman(coordinates="democratic-heliocentric", encounters="follow")
     term = orbits.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13 * u.deg, 63.87 * u.deg))
     with pytest.raises(orbits.InputError, match="Use encounters='warn' or 'retire'"):
         orbits.propagate(system(CROSSERS[:1]).with_terms(term), FOLLOW, dt=DT * u.day, duration=1 * u.yr)
     with pytest.raises(orbits.InputError, match="ejected_beyond is -3; expected a distance above 0"):
         orbits.WisdomHolman(ejected_beyond=-3)
+    with pytest.raises(orbits.InputError, match=r"unit of length, such as ejected_beyond=100$"):
+        orbits.WisdomHolman(ejected_beyond=100 * u.au)
+    with pytest.raises(orbits.InputError, match="lost_within is 3, and ejected_beyond 2; expected a smaller"):
+        orbits.WisdomHolman(lost_within=3, ejected_beyond=2)
 
 
 def two_equal_planets(apart=0.235, mass=1e-3):

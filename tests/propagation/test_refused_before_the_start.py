@@ -136,9 +136,9 @@ def test_terms_and_forces_without_a_flow_in_the_map_are_refused_with_the_methods
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"corrector": 17}, r"corrector=17 is made for Jacobi coordinates, and does not fit .*leave it away"),
-        ({"kernel": "lazy"}, r"kernel='lazy' is made for Jacobi coordinates, and does not fit .*leave it away"),
-        ({"corrector2": True}, r"corrector2=True is made for Jacobi coordinates, and does not fit .*leave it away"),
+        ({"corrector": 17}, r"corrector=17 is made for Jacobi coordinates, and does not fit .*leave it out"),
+        ({"kernel": "lazy"}, r"kernel='lazy' is made for Jacobi coordinates, and does not fit .*leave it out"),
+        ({"corrector2": True}, r"corrector2=True is made for Jacobi coordinates, and does not fit .*leave it out"),
         ({"coordinates": "jacobi", "kernel": "lazy", "corrector": 0}, r"use corrector=17, or kernel='standard'"),
         ({"coordinates": "jacobi", "kernel": "standard", "corrector2": True}, r"use kernel='modified-kick' or 'lazy'"),
         ({"coordinates": "jacobi", "corrector": -3}, r"corrector is -3; expected 17, 11, 7, 5, 3, or 0 for none"),
@@ -175,3 +175,71 @@ def test_a_system_without_a_body_that_dominates_others_is_refused(gm, text):
 def test_a_count_of_none_or_fewer_is_refused_by_name(options, text):
     with pytest.raises(InputError, match=text):
         orbits.propagate(around_a_star(), MAP, **({"dt": 0.1, "duration": 1.0, "progress": False} | options))
+
+
+HELIOCENTRIC = {"coordinates": "democratic-heliocentric"}
+
+
+def beside_jupiter(*distances):
+    """The Sun, Jupiter and Saturn, with massless particles about Jupiter, and one that is far from all."""
+    start = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter", "Saturn"])
+    for k, distance in enumerate(distances):
+        start = start.add(f"m{k}", primary="Jupiter", a=distance * u.au, e=0.1)
+    return start.add("far", primary="Sun", a=2.5 * u.au, e=0.1)
+
+
+@pytest.mark.parametrize(
+    ("method", "remedy"),
+    [
+        (MAP, 'Use encounters="follow", or'),
+        (orbits.WisdomHolman(**HELIOCENTRIC), r'Use WisdomHolman\(encounters="follow"\), or'),
+        (orbits.SABA(), r'Use WisdomHolman\(encounters="follow"\), or'),
+    ],
+)
+def test_particles_that_start_beside_a_planet_are_told_before_the_start_or_refused(method, remedy):
+    """They may come no closer than they are, so that no passage would tell: one is bound, one 0.8 au away."""
+    start, options = beside_jupiter(0.001, 0.9), {"dt": "50 d", "duration": "1 yr", **OPTIONS}
+    text = (
+        r"2 massless particles start within 3 Hill radii of a planet, where .* cannot follow them: m0 is 0\.0009 AU "
+        rf"from Jupiter, m1 is 0\.81 AU from Jupiter\. {remedy} Gauss\(stages=8\) without dt\."
+    )
+    with pytest.warns(StepWarning, match=text):
+        orbits.propagate(start, method, **options)
+    with pytest.raises(InputError, match=text):
+        orbits.propagate(start, method, check_step="refuse", **options)
+    with pytest.warns(StepWarning, match="1 massless particle starts within .* cannot follow it: m0 is"):
+        orbits.propagate(start.remove("m1"), method, **options)
+
+
+def test_with_terms_none_is_sent_to_steps_of_its_own():
+    flat = orbits.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
+    with pytest.raises(InputError, match=r"m0 is 0\.0009 AU from Jupiter\. Use Gauss\(stages=8\)\."):
+        orbits.propagate(
+            beside_jupiter(0.001).with_terms(flat), MAP, dt="50 d", duration="1 yr", check_step="refuse", **OPTIONS
+        )
+
+
+@pytest.mark.parametrize("method", [orbits.WisdomHolman, orbits.SABA])
+def test_particles_that_start_beside_a_planet_are_retired_before_the_first_step(method, tmp_path):
+    """By their places at the start, in archives and runs that go on as well; the one that is far from all goes on."""
+    start, options = beside_jupiter(0.001, 0.9), {"dt": "50 d", "samples": 3, "progress": False}
+    method = method(encounters="retire")
+    with pytest.warns(RetiredWarning, match=r"2 massless particles .*") as seen:
+        run = orbits.propagate(start, method, duration="2 yr", archive=tmp_path / "run.h5", **options)
+    assert "m1: " in str(seen[-1].message)
+    for one in (run, orbits.resume(run.path, until=3 * u.yr, progress=False)):
+        assert {each.name: (each.step, each.reason) for each in one.retired} == dict.fromkeys(
+            ("m0", "m1"), (0, "it came within three Hill radii of a planet")
+        )
+        assert np.allclose(one.retired["m0"].q.to_value(u.au), start["m0"].q.to_value(u.au), rtol=0, atol=1e-12)
+        assert np.isfinite(one.q[0].value).all()
+    alone = orbits.propagate(start.remove("m0", "m1"), method, duration="2 yr", **options)
+    assert np.array_equal(run.q[-1, -1].value, alone.q[-1, -1].value)
+
+
+def test_particles_that_start_beside_a_planet_and_are_followed_need_no_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        orbits.propagate(
+            beside_jupiter(0.01), orbits.WisdomHolman(encounters="follow"), dt="50 d", duration="1 yr", **OPTIONS
+        )

@@ -160,7 +160,7 @@ BAD = {
     "no rate": (lambda s: s.with_forces(orbits.Drag()), "rate is missing"),
     "rate": (
         lambda s: s.with_forces(orbits.Drag(rate=1 * u.yr)),
-        "the rate of Drag is in yr; expected number per time",
+        "the rate of Drag is in yr; expected a number per time",
     ),
     "against": (lambda s: s.with_forces(orbits.Drag(rate=-1 / u.yr)), "expected one finite number >= 0"),
     "medium": (lambda s: s.with_forces(orbits.Drag(rate=1 / u.yr, velocity=[1, 2])), "expected three finite numbers"),

@@ -142,7 +142,8 @@ def test_the_second_corrector_leaves_of_the_second_order_what_no_change_of_varia
 
 
 def test_orders_may_be_typed_as_in_the_literature():
-    for same in (SABA(), SABA(10), SABA(10, 6), SABA("10,6,4"), SABA("(10, 6, 4)"), SABA((10, 6, 4)), SABA([10, 6, 4])):
+    texts = SABA("10,6,4"), SABA("10-6-4"), SABA("(10, 6, 4)")
+    for same in (SABA(), SABA(10), SABA(10, 6), *texts, SABA((10, 6, 4)), SABA([10, 6, 4])):
         assert same == SABA(10, 6, 4)
     assert SABA(8, 6, 4).label == "SABA(8, 6, 4)"
     assert SABA(8, 2, encounters="retire").label == "SABA(8, 2, encounters='retire')"
