@@ -117,9 +117,10 @@ def draw(values, place):
     figure.colorbar(mesh, ax=panel, extend="max", label="MEGNO")
     told = (
         "2: quasi-periodic; below: librating, almost periodic; above: chaotic or not settled yet. Asteroids start at "
-        "their perihelia, Jupiter at its own on the other side of the Sun"
+        f"their perihelia, Jupiter at its own on the other side of the Sun. Steps of {DT:g}"
     )
     plotting.below(figure, [], [], told)
+    figure.get_layout_engine().set(w_pad=0.15)
     figure.suptitle(f"The 3:1 resonance with Jupiter after {DURATION:,.0f}", fontsize=21, fontweight="bold")
     return figure
 

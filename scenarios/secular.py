@@ -147,13 +147,15 @@ def draw(outcome):
 
     run = outcome.run
     figure = plotting.figure(20, 12.5)
-    panels = figure.subplot_mosaic([["e", "g", "table"], ["i", "s", "table"]], width_ratios=[1.25, 1.25, 0.72])
+    panels = figure.subplot_mosaic(
+        [["e", "g", ".", "table"], ["i", "s", ".", "table"]], width_ratios=[1.25, 1.25, 0.07, 0.72]
+    )
     shown = [name for name in run.names[1:] if name in SHOWN]
     inner = [name for name in shown if name not in ("Jupiter", "Saturn")] or shown
     myr = years(run) / 1e6
     for name in inner:
         z, tilt = turning(run)["g"][name], turning(run)["s"][name]
-        look = {"lw": 1.3, "color": plotting.colour(name, 0)}
+        look = {"lw": 1.3, "color": colour(name)}
         panels["e"].plot(myr, np.abs(z), **look)
         panels["i"].plot(myr, np.degrees(2 * np.arcsin(np.abs(tilt))), **look)
     panels["e"].set(ylabel="eccentricity", ylim=(0, None))
@@ -163,9 +165,12 @@ def draw(outcome):
     panels["s"].set(xlabel="frequency [arcseconds per year]")
     table(panels["table"], run)
     handles, labels = panels["g"].get_legend_handles_labels()
+    absent = [plotting.short(name) for name in run.names[1:] if name not in shown]
+    left_out = f"; {', '.join(absent[:-1])} and {absent[-1]} not drawn" if len(absent) > 1 else ""
     told = (
         "Spectra with the window of the frequency analysis; dashed: the frequencies found. Right: arcseconds per year; "
         "published values over 20 (inner planets) and 50 million years, Laskar et al. (2004)"
+        + left_out
     )
     plotting.below(figure, handles, labels, told)
     figure.suptitle(
@@ -173,6 +178,13 @@ def draw(outcome):
         fontsize=22, fontweight="bold",
     )  # fmt: skip
     return figure
+
+
+def colour(name):
+    """The colour of a planet. Jupiter's own is much like that of Mars, which it crosses here."""
+    from orbits import plotting
+
+    return plotting.style.GREEN if name == "Jupiter" else plotting.colour(name, 0)
 
 
 def spectrum(panel, run, kind, shown, limits):
@@ -187,10 +199,10 @@ def spectrum(panel, run, kind, shown, limits):
     order = order[(grid[order] > limits[0]) & (grid[order] < limits[1])]
     for name in shown:
         size = np.abs(np.fft.fft(window * turning(run)[kind][name], 4 * n)) / n
-        look = {"lw": 1.5, "color": plotting.colour(name, 0), "label": plotting.short(name)}
+        look = {"lw": 1.5, "color": colour(name), "label": plotting.short(name)}
         panel.plot(grid[order], size[order], **look)
     for name, value in frequencies(run).items():
-        if name[0] == kind:
+        if name[0] == kind and limits[0] < value < limits[1]:
             panel.axvline(value, color=plotting.style.GREY, lw=0.9, ls=(0, (5, 3)), zorder=0)
             aside = {"g7": -0.45, "g5": -0.2, "g1": 0.25, "g3": -0.5, "g4": 0.5, "s4": 0.3, "s3": -0.3}.get(name, 0.0)
             panel.text(value + aside, 1.01, name, transform=panel.get_xaxis_transform(), ha="center", fontsize=13)

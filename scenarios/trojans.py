@@ -225,7 +225,8 @@ def draw(outcome):
     panel.legend(fontsize=14, loc="upper right")
     told = (
         "Left: every Trojan at forty times of the run, Jupiter held to the right; names where they are at the start. "
-        "Curves: the circular restricted problem averaged over a revolution, in the plane; dashed: the widest tadpole"
+        "Grey and black curves: the circular restricted problem averaged over a revolution, in the plane, with its "
+        "tadpoles (dashed: the widest) and its periods"
     )
     plotting.below(figure, [], [], told)
     years = abs(run.t[-1].to_value(u.yr))

@@ -75,8 +75,8 @@ class WisdomHolman(Integrator):
     planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
         it, or "refuse" to go on, with a SingularityError before the step of that passage
     ejected_beyond, lost_within : the distance from the dominant body beyond which massless particles on open orbits are
-        retired, and the pericentre distance below which any are, in the system's unit of length; looked for after every
-        64th step
+        retired, and the pericentre distance below which any are, in the system's unit of length, whatever `encounters`
+        is; looked for after every 64th step
 
     For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
     (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
@@ -102,7 +102,7 @@ class WisdomHolman(Integrator):
     others do not change. One that comes within the radius of a body, if the system has radii, is retired where it does.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
-    pericentres that need more, and of encounters within three Hill radii of a planet, which are not followed.
+    pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow".
 
     Raises InputError for other coordinates, kernels, correctors and answers to encounters, and for a modified or lazy
     kick without a corrector.
