@@ -177,7 +177,9 @@ def excited():
 
 @pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
 def test_particles_are_retired_before_what_the_map_cannot_follow_if_asked(tmp_path):
-    start, options = excited(), {"dt": 40 * u.day, "duration": 80 * u.yr, "progress": False}
+    options = {"dt": 40 * u.day, "duration": 80 * u.yr, "progress": False}
+    # At the very start, the crosser is within three Hill radii of Jupiter.
+    start = orbits.propagate(excited(), GAUSS, dt=2 * u.day, duration=10 * u.yr, samples=2, progress=False)[-1]
     plain = orbits.propagate(start, DEFAULT, samples=9, **options)
     retiring = orbits.WisdomHolman(encounters="retire")
     run = orbits.propagate(start, retiring, samples=9, **options)

@@ -135,16 +135,16 @@ def test_warnings_name_their_systems_and_equal_ones_are_given_once():
     assert caught[0].filename == __file__
 
 
-def near_a_planet(k: int) -> orbits.System:
-    """Return a system with a massless particle that starts a tenth of an au from the first planet."""
+def meeting_a_planet(k: int) -> orbits.System:
+    """Return a system with a massless particle that comes to the first planet from 1.5 au within two years."""
     system = giants(k, particles=1)
     q, v = system.values.q.copy(), system.values.v.copy()
-    q[4], v[4] = q[1] + [0.0, 0.0, 0.1], v[1]
+    q[4], v[4] = q[1] + [0.0, 0.0, 1.5], v[1] - [0.0, 0.0, 3e-3]
     return orbits.System.from_states(system.names, system.values.gm, q, v)
 
 
 def test_a_warning_after_the_runs_that_is_an_error_does_not_lose_them():
-    systems = [near_a_planet(0), near_a_planet(1)]
+    systems = [meeting_a_planet(0), meeting_a_planet(1)]
     with warnings.catch_warnings(), pytest.raises(orbits.StepWarning, match=r"systems\[0\]: ") as raised:  # noqa: PT012
         warnings.simplefilter("error")
         orbits.propagate(systems, "wisdom-holman", dt="20 d", duration="2 yr", samples=3)
