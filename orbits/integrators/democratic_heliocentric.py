@@ -9,13 +9,14 @@ Source: Duncan, Levison & Lee (1998), AJ 116, 2067.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.integrators.dominant import registers, require_dominant
-from orbits.integrators.forms import Array, Form, padded
+from orbits.integrators.dominant import registers
+from orbits.integrators.forms import Array, padded
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles
 from orbits.kernels.compile import kernel
 from orbits.kernels.heliocentric import (
     ROWS,
@@ -35,8 +36,6 @@ from orbits.kernels.heliocentric_particles import (
     tabulate_planets,
     tabulate_the_rest,
 )
-from orbits.kernels.interaction import STATE_ROWS
-from orbits.kernels.jacobi_particles import AWAY, MEMORY_ROWS, store_marched, take_particles
 from orbits.kernels.jacobi_stages import particles_at_the_end, registers_of
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Particles
@@ -114,14 +113,6 @@ def step_among_particles(method, model, t, h, state, storage):
 
 
 @kernel(inline=True)
-def begin_particles(method, model, particles, storage):
-    """Return eight particles as they are marched, from their rows of the carry."""
-    # Those that are retired are at one place, as the padding is.
-    there = 1.0 - (particles.x == AWAY) * (particles.y == AWAY) * (particles.z == AWAY)
-    return take_particles(storage.carry, storage.share.start, there, storage.scratch)
-
-
-@kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of eight particles. They are returned as observers see them."""
     count = model.parameters.shape[0] - 2
@@ -130,12 +121,6 @@ def step_particles(method, model, t, h, particles, carry, storage):
     x, y, z, vx, vy, vz = seen_among_heliocentric(storage.stages, ended)
     zero = full(0.0)
     return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, 1
-
-
-@kernel(inline=True)
-def keep_particles(method, carry, storage):
-    """Write eight particles as they are marched into their rows of the carry."""
-    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
 
 
 @kernel
@@ -165,13 +150,8 @@ def stretch(method, unit, factor):
 
 
 @dataclass(frozen=True)
-class DemocraticHeliocentric(Form):
-    """The steps of a Wisdom–Holman map in democratic heliocentric coordinates, which are marched in the carry.
-
-    among_particles : whether the planets leave tables for massless particles
-    """
-
-    among_particles: bool = False
+class DemocraticHeliocentric(OnKeplerOrbits):
+    """The steps of a Wisdom–Holman map in democratic heliocentric coordinates, which are marched in the carry."""
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "enter": enter,
@@ -190,43 +170,19 @@ class DemocraticHeliocentric(Form):
         "leave_particles": leave_particles,
     }
 
-    def own_kernels(self) -> Mapping[str, Any]:
-        """Return the kernels of this instance."""
-        return {**self.kernels, **self.more_kernels} if self.among_particles else self.kernels
-
-    def for_particles(self) -> DemocraticHeliocentric:
-        """Return the form whose planets leave tables for massless particles."""
-        return replace(self, among_particles=True)
-
     def coefficients(self, h: float, before: float) -> Array:
         """Return the length of a step, and half of it, in (1, 8)."""
         row = np.zeros((1, WIDTH))
         row[0, [STEP, HALF]] = h, 0.5 * h
         return row
 
-    def carry_rows(self, size: int) -> int:
-        """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * registers(size) + 2
-
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The table of a step; see `orbits.kernels.heliocentric_particles`. None is kept without particles."""
         return (PLANETS + size // 3 - 1, WIDTH) if self.among_particles else (1, padded(size))
 
-    @property
-    def particle_carry_rows(self) -> int:
-        """Massless particles as they are marched."""
-        return MEMORY_ROWS if self.among_particles else 0
-
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.heliocentric`, and a copy of the planets."""
         return ROWS * registers(size) + self.carry_rows(size), WIDTH
-
-    def forget(self, carry: Array) -> None:
-        """Nothing in the carry depends on the length of the steps."""
-
-    def check_start(self, parameters: Any, q: Array, v: Array) -> None:
-        """Raise InputError for softened gravity, and if no body dominates the others."""
-        require_dominant(parameters)
 
 
 __all__ = ["DemocraticHeliocentric"]

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from orbits.errors import InputError
 from orbits.integrators.dominant import registers, require_dominant
-from orbits.integrators.forms import Array, Form, padded
+from orbits.integrators.forms import Array, padded
 from orbits.integrators.kepler_map_particles import (
     begin_among_particles,
     begin_pair,
     begin_particles,
     enter_particles,
     keep_pair,
-    keep_particles,
     leave_particles,
     step_among_particles,
     step_pair,
@@ -39,13 +38,13 @@ from orbits.integrators.kepler_map_steps import (
     stretch,
     trace,
 )
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, keep_particles
 from orbits.kernels.interaction import ROWS, STATE_ROWS
 from orbits.kernels.jacobi import (
     TRACE_ROWS,
     number_planets,
 )
 from orbits.kernels.jacobi_particles import (
-    MEMORY_ROWS,
     table_rows,
 )
 from orbits.kernels.lanes import WIDTH
@@ -56,18 +55,16 @@ from orbits.tableaux.correctors import corrector_lengths
 
 
 @dataclass(frozen=True)
-class KeplerSplitting(Form):
+class KeplerSplitting(OnKeplerOrbits):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
 
     kernel : the kick, corrector : its order, and corrector2 : whether there is a second one; see `WisdomHolman`
-    among_particles : whether the planets leave tables for massless particles
     with_terms : whether the Lagrangian has terms of the dominant body
     """
 
     kernel: str
     corrector: int
     corrector2: bool = False
-    among_particles: bool = False
     with_terms: bool = False
 
     kernels: ClassVar[Mapping[str, Any]] = {
@@ -107,10 +104,6 @@ class KeplerSplitting(Form):
             return {**own, "trace": trace}
         return {**own, **self.more_kernels, **(self.more_kernels_with_terms if self.with_terms else self.of_pairs)}
 
-    def for_particles(self) -> KeplerSplitting:
-        """Return the form whose planets leave tables for massless particles."""
-        return replace(self, among_particles=True)
-
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
         stages = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
@@ -119,10 +112,6 @@ class KeplerSplitting(Form):
         rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
         rows[1:, :2] = stages
         return rows
-
-    def carry_rows(self, size: int) -> int:
-        """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The tables before and after a step, and workspace; see `orbits.kernels.jacobi_particles`. None are kept
@@ -143,11 +132,6 @@ class KeplerSplitting(Form):
         rows, columns = self.stages_shape(size)
         return (rows - table_rows(size // 3 - 1)) * columns if self.among_particles else rows * columns
 
-    @property
-    def particle_carry_rows(self) -> int:
-        """Massless particles as they are marched."""
-        return MEMORY_ROWS if self.among_particles else 0
-
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
         return ROWS * registers(size) + WIDTH, WIDTH
@@ -157,9 +141,6 @@ class KeplerSplitting(Form):
         own = self.own_kernels()
         plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
         return (march_planets, ALL_ROWS) if plain else None
-
-    def forget(self, carry: Array) -> None:
-        """Nothing in the carry depends on the length of the steps."""
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from orbits.integrators.kepler_map_steps import HALF, LAZY, SHIFT, WHOLE
+from orbits.integrators.on_kepler_orbits import keep_particles, taken_particles
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import displace, interact, modify
 from orbits.kernels.jacobi import (
@@ -13,7 +14,6 @@ from orbits.kernels.jacobi import (
     prepare_room,
 )
 from orbits.kernels.jacobi_particles import (
-    AWAY,
     DISPLACED,
     MODIFIED,
     PLAIN,
@@ -23,11 +23,9 @@ from orbits.kernels.jacobi_particles import (
     joined_marched,
     kicked_particles,
     seen_particles,
-    store_marched,
     table_rows,
     tabulate,
     tabulate_centres,
-    take_particles,
     with_interaction,
 )
 from orbits.kernels.jacobi_particles_entering import enter_among, flow_rows, flowing_particles, leave_among
@@ -97,10 +95,7 @@ def step_with_terms_among_particles(method, model, t, h, state, storage):
 @kernel(inline=True)
 def begin_particles(method, model, particles, storage):
     """Return eight particles as they are marched, from their rows of the carry, with g."""
-    coefficients, rows = method.coefficients, storage.scratch
-    # Those that are retired are at one place, as the padding is.
-    there = 1.0 - (particles.x == AWAY) * (particles.y == AWAY) * (particles.z == AWAY)
-    marched = take_particles(storage.carry, storage.share.start, there, rows)
+    coefficients, rows, marched = method.coefficients, storage.scratch, taken_particles(particles, storage)
     return with_interaction(model, storage.stages, 0, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
 
 
@@ -123,12 +118,6 @@ def _stepped(method, model, carry, storage):
     g = interaction(model, storage.stages, first, coefficients[0, SHIFT], coefficients[0, LAZY], marched, rows)
     marched = kicked_particles(marched, (ax, ay, az), half, g)
     return marched, seen_particles(storage.stages, first, marched, rows)
-
-
-@kernel(inline=True)
-def keep_particles(method, carry, storage):
-    """Write eight particles as they are marched into their rows of the carry."""
-    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
 
 
 @kernel(inline=True)

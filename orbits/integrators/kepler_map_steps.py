@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from orbits.integrators.on_kepler_orbits import stretch_rows
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, displace, interact, modify
 from orbits.kernels.jacobi import (
@@ -152,7 +153,5 @@ def step_with_terms(method, model, t, h, state, storage):
 def stretch(method, unit, factor):
     """Write the coefficients of a step `factor` times as long."""
     own, one = method.coefficients, unit.coefficients
-    for row in range(own.shape[0]):
-        for k in range(own.shape[1]):
-            own[row, k] = factor * one[row, k]
+    stretch_rows(own, one, factor)
     own[0, SHIFT], own[0, LAZY] = factor * (factor * one[0, SHIFT]), one[0, LAZY]

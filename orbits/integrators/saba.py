@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,12 +26,13 @@ import numpy as np
 from orbits.checks import is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.dominant import registers, require_dominant
-from orbits.integrators.forms import Array, Form, padded
+from orbits.integrators.dominant import registers
+from orbits.integrators.forms import Array, padded
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, stretch_rows
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import ROWS, STATE_ROWS
+from orbits.kernels.interaction import ROWS
 from orbits.kernels.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
-from orbits.kernels.jacobi_particles import AWAY, MEMORY_ROWS, seen_particles, store_marched, take_particles
+from orbits.kernels.jacobi_particles import seen_particles
 from orbits.kernels.jacobi_particles_entering import enter_among, leave_among
 from orbits.kernels.jacobi_stages import (
     particles_at_the_end,
@@ -122,14 +123,6 @@ def step_among_particles(method, model, t, h, state, storage):
 
 
 @kernel(inline=True)
-def begin_particles(method, model, particles, storage):
-    """Return eight particles as they are marched, from their rows of the carry."""
-    # Those that are retired are at one place, as the padding is.
-    there = 1.0 - (particles.x == AWAY) * (particles.y == AWAY) * (particles.z == AWAY)
-    return take_particles(storage.carry, storage.share.start, there, storage.scratch)
-
-
-@kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of eight particles. They are returned as observers see them."""
     rows, stages = storage.scratch, method.coefficients[STAGES:]
@@ -138,12 +131,6 @@ def step_particles(method, model, t, h, particles, carry, storage):
     x, y, z, vx, vy, vz = seen_particles(storage.stages, 0, ended, rows)
     zero = full(0.0)
     return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, stages.shape[0]
-
-
-@kernel(inline=True)
-def keep_particles(method, carry, storage):
-    """Write eight particles as they are marched into their rows of the carry."""
-    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
 
 
 @kernel
@@ -169,22 +156,17 @@ def leave_particles(method, model, state, particles, rows, storage):
 @kernel
 def stretch(method, unit, factor):
     """Write the coefficients of a step `factor` times as long."""
-    own, one = method.coefficients, unit.coefficients
-    for row in range(own.shape[0]):
-        for k in range(own.shape[1]):
-            own[row, k] = factor * one[row, k]
+    stretch_rows(method.coefficients, unit.coefficients, factor)
 
 
 @dataclass(frozen=True)
-class KeplerStages(Form):
+class KeplerStages(OnKeplerOrbits):
     """The steps of `SABA` in Jacobi coordinates, which are marched in the carry.
 
     orders : the generalized order of the scheme
-    among_particles : whether the planets leave tables for massless particles
     """
 
     orders: tuple[int, ...]
-    among_particles: bool = False
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "enter": enter,
@@ -203,14 +185,6 @@ class KeplerStages(Form):
         "leave_particles": leave_particles,
     }
 
-    def own_kernels(self) -> Mapping[str, Any]:
-        """Return the kernels of this instance."""
-        return {**self.kernels, **self.more_kernels} if self.among_particles else self.kernels
-
-    def for_particles(self) -> KeplerStages:
-        """Return the form whose planets leave tables for massless particles."""
-        return replace(self, among_particles=True)
-
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of the motion to what is marched and of the stages of a step, (2 + s, 8)."""
         drifts, kicks = binary_splitting(self.orders, h)
@@ -218,10 +192,6 @@ class KeplerStages(Form):
         rows[ENTRY, 0] = drifts[0]
         rows[STAGES:, 0], rows[STAGES:, 1] = kicks, [*drifts[1:-1], drifts[-1] + drifts[0]]
         return rows
-
-    def carry_rows(self, size: int) -> int:
-        """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * registers(size) + 2
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """A table for each kick, and workspace; see `orbits.kernels.jacobi_particles`. None are kept without
@@ -232,21 +202,9 @@ class KeplerStages(Form):
         planets, kicks = size // 3 - 1, len(binary_splitting(self.orders, 1.0)[1])
         return kicks * (3 * (planets + 1) + planets) + 3 * registers(size), WIDTH
 
-    @property
-    def particle_carry_rows(self) -> int:
-        """Massless particles as they are marched."""
-        return MEMORY_ROWS if self.among_particles else 0
-
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`, and a copy of the planets."""
         return ROWS * registers(size) + WIDTH + self.carry_rows(size), WIDTH
-
-    def forget(self, carry: Array) -> None:
-        """Nothing in the carry depends on the length of the steps."""
-
-    def check_start(self, parameters: Any, q: Array, v: Array) -> None:
-        """Raise InputError for softened gravity, and if no body dominates the others."""
-        require_dominant(parameters)
 
 
 @dataclass(frozen=True)

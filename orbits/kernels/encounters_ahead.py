@@ -1,7 +1,7 @@
 """Which steps of a map on Kepler orbits lead massless particles through passages that it cannot follow.
 
 A step is one of an encounter with a planet if the straight line along the relative velocity, from the state at its
-beginning forwards or from that at its end backwards, comes within the larger of two distances: three Hill radii, and
+beginning forwards or from that at its end backwards, comes within the larger of two distances: four Hill radii, and
 `ways` times the way in a step relative to the planet. The second is where kicks at the ends of steps are too far apart
 to add up to the attraction on the way past it: the sum over points in distances of L, of the attraction in a straight
 passage at a distance b, is off by about exp(-2 pi b / L) of itself.
@@ -23,7 +23,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import any_lane, fma, full, lane, load, maximum, minimum, sqrt
 
 HILL2, WAYS2 = 0, 1
-"""Rows of `Rules.near`: (three Hill radii / distance from the dominant body)^2 of each body, and `ways`^2."""
+"""Rows of `Rules.near`: (four Hill radii / distance from the dominant body)^2 of each body, and `ways`^2."""
 
 LEAST2, MOST2, FASTEST2 = 0, 1, 2
 """Rows of `Rules.extent`: the squares of the least and largest distance of each body from the dominant one in a block,

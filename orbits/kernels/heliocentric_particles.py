@@ -16,10 +16,11 @@ from __future__ import annotations
 from orbits.kernels.compile import kernel
 from orbits.kernels.heliocentric import MASS, ROWS, place_of_the_dominant
 from orbits.kernels.interaction import STATE_ROWS
-from orbits.kernels.jacobi_particles import ATTRACTED, AWAY, NUMBER, Marched, store_marched, take_particles
+from orbits.kernels.jacobi_particles import ATTRACTED, NUMBER, Marched, store_marched, take_particles
 from orbits.kernels.jacobi_stages import particles_at_the_end
 from orbits.kernels.lanes import WIDTH, fma, full, get, rsqrt_cubed, select, unit
 from orbits.kernels.short_kepler import short_increments
+from orbits.kernels.steps import NOWHERE
 from orbits.kernels.summation import accumulate, quick_two_sum, two_sum
 from orbits.kernels.watch import flat
 
@@ -83,9 +84,9 @@ def seen_among_heliocentric(table, marched):
     """
     line, at, there = flat(table), WIDTH * CENTRE, marched.gm > 0.0
     return (
-        select(there, get(line, at) + marched.x, AWAY),
-        select(there, get(line, at + 1) + marched.y, AWAY),
-        select(there, get(line, at + 2) + marched.z, AWAY),
+        select(there, get(line, at) + marched.x, NOWHERE),
+        select(there, get(line, at + 1) + marched.y, NOWHERE),
+        select(there, get(line, at + 2) + marched.z, NOWHERE),
         select(there, get(line, at + 3) + marched.vx, 0.0),
         select(there, get(line, at + 4) + marched.vy, 0.0),
         select(there, get(line, at + 5) + marched.vz, 0.0),

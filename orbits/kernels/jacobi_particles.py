@@ -62,6 +62,7 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.short_kepler import short_increments
+from orbits.kernels.steps import NOWHERE
 from orbits.kernels.summation import accumulate
 from orbits.kernels.terms_about import (
     pull_more,
@@ -80,9 +81,6 @@ ELSEWHERE = -1.0
 
 PLAIN, DISPLACED, MODIFIED = 0, 1, 2
 """The evaluations of the interaction: the first; that at displaced positions; and its change along itself."""
-
-AWAY = 1e6
-"""Where lanes without a particle rest, attracted by nothing."""
 
 
 class Marched(NamedTuple):
@@ -368,9 +366,9 @@ def seen_particles(table, first, marched, rows):
     x, y, z, vx, vy, vz = of_places(flat(table), first, 2, marched, rows)
     there = marched.gm > 0.0
     return (
-        select(there, x + marched.x, AWAY),
-        select(there, y + marched.y, AWAY),
-        select(there, z + marched.z, AWAY),
+        select(there, x + marched.x, NOWHERE),
+        select(there, y + marched.y, NOWHERE),
+        select(there, z + marched.z, NOWHERE),
         select(there, vx + marched.vx, 0.0),
         select(there, vy + marched.vy, 0.0),
         select(there, vz + marched.vz, 0.0),
@@ -394,7 +392,7 @@ def take_particles(memory, p, there, rows):
     x_lo, y_lo, z_lo, vx_lo, vy_lo, vz_lo, _, _ = transposed(rows, WIDTH)
     # All lanes without a particle are at one place, and take any number.
     number = select(held > 0.0, number - 1.0, full(max(common, 0) * 1.0))
-    x = select(held > 0.0, x, AWAY)
+    x = select(held > 0.0, x, NOWHERE)
     zero = full(0.0)
     return Marched(
         x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo, zero, zero, zero, gm, number,

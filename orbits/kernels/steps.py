@@ -55,6 +55,12 @@ NEAR_A_PLANET, NOT_RESOLVED = 7, 8
 """The status of a massless particle that came closer to a planet, or to the dominant body, than its method can
 follow."""
 
+NOWHERE = 1e6
+"""Position of the padding in the last group of eight particles, of retired particles, and of lanes without a particle,
+which nothing attracts: finite, and never read. Observers see NaN for a retired particle, so that every comparison with
+it is false.
+"""
+
 BEYOND, TOO_SHORT = 4, 5
 """Why a clock took no step: it would pass the goal, or it is too short to change the time."""
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.steps import NOWHERE
 from orbits.lagrangians.newtonian import newtonian
 from orbits.marching import changing, driver
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
-from orbits.marching.driver import NOWHERE
 from orbits.marching.hand_over import MORE_ROWS
 from orbits.marching.handing_over import Followed, HandOver
 from orbits.marching.own_clocks import COLUMNS, march_own_clocks

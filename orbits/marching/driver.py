@@ -28,6 +28,7 @@ from orbits.kernels.state import (
 from orbits.kernels.steps import (
     BEYOND,
     NOT_FINITE,
+    NOWHERE,
     OK,
     Method,
     Model,
@@ -49,11 +50,6 @@ from orbits.kernels.steps import (
     step_particles,
 )
 from orbits.kernels.watch import no_particles
-
-NOWHERE = 1e6
-"""Position of the padding in the last group of eight particles, and of retired particles: finite, and never read.
-Observers see NaN for a retired particle, so that every comparison with it is false.
-"""
 
 TRACED = 128
 """The most steps between two calls of an observer of a trace, which fits into the cache of a core."""

@@ -106,9 +106,10 @@ def failure_of_bodies(
             time=time,
             bodies=list(names),
         )
+    remedy = "or end the run before" if integrator.follows_kepler else "or softening"
     return SingularityError(
         f"{where}: the state{whom} is no longer finite; two bodies met, or dt is far too long. "
-        "Use a smaller dt, or softening.",
+        f"Use a smaller dt, {remedy}.",
         step=step,
         time=time,
         bodies=list(names),

@@ -34,12 +34,13 @@ from orbits.kernels.encounters_ahead import (
     measure_bodies,
     seen_at,
 )
-from orbits.kernels.jacobi_particles import AWAY, ELSEWHERE, NUMBER, table_rows
+from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER, table_rows
 from orbits.kernels.lanes import WIDTH, full, lane, load, select, store, unit
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_one, record_particle
 from orbits.kernels.state import Columns, load_particle, store_particle
 from orbits.kernels.steps import (
+    NOWHERE,
     OK,
     Method,
     Model,
@@ -169,7 +170,7 @@ def _learn_step(here, away, k):
 @kernel(inline=True)
 def _alone():
     """Return a particle in the first lane, and none in the others, for `begin_particles`."""
-    x, zero = select(unit(0) > 0.0, full(0.0), full(AWAY)), full(0.0)
+    x, zero = select(unit(0) > 0.0, full(0.0), full(NOWHERE)), full(0.0)
     return Particles(x, x, x, zero, zero, zero, zero, zero, zero, zero, zero, zero)
 
 

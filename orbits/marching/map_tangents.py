@@ -128,7 +128,7 @@ class MapTangents:
             if not np.isfinite(self._state["carry"][: STATE_ROWS * ((n + WIDTH - 2) // WIDTH)]).all():
                 raise SingularityError(
                     f"{self._integrator.label}: bodies meet by step {self._steps} (t = {self.time:.10g}), where their "
-                    "states are no longer finite. Use a smaller dt, or softening if they come very close.",
+                    "states are no longer finite. Use a smaller dt, or end the run before.",
                     step=self._steps,
                     time=self.time,
                 )

@@ -22,6 +22,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
+from orbits.kernels.steps import NOWHERE
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
@@ -30,7 +31,6 @@ from orbits.marching.bound_loops import BoundLoops
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
-from orbits.marching.driver import NOWHERE
 from orbits.marching.failures import failure_of_bodies
 from orbits.marching.hand_over import parts_taken
 from orbits.marching.handing_over import Followed

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.integrators.dominant import DOMINANT
 from orbits.integrators.forms import Array, padded
 from orbits.kernels import collisions
 from orbits.kernels.approach_search import follow_bodies, follow_particles, search
@@ -22,17 +23,15 @@ from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.alignment import aligned
 from orbits.marching.driver import TRACED
+from orbits.marching.kepler_passages import HILL_RADII
 from orbits.marching.passage_list import BlockList
 
 TOUCHED, ENERGY = -2, -1
 """The conditions without a number: two bodies may have touched; the energy error is above its bound."""
 
-RULE = 0.9
-"""Fraction of the total mass above which a body dominates the others."""
-
-HILL_RADII, SHARE_OF_ORBIT = 3.0, 0.05
+SHARE_OF_ORBIT = 0.05
 """The reach of a body: within it every flyby is listed; outside it, flybys of massless particles are not recorded. It
-is a number of Hill radii, or a fraction of the distance between the body and the dominant one, whichever is larger."""
+is `HILL_RADII`, or a fraction of the distance between the body and the dominant one, whichever is larger."""
 
 PASSAGE_ANGLE_PER_ORDER, LEAST_PASSAGE_ANGLE, LARGEST_PASSAGE_ANGLE = 0.05, 0.1, 0.8
 """The angle of a step above which passages are listed at any distance, per order of the method, and its bounds: 0.8 for
@@ -365,7 +364,7 @@ class Watcher:
         """Return the body that dominates the others, or -1."""
         gm = self._parameters[1:]
         heaviest = int(gm.argmax())
-        return -1 if gm[heaviest] <= RULE * gm.sum() else heaviest
+        return -1 if gm[heaviest] <= DOMINANT * gm.sum() else heaviest
 
     def _reaches(self, q: Array, v: Array, on_kepler_orbits: bool) -> Array:
         """Return `annuli` with the reach of each body: of planets that steps on Kepler orbits do not follow there, with

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, EventError, InputError, IntegrationError, StorageError
 from orbits.integrators.base import Integrator
-from orbits.kernels.steps import IMPACT
+from orbits.kernels.steps import IMPACT, NOWHERE
 from orbits.marching import changing as clocks
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ending
 from orbits.marching.clocks import Clock, ConstantSteps, Place
-from orbits.marching.driver import NOWHERE
 from orbits.marching.marcher import Marcher
 from orbits.marching.motion import Motion
 from orbits.marching.retirement import Retirement

@@ -18,7 +18,7 @@ import numpy as np
 from orbits.elements import state_from_elements
 from orbits.errors import IntegrationError, StepWarning, level_of_caller, with_unit
 from orbits.integrators.base import Integrator
-from orbits.marching.watcher import RULE
+from orbits.integrators.dominant import DOMINANT
 from orbits.propagation.approach import as_error, said
 from orbits.propagation.passage_effect import (
     FINE,
@@ -206,7 +206,7 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
     if values.gm[row] > values.gm[partner]:
         row, partner = partner, row
     heaviest = int(values.gm.argmax())
-    dominated = values.gm[heaviest] > RULE * values.gm.sum()
+    dominated = values.gm[heaviest] > DOMINANT * values.gm.sum()
     mu = float(values.gm[row] + values.gm[partner])
     zero = np.zeros(3)
     pair = Pair(

@@ -321,7 +321,7 @@ def _error(
     others = {k: error for k, error in failures.items() if k not in interrupted}
     whole = sum(run is not None and run.complete for run in done)
     if interrupted:
-        message = f"{whole} of {len(done)} systems are complete. Of the others, "
+        message = f"{whole} of {len(done)} systems are complete; the others:\n"
         return Interrupted(message + _listed(failures), trajectory=done)
     message = f"{len(others)} of {len(done)} systems failed; the others are complete, and all are in .trajectories:\n"
     return SystemsError(message + _listed(others), failures=others, trajectories=done)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few, index_of
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown
+from orbits.integrators.dominant import DOMINANT
 from orbits.kernels.event_search import CLOSING, DISTANCE
 from orbits.propagation.events.base import Array, PairBound, Sought, Whole, dot
 from orbits.units import quantity_from_text
@@ -19,9 +20,6 @@ from orbits.units import quantity_from_text
 if TYPE_CHECKING:
     from orbits.propagation.events.base import Bound
     from orbits.system import System
-
-DOMINANT = 0.9
-"""The share of the mass from which on a body is the primary of all others."""
 
 
 @dataclass(frozen=True)
