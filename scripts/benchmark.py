@@ -24,6 +24,7 @@ from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_l
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
 from benchmarks.energy import part_energy
 from benchmarks.jacobi_constant import part_jacobi
+from benchmarks.map_particles import part_map_particles
 from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
@@ -44,6 +45,7 @@ BY_HAND = "## How close to the machine"
 PARTS = {
     "ten_bodies": part_ten_bodies,
     "planets": part_planets,
+    "map_particles": part_map_particles,
     "systems": part_systems,
     "energy": part_energy,
     "adaptive": part_adaptive,
