@@ -98,6 +98,7 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
                 f"the system has two terms {kind}, of {found[-1].body!r} and {names[i]!r}; expected one, as they do "
                 "not add up. Remove the first: system.replaced(terms=())."
             )
+        term.check_bodies(names, gm)
         found.append(replace(term, body=names[i]).in_units(units))
     return tuple(found)
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.kernels.binding import SumTag, Tag
-from orbits.lagrangians.base import TIME_DEPENDENT, Compiled, Lagrangian
+from orbits.lagrangians.base import GIVEN, TIME_DEPENDENT, Compiled, Lagrangian
 from orbits.lagrangians.symmetry import Symmetry, rotation
 
 Array = NDArray[np.float64]
@@ -82,6 +82,12 @@ class Term:
         """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
 
+    def check_bodies(self, names: Sequence[str], gm: Array) -> None:
+        """Raise InputError if this term does not go with these bodies of a system; gm : (n,)."""
+
+    def check_span(self, end: float, units: Any) -> None:
+        """Raise EpochError if this term does not describe the motion until `end`, the time since the epoch."""
+
     def check_start(self, system: Any) -> None:
         """Raise InputError if this term does not describe the motion of a system in its state at the start of a run."""
 
@@ -115,10 +121,13 @@ class SumOfTerms(Lagrangian):
 
 
 def compiled_sum(newton: Compiled, summands: Sequence[Summand]) -> Compiled:
-    """Return the compiled sum: it has the common traits of all its terms, and depends on time if one does."""
+    """Return the compiled sum: it has the common traits of all its terms, depends on time if one does, and has given
+    bodies if one gives them.
+    """
     traits = newton.traits.intersection(*(summand.traits for summand in summands))
-    if any(TIME_DEPENDENT in summand.traits for summand in summands):
-        traits |= {TIME_DEPENDENT}
+    for trait in (TIME_DEPENDENT, GIVEN):
+        if any(trait in summand.traits for summand in summands):
+            traits |= {trait}
     return Compiled(SumTag((newton.tag, *(summand.tag for summand in summands))), traits)
 
 
