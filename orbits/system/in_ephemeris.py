@@ -90,7 +90,7 @@ def arguments(
     q, v = found.states(np.zeros(1))
     terms: list[Term] = [found]
     if checked_flag(relativity, "relativity"):
-        terms.append(PostNewtonian(sources=["Sun"]))
+        terms.append(PostNewtonian())
     if checked_flag(figures, "figures"):
         terms += [_zonal(name, FIGURES[name], when) for name in FIGURES if name in names]
     return {"names": whole, "gm": gm, "q": q[0], "v": v[0], "epoch": when, "terms": terms}
