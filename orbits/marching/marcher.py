@@ -240,6 +240,7 @@ class Marcher(Blocks):
         if place.rest == self.time:
             return self.state()
         copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
+        self._seen = copy["memory"]
         copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
         self._retired.begin()
         try:
@@ -254,7 +255,8 @@ class Marcher(Blocks):
         """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
         others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
         """
-        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1 and times[0] != self.time:
+        whole = not len(self._particles) and not self._forces  # no more than the states of the bodies is asked for
+        if isinstance(self.clock, Adaptive) and whole and len(times) > 1 and times[0] != self.time:
             now = self._state["clock"]
             beyond = (times[1:] - now[changing.NEXT]) * self.clock.direction >= 0.0
             count = 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))

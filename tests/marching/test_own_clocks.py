@@ -33,7 +33,7 @@ def integrals(theta, rows, out):
 @kernel
 def placed(form, coefficients, tag, strength, field, k, theta):
     """Call `place_bodies` from Python."""
-    place_bodies(Method(form, coefficients), Model(tag, strength), field, k, load(theta, 0))
+    place_bodies(Method(form, coefficients), Model(tag, strength), field, k, load(theta, 0), 0.0, 1.0)
 
 
 @kernel
