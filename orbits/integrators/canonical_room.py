@@ -8,9 +8,8 @@ from orbits.integrators.collocation_rows import ETA
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 
-# Rows of the table after those of `collocation_rows` for one register. MU, MU_BAR, CONTINUATION and INVERSE, the inverse
-# of mu_bar, are each the first of eight: row j holds column j of a matrix, one stage in each lane. HOURS are the times of
-# the stages.
+# Rows of the table after those of `collocation_rows` for one register. MU, MU_BAR, CONTINUATION and INVERSE (of mu_bar)
+# are each the first of eight: row j holds column j of a matrix, one stage in each lane. HOURS are times of the stages.
 MU = ETA + 3 * WIDTH
 MU_BAR, CONTINUATION, INVERSE, HOURS = MU + WIDTH, MU + 2 * WIDTH, MU + 3 * WIDTH, MU + 4 * WIDTH
 ROWS = HOURS + 1

@@ -61,8 +61,10 @@ def chart(tableau: SymplecticTableau) -> Array:
     values = np.polynomial.legendre.legvander(2.0 * nodes - 1.0, s - 1)
     out[FIRST : FIRST + s, :s] = (np.linalg.inv(values) / tableau.b).T
     out[FITTED:SLOPE] = fit.reshape(4 * WIDTH, WIDTH)
-    powers = np.arange(1.0, WIDTH + 1.0)
-    out[SLOPE:] = (powers * points[:, None] ** (powers - 1.0) @ np.linalg.inv(points[:, None] ** powers)).T
+    basis = [np.polynomial.legendre.Legendre.basis(k, domain=[0.0, 1.0]) for k in range(WIDTH)]
+    through = np.stack([points * one(points) for one in basis], axis=1)  # times the fraction: they begin with 0
+    slopes = np.stack([one(points) + points * one.deriv()(points) for one in basis], axis=1)
+    out[SLOPE:] = (slopes @ np.linalg.inv(through)).T
     return out
 
 
@@ -92,6 +94,12 @@ class Field(NamedTuple):
 def length_of(field, k):
     """Return the length of step k to the last bit; see `orbits.marching.adaptive.Adaptive.room`."""
     return field.times[field.kicks.shape[0] + 1 + k]
+
+
+@kernel(inline=True)
+def time_of(field, k):
+    """Return the time at which step k begins, as terms and forces see it; see `orbits.marching.changing.since`."""
+    return field.times[2 * (field.kicks.shape[0] + 1)] + (field.origin + field.times[k])
 
 
 PLACES = MODES
@@ -151,7 +159,7 @@ def _kick_with_terms(model, field, k, h, places, room):
     size, strength = 3 * bodies(model.tag, model.parameters), model.parameters[0]
     n, stride = size // 3, padded_length(size)
     forces, momenta, stages = room[stride : 2 * stride], room[2 * stride : 3 * stride], stages_in(places, stride)
-    begin, table = field.origin + field.times[k], field.chart
+    begin, table = time_of(field, k), field.chart
     s, f = stages.q_end, stages.v_end
     for i in range(size):
         stages.q[i], stages.v[i] = field.path[2 * k * stride + i], field.path[(2 * k + 1) * stride + i]

@@ -50,7 +50,7 @@ from orbits.marching.adaptive import (
     TOLERANCE,
     root,
 )
-from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies
+from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies, time_of
 from orbits.marching.changing import FARTHEST, ORIGIN
 from orbits.marching.own_steps_log import (
     ENTRIES,
@@ -195,7 +195,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
     log : receives its state at the beginning and, if it takes several steps in an encounter, after each of them
     Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
     """
-    H, origin = length_of(field, k), field.origin + field.times[k]
+    H, origin, begun = length_of(field, k), field.origin + field.times[k], time_of(field, k)
     table, carry, scratch, share = method.coefficients[0], storage.carry, storage.scratch, storage.share
     nodes, stages = load(table, NODES), 0
     while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
@@ -232,7 +232,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             elif shared.before[k] != before:
                 prepare(mine, h, before, now)
                 shared.before[k] = before
-            after, _, status, count = step_particles(mine, model, origin + done, h, particle, carry, now)
+            after, _, status, count = step_particles(mine, model, begun + done, h, particle, carry, now)
             evaluations += count
             factor = 0.5 / CAUTION
             if status == OK:

@@ -324,17 +324,6 @@ def test_a_method_that_cannot_take_it_refuses_and_names_those_that_can(system, w
         march(system, integrator)
 
 
-@pytest.mark.parametrize(
-    ("system", "words"),
-    [(three().with_terms(SPIN), "which is not separable"), (three().with_forces(DRAG), "the force of drag")],
-    ids=["term", "force"],
-)
-def test_steps_are_not_chosen_where_more_acts_than_forces_of_position(system, words):
-    said = f"steps are chosen only if forces depend on positions alone.*{words}: give dt"
-    with pytest.raises(InputError, match=said):
-        march(system, orbits.Gauss(stages=8), dt=None)
-
-
 def test_a_copy_of_a_run_knows_what_forces_did_also_where_no_path_leads_to_its_archive(tmp_path):
     run = march(dragged(), METHODS[0], duration=2.0, samples=3, archive=tmp_path / "run.h5")
     known = run.work()[0].torque
