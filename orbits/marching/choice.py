@@ -76,8 +76,9 @@ def form_of_bodies(
 def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[str]) -> Form:
     """Return the form for steps of different lengths, with distances accurate in close encounters."""
     if SEPARABLE not in lagrangian.traits or forces:
-        what = f"the force of {forces[0]}" if forces else f"'{lagrangian.name}', which is not separable"
-        raise InputError(f"steps are chosen only if forces depend on positions alone, not with {what}: give dt=...")
+        form = _form_with(integrator, lagrangian, forces)
+        assert isinstance(form, CanonicalBodies)  # as `Adaptive.check` takes no other method
+        return replace(form, close=True)
     form = form_for(integrator, lagrangian)
     assert isinstance(form, Collocation)  # as `Adaptive.check` takes no other method
     return replace(form, close=True)
