@@ -48,6 +48,10 @@ THETA, TOLERANCE, POWER, LONGEST = 3, 4, 5, NUMBERS
 ALONE = 64.0
 """The longest step of a massive body alone, whose motion sets none, in units of time."""
 
+LONGEST_OF_GIVEN = 4.0
+"""The longest step of bodies whose motion is given, in days, at whose ends observers see them: the Moon's orbit has seven
+of them. Particles take steps of their own within, or that one."""
+
 FIRST_THETA = 0.2
 
 REFUSED, CAUTION, GROWTH = 0.75, 0.95, 1.5
@@ -125,7 +129,7 @@ def take_step(clock, method, model, k, state, storage):
                 time, lost = two_sum(numbers[TIME], h)
                 numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
                 numbers[NEXT], numbers[LENGTH] = numbers[TIME], h
-                if rate > 0.0:
+                if rate > 0.0 and abs(h) < longest:
                     numbers[THETA] = theta * min(factor, GROWTH)
                 room[k + 1], room[kept // 2 + k] = room[k] + h, h
                 return OK, 0, evaluations

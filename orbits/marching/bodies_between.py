@@ -24,10 +24,12 @@ from numba.extending import overload
 from orbits.integrators.canonical_end import momenta as momenta_of
 from orbits.integrators.canonical_room import padded_length, stages_in
 from orbits.integrators.forms import Array
+from orbits.integrators.given_bodies import given_in, place_between
 from orbits.kernels.acting import add_acting, add_terms
 from orbits.kernels.binding import OPTIONS, accelerate_close, bodies, first_term, kernel_of
+from orbits.kernels.chebyshev import place_given
 from orbits.kernels.compile import kernel
-from orbits.kernels.dense import double_integrals, single_integrals
+from orbits.kernels.dense import dense, double_integrals, single_integrals
 from orbits.kernels.lanes import WIDTH, fma, full, load, store, unit
 from orbits.kernels.summation import two_sum
 from orbits.tableaux import SymplecticTableau
@@ -180,16 +182,63 @@ def _kick_with_terms(model, field, k, h, places, room):
         store(room, i, h * (load(room, i) + load(forces, i) / mass) - slope)
 
 
-@kernel(inline=True)
 def place_bodies(method, model, field, k, theta, begin, end):
     """Write the positions of the bodies at eight fractions of step k, and their low parts, into the workspace; for
     terms that depend on velocities, and for forces, also their velocities, and their states at the fractions `begin`
     and `end`.
     """
-    if not field.known[k]:
-        learn(method, model, field, k)
-    place_ends(method, model, field, k, begin, end)
-    place(method, model, field, k, theta)
+    raise NotImplementedError("place_bodies() is for compiled code only")
+
+
+@overload(place_bodies, jit_options=OPTIONS)
+def _place_bodies(method, model, field, k, theta, begin, end):
+    if kernel_of(method.types[0], "given"):
+        return lambda method, model, field, k, theta, begin, end: _place_given(model, field, k, theta, begin, end)
+
+    def by_modes(method, model, field, k, theta, begin, end):
+        if not field.known[k]:
+            learn(method, model, field, k)
+        place_ends(method, model, field, k, begin, end)
+        place(method, model, field, k, theta)
+
+    return by_modes
+
+
+@kernel
+def _place_given(model, field, k, theta, begin, end):
+    """Write the states of bodies that are given; see `place_bodies`."""
+    size, h = 3 * bodies(model.tag, model.parameters), length_of(field, k)
+    stages = stages_in(field.room[PLACES : PLACES + field.stages.shape[1]], padded_length(size))
+    given = given_in(model.tag, model.parameters)
+    place_between(given, time_of(field, k), theta * h, begin * h + ((end - begin) * h) * unit(1), stages, size)
+
+
+def state_between(method, model, field, k, part, Q, V):
+    """Write the state of the bodies at a fraction of step k, for observers."""
+    raise NotImplementedError("state_between() is for compiled code only")
+
+
+@overload(state_between, jit_options=OPTIONS)
+def _state_between(method, model, field, k, part, Q, V):
+    if kernel_of(method.types[0], "given"):
+
+        def from_series(method, model, field, k, part, Q, V):
+            size = 3 * bodies(model.tag, model.parameters)
+            stages = stages_in(field.room[PLACES : PLACES + field.stages.shape[1]], padded_length(size))
+            given = given_in(model.tag, model.parameters)
+            place_given(given, time_of(field, k), full(part * length_of(field, k)), size // 3, stages.Q, stages.V)
+            for i in range(size):
+                Q[i], V[i] = stages.Q[i, 0], stages.V[i, 0]
+
+        return from_series
+
+    def by_kicks(method, model, field, k, part, Q, V):
+        stride = padded_length(3 * bodies(model.tag, model.parameters))
+        begin = 2 * k * stride
+        q, v = field.path[begin : begin + stride], field.path[begin + stride : begin + 2 * stride]
+        dense(method, length_of(field, k), q, v, field.kicks[k], part, Q, V)
+
+    return by_kicks
 
 
 def place_ends(method, model, field, k, begin, end):

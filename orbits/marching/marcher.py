@@ -23,9 +23,9 @@ from orbits.integrators.forms import Array
 from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import NOWHERE
-from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
-from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
+from orbits.marching.adaptive import ALONE, LONGEST, LONGEST_OF_GIVEN, Adaptive
 from orbits.marching.blocks import APART, Blocks, steps_apart
 from orbits.marching.bound_loops import BoundLoops
 from orbits.marching.changing import ChangingSteps
@@ -135,6 +135,8 @@ class Marcher(Blocks):
             self._loops.times[changing.since(self._loops.steps)] = self._start
         if isinstance(self.clock, Adaptive) and n == 1 and (m or forces):
             self._state["clock"][LONGEST] = ALONE
+        elif isinstance(self.clock, Adaptive) and GIVEN in lagrangian.traits:
+            self._state["clock"][LONGEST] = LONGEST_OF_GIVEN
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
         self._dense = dense

