@@ -8,12 +8,14 @@ from dataclasses import replace
 from orbits.errors import InputError
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
+from orbits.integrators.canonical_bodies import CanonicalBodies
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Form
+from orbits.integrators.given_bodies import GivenBodies
 from orbits.integrators.transformed_bodies import TransformedBodies
 from orbits.integrators.variational import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
-from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
+from orbits.lagrangians.base import GIVEN, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
 from orbits.marching.clocks import Clock
 from orbits.marching.transformed import TimeTransformed
 
@@ -74,8 +76,9 @@ def form_of_bodies(
 def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[str]) -> Form:
     """Return the form for steps of different lengths, with distances accurate in close encounters."""
     if SEPARABLE not in lagrangian.traits or forces:
-        what = f"the force of {forces[0]}" if forces else f"'{lagrangian.name}', which is not separable"
-        raise InputError(f"steps are chosen only if forces depend on positions alone, not with {what}: give dt=...")
+        form = _form_with(integrator, lagrangian, forces)
+        assert isinstance(form, CanonicalBodies)  # as `Adaptive.check` takes no other method
+        return replace(form, close=True)
     form = form_for(integrator, lagrangian)
     assert isinstance(form, Collocation)  # as `Adaptive.check` takes no other method
     return replace(form, close=True)
@@ -104,6 +107,8 @@ def _transformed(
 def _form_with(integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[str]) -> Form:
     """Return the form for a Lagrangian that is not separable, or with forces without a Lagrangian."""
     form = integrator.form_with(len(forces)) if GRADIENTS in lagrangian.traits else None
+    if GIVEN in lagrangian.traits:
+        form = GivenBodies(form.tableau, form.forces) if isinstance(form, CanonicalBodies) else None
     if form is not None:
         return form
     able = sorted(c.__name__ for c in registry().values() if any(m.form_with(len(forces)) for m in c.examples()))

@@ -16,7 +16,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, shown
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.propagation.before_the_start import check_before_start, check_bodies
+from orbits.propagation.before_the_start import check_before_start, check_bodies, check_span
 from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
@@ -401,6 +401,7 @@ def _resumed(
         if old.committed == len(grid) and old.complete:
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
+        check_span(system, grid)
         seeking = sought_again(old, events, path, exactly)
         marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)

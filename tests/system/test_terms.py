@@ -146,10 +146,23 @@ BAD = {
     "four": (lambda s: s.with_terms(zonal(pole=(0, 0, 0, 1))), "expected .right ascension, declination"),
     "word": (lambda s: s.with_terms(zonal(pole=5)), "pole of 'Sun' is 5; expected"),
     "no spin": (lambda s: s.with_terms(orbits.LenseThirring(pole=POLE)), "spin is missing"),
-    "no source": (lambda s: s.with_terms(orbits.PostNewtonian()), r"sources is None; expected the name of the central"),
-    "sources": (
-        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun", "Jupiter"])),
-        r"has \['Sun', 'Jupiter'\]; expected one body",
+    "no source": (lambda s: s.with_terms(orbits.PostNewtonian(sources=[])), r"sources is \[\]; expected names of"),
+    "no names": (lambda s: s.with_terms(orbits.PostNewtonian(sources=[1])), r"sources is \[1\]; expected names of"),
+    "one source twice": (
+        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun", "sun"])),
+        r"sources names one body twice, \['Sun', 'sun'\]",
+    ),
+    "source and body": (
+        lambda s: s.with_terms(orbits.PostNewtonian("Sun", sources=["Jupiter"])),
+        "body is 'Sun' and sources is .'Jupiter'.; expected sources alone",
+    ),
+    "one of several massless": (
+        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun", "Ceres"])),
+        "gm of 'Ceres' is 0; expected a massive body",
+    ),
+    "all and one": (
+        lambda s: s.with_terms(orbits.PostNewtonian(), orbits.PostNewtonian(sources=["Sun"])),
+        "two terms PostNewtonian, of 'all bodies' and 'Sun'; expected one",
     ),
     "two fields": (
         lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun"]), orbits.PostNewtonian(sources=["Jupiter"])),
