@@ -105,6 +105,7 @@ def take_step(clock, method, model, k, state, storage):
         theta, scale = 1.0, GROWTH * abs(before) if before != 0.0 else math.inf
     longest = numbers[LONGEST] if numbers[LONGEST] > 0.0 else math.inf
     status, where, evaluations = TOO_SHORT, 0, 0
+    seen = room[kept - 1] + numbers[TIME]
     for attempt in range(ATTEMPTS):
         h = direction * theta * scale * exponential(min(max(0.5 * theta * slope, -1.0), 1.0))
         h = min(max(h, -longest), longest)
@@ -118,7 +119,7 @@ def take_step(clock, method, model, k, state, storage):
         if attempt == 0:
             keep(room, kept, state, storage.carry)
         prepare(method, h, before if before != 0.0 else h, storage)
-        status, where, count = step(method, model, room[kept - 1] + numbers[TIME], h, state, storage)
+        status, where, count = step(method, model, seen, h, state, storage)
         evaluations += count
         factor = 0.5 / CAUTION
         if status == OK:
@@ -131,7 +132,7 @@ def take_step(clock, method, model, k, state, storage):
                 numbers[NEXT], numbers[LENGTH] = numbers[TIME], h
                 if rate > 0.0 and abs(h) < longest:
                     numbers[THETA] = theta * min(factor, GROWTH)
-                room[k + 1], room[kept // 2 + k] = room[k] + h, h
+                room[k + 1], room[kept // 3 + k], room[2 * (kept // 3) + k] = room[k] + h, h, seen
                 return OK, 0, evaluations
         put_back(room, kept, state, storage.carry)
         if not rate > 0.0:
