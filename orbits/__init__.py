@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
-    from orbits.lagrangians.terms.lense_thirring import LenseThirring
+    from orbits.lagrangians.terms.frame_dragging import FrameDragging
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
@@ -118,6 +118,7 @@ __all__ = [
     "ExplicitEuler",
     "FartherThan",
     "Flow",
+    "FrameDragging",
     "GasDrag",
     "Gauss",
     "Happening",
@@ -126,7 +127,6 @@ __all__ = [
     "IntegrationError",
     "Interrupted",
     "Lagrangian",
-    "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
     "MassLoss",
@@ -230,7 +230,7 @@ _HOME = {
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
-    "lagrangians.terms.lense_thirring": ["LenseThirring"],
+    "lagrangians.terms.frame_dragging": ["FrameDragging"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],

@@ -14,9 +14,9 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
 from orbits.lagrangians.newtonian import n_body
-from orbits.lagrangians.terms.charges import charges, inertia_of
+from orbits.lagrangians.terms.charges import charges
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
-from orbits.lagrangians.terms.lense_thirring import lense_thirring
+from orbits.lagrangians.terms.frame_dragging import frame_dragging
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
 
@@ -32,7 +32,7 @@ def zonal(row=0):
 
 
 def dragging(row=1):
-    return lense_thirring(row, (0.03, 0.01, -0.05))
+    return frame_dragging(row, (0.03, 0.01, -0.05))
 
 
 def relativity(row=0):
@@ -104,7 +104,7 @@ def test_zonal_harmonics_are_those_of_the_textbook_in_thirty_digits():
 def test_frame_dragging_accelerates_as_the_textbook_has_it():
     """2 G S / (c^2 r^3) [3 (r x v)(r . s) / r^2 + v x s], from d/dt dL/dv = dL/dx."""
     k = -2.0 * 0.01 * np.array(POLE)
-    L = n_body([1.0, 1e-12], 0.0, [lense_thirring(0, tuple(k))])
+    L = n_body([1.0, 1e-12], 0.0, [frame_dragging(0, tuple(k))])
     r, v = np.array([0.4, -0.9, 0.6]), np.array([0.3, 0.8, 0.2])
     q, w = np.array([np.zeros(3), r]).ravel(), np.array([np.zeros(3), v]).ravel()
     f, _ = L.gradients(q, w)
@@ -338,7 +338,7 @@ def test_a_second_process_finds_the_compiled_sum_on_disk(tmp_path):
 def test_frame_dragging_turns_the_node_by_2GS_over_c2a3():
     """Lense and Thirring: dOmega/dt = 2 G S / (c^2 a^3 (1 - e^2)^(3/2)), and the energy stays, in canonical form."""
     drag, inc = 1e-4, 0.7
-    L = n_body([1.0, 1e-9], 0.0, [lense_thirring(0, (0.0, 0.0, -2.0 * drag))])
+    L = n_body([1.0, 1e-9], 0.0, [frame_dragging(0, (0.0, 0.0, -2.0 * drag))])
     q = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     v = [[0.0, 0.0, 0.0], [0.0, np.cos(inc), np.sin(inc)]]
     path = orbits.march(L, orbits.Gauss(stages=4), q=q, v=v, dt=2 * np.pi / 40, steps=800)
