@@ -48,6 +48,8 @@ class Summand:
     tag, parameters : its kernels and its vector
     traits : properties that methods may require, see `orbits.lagrangians.base`
     axis : the axis of its rotational symmetry, a unit vector; None if it is invariant under all rotations
+    beside_newton : for a term with the attraction of the bodies themselves, which Newton's is left out for: the
+        parameters with which it is, added to Newton's of all pairs, the same Lagrangian
     """
 
     name: str
@@ -56,6 +58,7 @@ class Summand:
     parameters: Array
     traits: frozenset[str]
     axis: Vector | None
+    beside_newton: Array | None = None
 
 
 @dataclass(frozen=True)
