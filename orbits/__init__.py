@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.lagrangians.terms.lense_thirring import LenseThirring
+    from orbits.lagrangians.terms.minor_bodies import MinorBodies
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
@@ -81,7 +82,7 @@ if TYPE_CHECKING:
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
-    from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
+    from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
@@ -129,6 +130,7 @@ __all__ = [
     "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
+    "MinorBodies",
     "MassLoss",
     "Merge",
     "MissingPackageError",
@@ -231,6 +233,7 @@ _HOME = {
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
     "lagrangians.terms.lense_thirring": ["LenseThirring"],
+    "lagrangians.terms.minor_bodies": ["MinorBodies"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
@@ -242,7 +245,7 @@ _HOME = {
     "propagation.events.own": ["Event"],
     "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
     "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
-    "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
+    "regression": ["compare", "from_rebound", "residuals", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
