@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
-    from orbits.lagrangians.terms.lense_thirring import LenseThirring
+    from orbits.lagrangians.terms.frame_dragging import FrameDragging
     from orbits.lagrangians.terms.minor_bodies import MinorBodies
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
@@ -119,6 +119,7 @@ __all__ = [
     "ExplicitEuler",
     "FartherThan",
     "Flow",
+    "FrameDragging",
     "GasDrag",
     "Gauss",
     "Happening",
@@ -127,12 +128,11 @@ __all__ = [
     "IntegrationError",
     "Interrupted",
     "Lagrangian",
-    "LenseThirring",
     "LobattoIIIAB",
     "LobattoIIIBA",
-    "MinorBodies",
     "MassLoss",
     "Merge",
+    "MinorBodies",
     "MissingPackageError",
     "Motion",
     "NodeCrossing",
@@ -179,6 +179,7 @@ __all__ = [
     "propagate",
     "read_mpcorb",
     "read_sbdb",
+    "residuals",
     "resume",
     "run_from_rebound",
     "state_transition",
@@ -232,7 +233,7 @@ _HOME = {
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
-    "lagrangians.terms.lense_thirring": ["LenseThirring"],
+    "lagrangians.terms.frame_dragging": ["FrameDragging"],
     "lagrangians.terms.minor_bodies": ["MinorBodies"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],

@@ -117,12 +117,13 @@ def centre_of_mass_drift(gm: ArrayLike, t: ArrayLike, q: ArrayLike, v: ArrayLike
     if velocities.shape not in (positions.shape, positions.shape[1:]):
         raise InputError(f"v has shape {velocities.shape}; expected {positions.shape[1:]} or {positions.shape}.")
     first = velocities if velocities.ndim == 2 else velocities[0]
-    return uniform_motion_drift(masses, times, centre_of_mass(masses, positions), positions[0], first)
+    centre = centre_of_mass(masses, positions)
+    return uniform_motion_drift(masses, times, centre, positions[0], centre_of_mass(masses, first))
 
 
-def uniform_motion_drift(gm: Floats, t: Floats, centre: Floats, q: Floats, v: Floats) -> Drift:
-    """`centre_of_mass_drift` from the centre of mass itself, (n, 3), and the first state, q and v (bodies, 3)."""
-    uniform = centre[0] + np.outer(t - t[0], centre_of_mass(gm, v))
+def uniform_motion_drift(gm: Floats, t: Floats, centre: Floats, q: Floats, velocity: Floats) -> Drift:
+    """`centre_of_mass_drift` from the centre of mass itself, (n, 3), its velocity, (3,), and the first positions."""
+    uniform = centre[0] + np.outer(t - t[0], velocity)
     away = q[gm > 0.0] - centre_of_mass(gm, q)
     reach = float(max(lengths(away).max(), lengths(uniform - uniform[0]).max()))
     return drift(centre - uniform, scale=reach)

@@ -79,7 +79,7 @@ class WisdomHolman(Integrator):
         is; looked for after every 64th step
 
     For bodies by Newton's gravity, with relativity and oblateness of the dominant body if the system has these terms
-    (`PostNewtonian`, `ZonalHarmonics`, `LenseThirring`), on orbits that do not come close to planets, elliptic or
+    (`PostNewtonian`, `ZonalHarmonics`, `FrameDragging`), on orbits that do not come close to planets, elliptic or
     hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
     bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major
     axes are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets

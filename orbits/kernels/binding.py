@@ -107,10 +107,11 @@ def other_terms(typingctx, tags):
     return SumType(tags.terms[1:])(tags), lambda context, builder, signature, arguments: context.get_dummy_value()
 
 
-def adding(name):
+def adding(name, optional=False):
     """Return a function that calls the kernel of that name of each term of a sum; the kernels add to their last
     arguments.
 
+    optional : whether terms without such a kernel add nothing
     The kernels' arguments are the strengths of the bodies (the first term's parameters), the term's own, and the rest.
     """
 
@@ -120,6 +121,10 @@ def adding(name):
     @overload(each, jit_options=OPTIONS)
     def _each(tags, strength, parameters, *rest):
         compiled = kernel_of(tags.terms[0], name)
+        if compiled is None and optional:
+            if len(tags.terms) == 1:
+                return lambda tags, strength, parameters, *rest: None
+            return lambda tags, strength, parameters, *rest: each(other_terms(tags), strength, parameters[1:], *rest)
         if compiled is None:
             return None
         if len(tags.terms) == 1:
@@ -183,6 +188,7 @@ def kernel_of(tag, name):
 add_gradients = adding("gradients")
 add_hessians = adding("hessians")
 add_accelerations = adding("accelerate_some")
+add_inertia = adding("inertia", optional=True)
 total_value = totalling("value", 1)
 total_field = totalling("field", 3)
 total_particle_gradients = totalling("particle_gradients", 6)

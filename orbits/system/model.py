@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from orbits.forces.base import BoundForce, Force
     from orbits.forces.central import CentralForce
     from orbits.lagrangians.base import Lagrangian
-    from orbits.lagrangians.terms.base import SumOfTerms, Term
+    from orbits.lagrangians.terms.base import SumOfTerms, Summand, Term
     from orbits.system.system import System
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Modelled:
 
     def _acting(self) -> str:
         """The end of the representation of a system: its terms and forces."""
-        words = [f"{type(term).__name__} of {term.body}" for term in self.terms]
+        words = [f"{type(term).__name__} of {term.whose}" for term in self.terms]
         words += [f"{type(f).__name__} on {'all' if f.bodies is None else few(f.bodies, 3)}" for f in self.forces]
         return f"; with {', '.join(words)}" if words else ""
 
@@ -84,22 +84,34 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
     found: list[Term] = []
     for term in _each(terms, Term, "a term, such as orbits.ZonalHarmonics(...)", "terms"):
         kind = type(term).__name__
-        i = int(np.argmax(gm)) if term.body is None else index_of(term.body, names, f"body, for {kind},")
-        if not gm[i] > 0.0:
-            raise InputError(
-                f"{kind} belongs to a body with mass, but gm of {names[i]!r} is 0; expected a massive body."
-            )
-        if any(type(other) is type(term) and other.body == names[i] for other in found):
-            raise InputError(
-                f"{names[i]!r} has two terms {kind}; expected one. Remove the first: system.replaced(terms=())."
-            )
-        if term.alone and any(type(other) is type(term) for other in found):
-            raise InputError(
-                f"the system has two terms {kind}, of {found[-1].body!r} and {names[i]!r}; expected one, as they do "
-                "not add up. Remove the first: system.replaced(terms=())."
-            )
-        found.append(replace(term, body=names[i]).in_units(units))
+        named = {name: _massive(getattr(term, name), name, kind, names, gm) for name in term.others}
+        if not term.of_several:
+            heaviest = names[int(np.argmax(gm))]
+            named["body"] = _massive(heaviest if term.body is None else term.body, "body", kind, names, gm)
+        made = replace(term, **named)
+        for other in found:
+            if type(other) is type(made) and (term.alone or other.body == made.body):
+                one, two = other.whose, made.whose
+                raise InputError(
+                    f"{one!r} has two terms {kind}; expected one. Remove the first: system.replaced(terms=())."
+                    if one == two
+                    else f"the system has two terms {kind}, of {one!r} and {two!r}; expected one, as they do not add "
+                    "up. Remove the first: system.replaced(terms=())."
+                )
+        found.append(made.in_units(units))
     return tuple(found)
+
+
+def _massive(given: Any, what: str, kind: str, names: Sequence[str], gm: Array) -> Any:
+    """Return the name, or the tuple of names, of massive bodies that a term names; None for None."""
+    if given is None:
+        return None
+    if isinstance(given, tuple):
+        return tuple(_massive(name, what, kind, names, gm) for name in given)
+    i = index_of(given, names, f"{what}, for {kind},")
+    if not gm[i] > 0.0:
+        raise InputError(f"{kind} belongs to a body with mass, but gm of {names[i]!r} is 0; expected a massive body.")
+    return names[i]
 
 
 def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSystem) -> tuple[Force, ...]:
@@ -155,7 +167,8 @@ def together(one: System, other: System) -> dict[str, Any]:
 def without(system: System, gone: Set[str]) -> dict[str, Any]:
     """Return what acts in a system without some bodies: terms of others, and forces on others that they name."""
     forces = [left for left in (force.without(gone) for force in system.forces) if left is not None]
-    return {"terms": [term for term in system.terms if term.body not in gone], "forces": forces}
+    terms = [left for left in (term.without(gone) for term in system.terms) if left is not None]
+    return {"terms": terms, "forces": forces}
 
 
 def seen_from(system: System, place: Array, velocity: Array) -> dict[str, Any]:
@@ -174,9 +187,14 @@ def lagrangian_of(system: System) -> Lagrangian:
     from orbits.lagrangians.newtonian import n_body
 
     values, massive = system.values, system.massive
-    rows = np.cumsum(massive) - 1
-    summands = [term.summand(int(rows[system.index(str(term.body))]), system.units) for term in system.terms]
-    return n_body(values.gm[massive], values.softening, summands)
+    return n_body(values.gm[massive], values.softening, summands_of(system))
+
+
+def summands_of(system: System) -> list[Summand]:
+    """Return the terms of a system bound to its massive bodies."""
+    rows = np.cumsum(system.massive) - 1
+    count = int(np.count_nonzero(system.massive))
+    return [term.among(lambda name: int(rows[system.index(name)]), count, system.units) for term in system.terms]
 
 
 class Model(NamedTuple):
@@ -244,14 +262,43 @@ def axis(system: System) -> tuple[float, float, float] | None:
         return None
     from orbits.lagrangians.terms.base import axis_of
 
-    return axis_of([term.summand(0, system.units) for term in system.terms])
+    return axis_of(summands_of(system))
 
 
 def depends_on_time(system: System) -> bool:
     """Return whether a term of a system depends on time, so that energy is not conserved."""
     from orbits.lagrangians.base import TIME_DEPENDENT
 
-    return any(TIME_DEPENDENT in term.summand(0, system.units).traits for term in system.terms)
+    return any(TIME_DEPENDENT in summand.traits for summand in summands_of(system))
+
+
+def centre(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
+    """Return the centre of mass of the massive bodies, (..., 3), in which energies weigh too if a term says so.
+
+    q, v : (..., n, 3), of the massive bodies; t : times since the epoch, (...)
+    """
+    from orbits.diagnostics import centre_of_mass
+
+    gm = system.values.gm[system.massive]
+    newton = centre_of_mass(gm, q)
+    more = inertia(system, q, v, t)
+    if more is None:
+        return newton
+    # Energies are small beside masses, so that the departure from Newton's centre needs no more digits.
+    moved = np.sum(more[..., None] * (q - newton[..., None, :]), axis=-2)
+    return np.asarray(newton + moved / (gm.sum() + more.sum(axis=-1))[..., None])
+
+
+def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:
+    """Return what massive bodies weigh in the centre of mass besides GM, (..., n); None for nothing. As `centre`."""
+    if not system.terms:
+        return None
+    lagrangian = cast("SumOfTerms", lagrangian_of(system))
+    if all(summand.galilean for summand in lagrangian.summands):
+        return None
+    from orbits.lagrangians.terms.charges import inertia_of
+
+    return inertia_of(lagrangian, q, v, t)
 
 
 def acts_on_massive(system: System) -> tuple[str, ...]:

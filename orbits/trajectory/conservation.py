@@ -16,7 +16,17 @@ from orbits.body_names import few
 from orbits.diagnostics.drift import kinetic_energies, momenta, moments, own_scale, uniform_motion_drift
 from orbits.errors import InputError
 from orbits.export import html_table
-from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, acts_on_massive, axis, depends_on_time, whole
+from orbits.system.model import (
+    ANGULAR_MOMENTUM,
+    ENERGY,
+    MOMENTUM,
+    acts_on_massive,
+    axis,
+    centre,
+    depends_on_time,
+    inertia,
+    whole,
+)
 from orbits.trajectory.changes import Changes, of_bodies
 from orbits.trajectory.work import ForceEffect, accounts_of, effects
 
@@ -166,8 +176,12 @@ class Conservation:
         return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
-        """Return the centre of mass of the massive bodies, shape (n, 3)."""
-        values = self._of_massive(lambda s, q, v, t: diagnostics.centre_of_mass(gm_of(s), q))
+        """Return the centre of mass of the massive bodies, shape (n, 3).
+
+        With `PostNewtonian` of several bodies, energies weigh too: sum m* q / sum m*, m* = m [1 + (v^2 - Phi) / (2 c^2)],
+        where Phi is the sum of GM / r over the other bodies.
+        """
+        values = self._of_massive(lambda s, q, v, t: centre(s, q, v, t))
         return u.Quantity(values, self.system.units.length)
 
     def drift(self) -> ConservedQuantities:
@@ -197,16 +211,20 @@ class Conservation:
             energy=NONE if timed else self._drift(energy, lambda gm, q, v: kinetic_energies(gm, v)),
             angular_momentum=NONE if lost else self._drift(angular, moments),
             linear_momentum=self._drift(linear, lambda gm, q, v: momenta(gm, v), first=0.0),
-            centre_of_mass=NONE if forces or self._kicked() else self._uniform_motion(q, v),
+            centre_of_mass=NONE if forces or self._kicked() else self._uniform_motion(q, v, linear[0]),
             massive=tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass),
             particles=int(np.count_nonzero(~massive)),
             pole=pole,
             forces=forces,
         )
 
-    def _uniform_motion(self, q: Array, v: Array) -> diagnostics.Drift:
-        """The drift of the centre of mass from uniform motion; q, v : (n, 3) at the start."""
-        return uniform_motion_drift(gm_of(self.system), self.times, self.centre_of_mass().value, q, v)
+    def _uniform_motion(self, q: Array, v: Array, momentum: Array) -> diagnostics.Drift:
+        """The drift of the centre of mass from uniform motion; q, v : (n, 3) and the momentum at the start."""
+        gm, more = gm_of(self.system), inertia(self.system, q, v)
+        velocity = diagnostics.centre_of_mass(gm, v)
+        if more is not None:
+            velocity = momentum * self.system.units.G / (gm.sum() + more.sum())
+        return uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, velocity)
 
     def energy_lost(self) -> u.Quantity:
         """Return the energy that the massive bodies lost in mergers and bounces up to each sample, shape (n,).

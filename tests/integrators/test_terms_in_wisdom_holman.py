@@ -9,7 +9,7 @@ from orbits.elements import state_from_elements
 from orbits.errors import InputError
 from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.terms.base import SumOfTerms
-from orbits.lagrangians.terms.lense_thirring import lense_thirring
+from orbits.lagrangians.terms.frame_dragging import frame_dragging
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
 from orbits.marching.marcher import Marcher
@@ -28,7 +28,7 @@ STRONG = {
     "all": lambda row: [
         zonal_harmonics(row, 0.05, POLE, {2: 2e-3}),
         post_newtonian(row, 100.0),
-        lense_thirring(row, (1e-6, 2e-6, 5e-6)),
+        frame_dragging(row, (1e-6, 2e-6, 5e-6)),
     ],
 }
 """Terms of a star, 1e4 times as strong as those of the Sun."""

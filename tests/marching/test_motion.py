@@ -88,7 +88,7 @@ def test_the_motion_of_every_method_is_that_of_its_partial_steps(method):
 def test_the_motion_under_forces_and_terms_that_depend_on_velocities_is_that_of_partial_steps(method):
     gm, q, v = three_bodies()
     system = orbits.System.from_states(["a", "b", "c"], gm, q, v, units=orbits.DIMENSIONLESS)
-    spin = orbits.LenseThirring("a", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
+    spin = orbits.FrameDragging("a", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
     drag = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
     system = system.with_terms(spin, Swaying()).with_forces(drag)
     assert worst_against_partial_steps(system, method, 0.05) < 1e-15  # 2.2e-16

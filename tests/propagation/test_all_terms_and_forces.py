@@ -22,7 +22,7 @@ from tests.problems import kepler
 
 EPS = 2.0**-53
 POLE = (0.36, 0.48, 0.8)
-SPIN = orbits.LenseThirring("planet", spin=0.1, pole=POLE, c=3.0)
+SPIN = orbits.FrameDragging("planet", spin=0.1, pole=POLE, c=3.0)
 FLAT = orbits.ZonalHarmonics("planet", J2=0.05, radius=0.5, pole=POLE)
 TURN = Turning("planet", B=(0.3, 0.4, -0.2))
 DRAG = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
@@ -313,7 +313,7 @@ def test_a_velocity_that_momenta_do_not_determine_is_an_error_and_not_a_number()
 @pytest.mark.parametrize(
     ("system", "words"),
     [
-        (three().with_terms(SPIN), "by 'newtonian . Lense-Thirring', which is not separable"),
+        (three().with_terms(SPIN), "by 'newtonian . frame dragging', which is not separable"),
         (three().with_forces(DRAG), "with the force of drag"),
     ],
     ids=["term", "force"],

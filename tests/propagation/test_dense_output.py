@@ -246,7 +246,7 @@ def test_behind_the_last_step_the_march_goes_on_with_shorter_steps_where_it_must
 
 
 def test_terms_and_forces_act_in_partial_steps_too():
-    spin = orbits.LenseThirring("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
+    spin = orbits.FrameDragging("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
     drag = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
     start, options = system().with_terms(spin).with_forces(drag), {"dt": 0.05, "duration": 20.0, **QUIET}
     sampled = orbits.propagate(start, samples=times(), **options)

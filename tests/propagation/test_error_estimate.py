@@ -202,7 +202,7 @@ def test_a_retired_particle_has_no_bars_afterwards_and_others_keep_theirs():
 
 @pytest.mark.parametrize("method", [GAUSS, orbits.Gauss(stages=3)])
 def test_terms_and_forces_act_on_the_companions_too(method):
-    system = planets().with_terms(orbits.LenseThirring("A", spin=1e-3, pole=[0.0, 0.6, 0.8], c=100.0))
+    system = planets().with_terms(orbits.FrameDragging("A", spin=1e-3, pole=[0.0, 0.6, 0.8], c=100.0))
     system = system.with_forces(orbits.Drag(rate=1e-4, bodies=["B"]))
     bars = run_of(system, method, dt=YEAR / 40).error_estimate()
     coarse = bars["B"].position.value[-1]

@@ -238,7 +238,7 @@ def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(m
 def test_terms_and_forces_act_on_what_is_followed():
     dressed = system().with_terms(
         orbits.ZonalHarmonics("star", J2=0.05, radius=0.3, pole=POLE),
-        orbits.LenseThirring("star", spin=0.05, pole=POLE, c=3.0),
+        orbits.FrameDragging("star", spin=0.05, pole=POLE, c=3.0),
     )
     dressed = dressed.with_forces(orbits.Drag(rate=1e-3, bodies=["planet", "probe"]))
     events = sought(orbits.Pericentre("probe"), dressed, dt=0.02, duration=10.0, samples=3).events

@@ -120,13 +120,13 @@ def test_terms_and_forces_without_a_flow_in_the_map_are_refused_with_the_methods
 
     def dragged(body):
         pole = (286.13, 63.87) * u.deg
-        return system.with_terms(orbits.LenseThirring(body, spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
+        return system.with_terms(orbits.FrameDragging(body, spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
 
     slowed = system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Mars"]))
     for bodies, method, text in (
-        (dragged("Jupiter"), MAP, r"dominant body alone, 'Sun'; got LenseThirring of 'Jupiter'\. Leave it out, or"),
-        (dragged("Sun"), orbits.SABA(), r"'newtonian \+ Lense-Thirring' is not\. Use Gauss.*WisdomHolman"),
-        (dragged("Sun"), heliocentric, r"no terms besides Newton's gravity, got Lense-Thirring; in Jacobi .*Gauss"),
+        (dragged("Jupiter"), MAP, r"dominant body alone, 'Sun'; got FrameDragging of 'Jupiter'\. Leave it out, or"),
+        (dragged("Sun"), orbits.SABA(), r"'newtonian \+ frame dragging' is not\. Use Gauss.*WisdomHolman"),
+        (dragged("Sun"), heliocentric, r"no terms besides Newton's gravity, got frame dragging; in Jacobi .*Gauss"),
         (slowed, MAP, r"cannot march bodies with the force of drag\. Use Gauss"),
     ):
         with pytest.raises(InputError, match=text):

@@ -165,8 +165,8 @@ def test_a_certificate_is_measured_on_the_whole_lagrangian():
 
 
 def test_what_a_method_or_a_tool_cannot_take_is_refused(tmp_path):
-    spin = orbits.LenseThirring("planet", spin=0.1, pole=POLE, c=50)
-    with pytest.raises(InputError, match=r"'newtonian . Lense-Thirring'.* is not"):
+    spin = orbits.FrameDragging("planet", spin=0.1, pole=POLE, c=50)
+    with pytest.raises(InputError, match=r"'newtonian . frame dragging'.* is not"):
         march(three().with_terms(spin), orbits.StormerVerlet())
     with pytest.raises(InputError, match=r"cannot march bodies with the force of drag. Use .*Gauss"):
         march(three().with_forces(orbits.Drag(rate=1e-3)), orbits.StormerVerlet())
@@ -177,7 +177,7 @@ def test_what_a_method_or_a_tool_cannot_take_is_refused(tmp_path):
 
 
 def test_a_velocity_dependent_term_is_certified_in_canonical_form():
-    spin = orbits.LenseThirring("planet", spin=0.1, pole=POLE, c=3)
+    spin = orbits.FrameDragging("planet", spin=0.1, pole=POLE, c=3)
     certificate = orbits.certify(three().with_terms(spin), orbits.Gauss(stages=2), 0.05)
     assert certificate.ok, str(certificate)
 

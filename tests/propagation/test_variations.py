@@ -247,7 +247,7 @@ def test_a_particle_alone_has_the_same_derivative_by_its_own_start_and_none_by_o
 
 
 J2 = orbits.ZonalHarmonics("A", J2=0.3, J3=0.05, radius=0.1, pole=(0.1, 0.3, 0.9))
-SPIN = orbits.LenseThirring("A", spin=0.02, pole=(0.1, 0.3, 0.9), c=1.0)
+SPIN = orbits.FrameDragging("A", spin=0.02, pole=(0.1, 0.3, 0.9), c=1.0)
 
 
 @pytest.mark.parametrize(

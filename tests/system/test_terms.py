@@ -52,7 +52,7 @@ def test_numbers_are_kept_in_the_units_of_the_system(system):
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
 def test_a_copy_has_the_same_terms_and_forces(system, copied):
-    made = system.with_terms(zonal(J3=1e-8), orbits.LenseThirring(spin=1.9e41 * u.kg * u.m**2 / u.s, pole=POLE))
+    made = system.with_terms(zonal(J3=1e-8), orbits.FrameDragging(spin=1.9e41 * u.kg * u.m**2 / u.s, pole=POLE))
     made = made.with_forces(orbits.Drag(rate=1e-6 / u.yr))
     assert copied(made) == made
     # Bound again to the same bits: what was stored is not converted a second time.
@@ -119,7 +119,7 @@ def test_energy_is_that_of_the_whole_lagrangian(system):
 
 
 def test_a_velocity_dependent_term_has_momenta_but_no_energy(system):
-    made = system.with_terms(orbits.LenseThirring("Sun", spin=1e45 * u.kg * u.m**2 / u.s, pole=POLE))
+    made = system.with_terms(orbits.FrameDragging("Sun", spin=1e45 * u.kg * u.m**2 / u.s, pole=POLE))
     assert made.energy().value == pytest.approx(system.energy().value, rel=1e-15)
     assert not np.array_equal(made.angular_momentum(), system.angular_momentum())
     # Action and reaction: the momentum of the whole stays, up to the rounding of its terms.
@@ -145,11 +145,24 @@ BAD = {
     "zero pole": (lambda s: s.with_terms(zonal(pole=(0, 0, 0))), "not all of them 0"),
     "four": (lambda s: s.with_terms(zonal(pole=(0, 0, 0, 1))), "expected .right ascension, declination"),
     "word": (lambda s: s.with_terms(zonal(pole=5)), "pole of 'Sun' is 5; expected"),
-    "no spin": (lambda s: s.with_terms(orbits.LenseThirring(pole=POLE)), "spin is missing"),
-    "no source": (lambda s: s.with_terms(orbits.PostNewtonian()), r"sources is None; expected the name of the central"),
-    "sources": (
-        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun", "Jupiter"])),
-        r"has \['Sun', 'Jupiter'\]; expected one body",
+    "no spin": (lambda s: s.with_terms(orbits.FrameDragging(pole=POLE)), "spin is missing"),
+    "no source": (lambda s: s.with_terms(orbits.PostNewtonian(sources=[])), r"sources is \[\]; expected names of"),
+    "no names": (lambda s: s.with_terms(orbits.PostNewtonian(sources=[1])), r"sources is \[1\]; expected names of"),
+    "one source twice": (
+        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun", "sun"])),
+        r"sources names one body twice, \['Sun', 'sun'\]",
+    ),
+    "source and body": (
+        lambda s: s.with_terms(orbits.PostNewtonian("Sun", sources=["Jupiter"])),
+        "body is 'Sun' and sources is .'Jupiter'.; expected sources alone",
+    ),
+    "one of several massless": (
+        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun", "Ceres"])),
+        "gm of 'Ceres' is 0; expected a massive body",
+    ),
+    "all and one": (
+        lambda s: s.with_terms(orbits.PostNewtonian(), orbits.PostNewtonian(sources=["Sun"])),
+        "two terms PostNewtonian, of 'all bodies' and 'Sun'; expected one",
     ),
     "two fields": (
         lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun"]), orbits.PostNewtonian(sources=["Jupiter"])),
@@ -197,8 +210,8 @@ def test_dimensionless_systems_take_plain_numbers_and_ask_for_the_speed_of_light
     assert made.terms[0].pole == (0, 0, 1)
     assert made == pickle.loads(pickle.dumps(made))
     with pytest.raises(InputError, match="has no speed of light: give c="):
-        system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1)))
+        system.with_terms(orbits.FrameDragging("a", spin=0.1, pole=(0, 0, 1)))
     with pytest.raises(InputError, match="has no speed of light: give c="):
         system.with_terms(orbits.PostNewtonian(sources=["a"]))
     assert system.with_terms(orbits.PostNewtonian(sources="A", c=100)).terms[0].sources == ("a",)
-    assert system.with_terms(orbits.LenseThirring("a", spin=0.1, pole=(0, 0, 1), c=100)).terms[0].c.value == 100
+    assert system.with_terms(orbits.FrameDragging("a", spin=0.1, pole=(0, 0, 1), c=100)).terms[0].c.value == 100

@@ -6,6 +6,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
+from numba.np.arrayobj import populate_array
 
 from orbits.kernels.lanes.type import (
     DOUBLE,
@@ -123,6 +124,28 @@ def _put(array, index, value):
     if is_contiguous(array, 1):
         return lambda array, index, value: _store_element(array, index, value)
     return None
+
+
+@intrinsic
+def room(typingctx, count, like):
+    """Return `count` numbers, or rows of eight if `like` has such rows, on the stack: workspace until the kernel that
+    calls this returns. A kernel calls it once, outside of loops, for at most a megabyte.
+    """
+    if not (is_contiguous(like, 1, 2) and isinstance(count, types.Integer)):
+        return None
+    found = types.Array(types.float64, like.ndim, "C")
+
+    def codegen(context, builder, sig, args):
+        shape = [context.cast(builder, args[0], sig.args[0], types.int64), INT64(WIDTH)][: like.ndim]
+        strides = [INT64(8)] if like.ndim == 1 else [INT64(8 * WIDTH), INT64(8)]
+        elements = shape[0] if like.ndim == 1 else builder.mul(*shape)
+        data = builder.alloca(DOUBLE, size=elements)
+        data.align = 64
+        array = context.make_array(found)(context, builder)
+        populate_array(array, data=data, shape=shape, strides=strides, itemsize=INT64(8), meminfo=None)
+        return array._getvalue()
+
+    return found(count, like), codegen
 
 
 @intrinsic

@@ -8,6 +8,8 @@ A term is one file: kernels, and a frozen dataclass for users, with units. Its k
     accelerate_some(strength, own, q, out, start, stop)    adds the accelerations of bodies start ... stop - 1
     field(strength, own, sources, x, y, z)                 returns the acceleration of a massless particle
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
+    inertia(strength, own, t, q, v, out)    adds to out, (n,), what each body weighs in the centre of mass besides GM,
+                                        for terms without Galilean symmetry
     about(strength, own, gm, r, w)      returns the derivatives, per GM, of the part of L of a body at r with velocity
                                         w relative to that of the term, for terms that are ABOUT_ONE_BODY
 
@@ -20,7 +22,7 @@ in lanes: read with get(q, k), write with put(out, k, value).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -48,6 +50,7 @@ class Summand:
     tag, parameters : its kernels and its vector
     traits : properties that methods may require, see `orbits.lagrangians.base`
     axis : the axis of its rotational symmetry, a unit vector; None if it is invariant under all rotations
+    galilean : whether boosts leave it unchanged, so that the centre of mass by GM moves uniformly
     beside_newton : for a term with the attraction of the bodies themselves, which Newton's is left out for: the
         parameters with which it is, added to Newton's of all pairs, the same Lagrangian
     """
@@ -58,6 +61,7 @@ class Summand:
     parameters: Array
     traits: frozenset[str]
     axis: Vector | None
+    galilean: bool = True
     beside_newton: Array | None = None
 
 
@@ -67,12 +71,24 @@ class Term:
 
     kind : its name in archives
     alone : whether a system can have only one of this kind
+    others : fields with names of further massive bodies: a name, a tuple of names, or None
     body : the name of the massive body to which the term belongs; None for the most massive one
     """
 
     kind: ClassVar[str]
     alone: ClassVar[bool] = False
+    others: ClassVar[tuple[str, ...]] = ()
     body: str | None = None
+
+    @property
+    def of_several(self) -> bool:
+        """Whether the term belongs to several bodies or to all, so that `body` stays None."""
+        return False
+
+    @property
+    def whose(self) -> str:
+        """The bodies to which the term belongs, for messages."""
+        return str(self.body)
 
     def in_units(self, units: Any) -> Self:
         """Return this term with its numbers checked and in the units of a system.
@@ -84,6 +100,17 @@ class Term:
     def summand(self, row: int, units: Any) -> Summand:
         """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
+
+    def among(self, row: Callable[[str], int], bodies: int, units: Any) -> Summand:
+        """Return this term bound to the massive bodies of a system.
+
+        row : returns the number of one of them from its name; bodies : how many there are
+        """
+        return self.summand(row(str(self.body)), units)
+
+    def without(self, gone: Set[str]) -> Self | None:
+        """Return this term for a system without some bodies; None if nothing is left of it."""
+        return None if self.body in gone else self
 
     def check_start(self, system: Any) -> None:
         """Raise InputError if this term does not describe the motion of a system in its state at the start of a run."""
@@ -138,10 +165,12 @@ def kept(symmetries: Sequence[Symmetry], summands: Sequence[Summand], bodies: in
     """Return the symmetries of Newton's Lagrangian that the terms keep: translations, boosts, rotations about an
     axis.
     """
-    axis = axis_of(summands)
+    axis, left = axis_of(summands), list(symmetries)
+    if not all(summand.galilean for summand in summands):
+        left = [symmetry for symmetry in left if not symmetry.name.startswith("boost")]
     if axis is None:
-        return tuple(symmetries)
-    others = [symmetry for symmetry in symmetries if not symmetry.name.startswith("rotation")]
+        return tuple(left)
+    others = [symmetry for symmetry in left if not symmetry.name.startswith("rotation")]
     if any(axis):
         others.append(rotation(axis, copies=bodies, name="rotation about the pole"))
     return tuple(others)

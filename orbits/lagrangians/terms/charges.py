@@ -1,4 +1,4 @@
-"""The contributions of terms to the energy and the momenta of the massive bodies."""
+"""The contributions of terms to the energy, the momenta and the centre of mass of the massive bodies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits.kernels.binding import add_gradients, other_terms, total_value
+from orbits.kernels.binding import add_gradients, add_inertia, other_terms, total_value
 from orbits.kernels.compile import kernel
 from orbits.lagrangians.terms.base import Array, SumOfTerms
 
@@ -51,12 +51,39 @@ def charges(lagrangian: SumOfTerms, q: Array, v: Array, t: Any = 0.0) -> tuple[A
     q, v : (..., n, 3) of the massive bodies; t : a time, or (...)
     In float64 arithmetic: accurate to about 1e-16 of the terms' own energy.
     """
+    x, w, times = _samples(q, v, t)
+    out = np.empty((len(x), 7))
+    scratch = np.zeros((2, x.shape[1]))
+    write_charges(lagrangian.tag, beside_newton(lagrangian), times, x, w, scratch[0], scratch[1], out)
+    found = out.reshape((*q.shape[:-2], 7))
+    return found[..., 0], found[..., 1:4], found[..., 4:7]
+
+
+@kernel
+def write_inertia(tag, parameters, t, q, v, out):
+    """Write what each body weighs in the centre of mass besides GM for each sample, as `write_charges`; out :
+    (samples, n).
+    """
+    for k in range(q.shape[0]):
+        for i in range(out.shape[1]):
+            out[k, i] = 0.0
+        add_inertia(other_terms(tag), parameters[0], parameters[1:], t[k], q[k], v[k], out[k])
+
+
+def inertia_of(lagrangian: SumOfTerms, q: Array, v: Array, t: Any = 0.0) -> Array:
+    """Return what each massive body weighs in the centre of mass besides its mass, times G, (..., n).
+
+    q, v : (..., n, 3) of the massive bodies; t : a time, or (...)
+    """
+    x, w, times = _samples(q, v, t)
+    out = np.empty((len(x), q.shape[-2]))
+    write_inertia(lagrangian.tag, lagrangian.parameter_vector, times, x, w, out)
+    return out.reshape(q.shape[:-1])
+
+
+def _samples(q: Array, v: Array, t: Any) -> tuple[Array, Array, Array]:
+    """Return states and times of all samples as the kernels take them."""
     shape, n = q.shape[:-2], q.shape[-2]
     samples = int(np.prod(shape, dtype=np.int64))
     x, w = (np.ascontiguousarray(np.moveaxis(a, -1, -2)).reshape(samples, 3 * n) for a in (q, v))
-    times = np.ascontiguousarray(np.broadcast_to(np.asarray(t, dtype=np.float64), shape)).reshape(samples)
-    out = np.empty((samples, 7))
-    scratch = np.zeros((2, 3 * n))
-    write_charges(lagrangian.tag, beside_newton(lagrangian), times, x, w, scratch[0], scratch[1], out)
-    found = out.reshape((*shape, 7))
-    return found[..., 0], found[..., 1:4], found[..., 4:7]
+    return x, w, np.ascontiguousarray(np.broadcast_to(np.asarray(t, dtype=np.float64), shape)).reshape(samples)

@@ -1,4 +1,5 @@
-"""Relativity to first post-Newtonian order, by one central body: Schwarzschild's field for all others.
+"""Relativity to first post-Newtonian order: the term `PostNewtonian`, and its form for one central body, Schwarzschild's
+field for all others. (`orbits.lagrangians.terms.einstein_infeld_hoffmann` has that for several bodies.)
 
     L = (1/c^2) sum_i m' [w^4/8 + 3/2 M w^2/r - M^2/(2 r^2)],     r = |q_i - q_s|,  w = v_i - v_s,
         M = G (m_i + m_s),  m' = m_i m_s / (m_i + m_s)
@@ -22,17 +23,20 @@ Source: Einstein, Infeld & Hoffmann (1938), Ann. Math. 39, 65; Landau & Lifshitz
 
 from __future__ import annotations
 
+from collections.abc import Callable, Set
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.body_names import few
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
 from orbits.lagrangians.terms.base import Summand, Term, number
+from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
 from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference
 
 TOO_STRONG = 1e-2
@@ -147,39 +151,57 @@ def post_newtonian(row: int, c: float) -> Summand:
 
 @dataclass(frozen=True)
 class PostNewtonian(Term):
-    """General relativity to first post-Newtonian order, by the field of one body: Mercury's 43" in a century.
+    """General relativity to first post-Newtonian order: Mercury's 43" in a century, the Lagrangian of Einstein, Infeld
+    and Hoffmann.
 
+        system.with_terms(orbits.PostNewtonian())
         system.with_terms(orbits.PostNewtonian(sources=["Sun"]))
 
-    sources : the name of the massive body whose field is relativistic, in a list
+    sources : the names of the massive bodies whose fields are relativistic; by default all
     c : the speed of light; required if units are dimensionless
 
-    The relativity of the other bodies' fields is left out: 1e-3 of this for the planets, by Jupiter. `body` is the same
-    name, and need not be given.
+    By all bodies it takes two sums over pairs; with some of them as sources, over pairs with a source. With one source,
+    the others move in its field of Schwarzschild, by their velocities relative to it, which `WisdomHolman` takes too;
+    that leaves out 1e-3 of the effect for the planets, by Jupiter. `body` is the name of a single source, and need not
+    be given.
     """
 
     kind: ClassVar[str] = "post-newtonian"
     alone: ClassVar[bool] = True
+    others: ClassVar[tuple[str, ...]] = ("sources",)
     sources: Any = None
     c: Any = None
 
     def __post_init__(self) -> None:
-        """Raise InputError unless one body is named."""
+        """Raise InputError for anything but names, each once."""
         given = self.body if self.sources is None else self.sources
+        if given is None:
+            return
         named = [given] if isinstance(given, str) else given
         if not isinstance(named, list | tuple) or not all(isinstance(name, str) for name in named) or not named:
             raise InputError(
-                f"PostNewtonian: sources is {shown(self.sources)}; expected the name of the central body in a list, "
-                "such as sources=['Sun']. The field of all bodies, by Einstein, Infeld and Hoffmann, is not known here."
+                f"PostNewtonian: sources is {shown(self.sources)}; expected names of massive bodies in a list, such as "
+                "sources=['Sun'], or nothing for all of them."
             )
-        one = named[0] if self.body is None else self.body
-        if len(named) > 1 or one.casefold() != named[0].casefold():
+        alike = {name.casefold() for name in named}
+        if len(alike) < len(named):
+            raise InputError(f"PostNewtonian: sources names one body twice, {shown([*named])}; expected each once.")
+        if self.body is not None and alike != {self.body.casefold()}:
             raise InputError(
-                f"PostNewtonian: sources has {shown([*named, one] if one not in named else [*named])}; expected one "
-                "body, as the fields of several do not add up. Name the one about which the others move."
+                f"PostNewtonian: body is {self.body!r} and sources is {shown([*named])}; expected sources alone."
             )
-        object.__setattr__(self, "sources", (one,))
-        object.__setattr__(self, "body", one)
+        object.__setattr__(self, "sources", tuple(named))
+        object.__setattr__(self, "body", named[0] if len(named) == 1 else None)
+
+    @property
+    def of_several(self) -> bool:
+        """Whether it has several sources."""
+        return self.body is None
+
+    @property
+    def whose(self) -> str:
+        """The sources."""
+        return "all bodies" if self.sources is None else few(self.sources, 3)
 
     def in_units(self, units: Any) -> Self:
         """Return this term with c in the system's units."""
@@ -190,24 +212,49 @@ class PostNewtonian(Term):
             raise InputError(f"PostNewtonian: c is {c:g}; expected a speed > 0.")
         return replace(self, c=c * units.speed)
 
+    def without(self, gone: Set[str]) -> Self | None:
+        """Return this term with the sources that are left; None without any."""
+        if self.sources is None:
+            return self
+        left = tuple(name for name in self.sources if name not in gone)
+        return replace(self, sources=left, body=None) if left else None
+
     def check_start(self, system: Any) -> None:
         """Raise InputError if a body moves so fast, or is so deep in the field, that the next order is needed."""
         gm, q, v, _ = system.values
-        source = system.index(self.body)
-        others = np.arange(len(gm)) != source
-        r = np.linalg.norm(q - q[source], axis=1)[others]
-        v2 = (np.linalg.norm(v - v[source], axis=1) ** 2)[others]
         c = float(system.units.speed_value(self.c))
-        with np.errstate(divide="ignore"):
-            strength = np.maximum(v2, 2.0 * (gm[source] + gm[others]) / r) / c**2
-        if strength.size and not strength.max() <= TOO_STRONG:
-            body, most = system.names[int(np.flatnonzero(others)[strength.argmax()])], float(strength.max())
+        names = system.names if self.sources is None else self.sources
+        for source in (system.index(name) for name in names):
+            if not gm[source] > 0.0:
+                continue
+            others = np.arange(len(gm)) != source
+            r = np.linalg.norm(q - q[source], axis=1)[others]
+            v2 = (np.linalg.norm(v - v[source], axis=1) ** 2)[others]
+            with np.errstate(divide="ignore"):
+                strength = np.maximum(v2, 2.0 * (gm[source] + gm[others]) / r) / c**2
+            if strength.size and not strength.max() <= TOO_STRONG:
+                body, most = system.names[int(np.flatnonzero(others)[strength.argmax()])], float(strength.max())
+                raise InputError(
+                    f"{body!r} moves about {system.names[source]!r} with {100 * most**0.5:.3g} % of the speed of light, "
+                    f"or would by falling there from far away: (v/c)^2 = {most:.3g}, and PostNewtonian leaves out its "
+                    f"square. Expected at most {TOO_STRONG:g}; nothing here takes stronger fields."
+                )
+        speeds = np.linalg.norm(v, axis=1)
+        if self.of_several and not (speeds.max() / c) ** 2 <= TOO_STRONG:
+            body, most = system.names[int(speeds.argmax())], float(speeds.max() / c)
             raise InputError(
-                f"{body!r} moves about {self.body!r} with {100 * most**0.5:.3g} % of the speed of light, or would by "
-                f"falling there from far away: (v/c)^2 = {most:.3g}, and PostNewtonian leaves out its square. Expected "
-                f"at most {TOO_STRONG:g}; nothing here takes stronger fields."
+                f"{body!r} moves with {100 * most:.3g} % of the speed of light: (v/c)^2 = {most * most:.3g}, and "
+                f"PostNewtonian leaves out its square. Expected at most {TOO_STRONG:g}. If all bodies move like that, "
+                "system.barycentric() is the system as seen from its centre of mass."
             )
 
     def summand(self, row: int, units: Any) -> Summand:
-        """Return the term for the massive body of that row."""
+        """Return the term for the massive body of that row as the only source."""
         return post_newtonian(row, float(units.speed_value(self.c)))
+
+    def among(self, row: Callable[[str], int], bodies: int, units: Any) -> Summand:
+        """Return the term with its sources."""
+        if not self.of_several:
+            return super().among(row, bodies, units)
+        rows = range(bodies) if self.sources is None else [row(name) for name in self.sources]
+        return einstein_infeld_hoffmann(rows, bodies, float(units.speed_value(self.c)))

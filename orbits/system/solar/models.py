@@ -89,8 +89,9 @@ def relativistic_terms(names: Sequence[str], day: float) -> list[Term]:
 
     km = u.km
     terms: list[Term] = []
+    sources = [name for name in names if name in APART]
+    terms.append(PostNewtonian(sources=sources))
     if "Sun" in names:
-        terms.append(PostNewtonian(sources=["Sun"]))
         pole = constants.SUN_POLE * u.deg
         terms.append(ZonalHarmonics("Sun", J2=constant("J2SUN"), radius=constant("ASUN") * km, pole=pole))
     if "Earth" in names:
@@ -103,7 +104,7 @@ def relativistic_terms(names: Sequence[str], day: float) -> list[Term]:
 def _full(system: System, day: float, small: tuple[Floats, Floats]) -> System:
     """Return Sun, planets and Moon, relative to the Solar System barycentre, with all else that acts in DE440."""
     from orbits.forces.mass_loss import MassLoss
-    from orbits.lagrangians.terms.lense_thirring import LenseThirring
+    from orbits.lagrangians.terms.frame_dragging import FrameDragging
     from orbits.lagrangians.terms.minor_bodies import MinorBodies
 
     known, sun = small_bodies.small_bodies(), system.index("Sun")
@@ -124,7 +125,7 @@ def _full(system: System, day: float, small: tuple[Floats, Floats]) -> System:
         v=np.vstack([v, more_v]),
         terms=[
             *relativistic_terms(system.names, day),
-            LenseThirring("Sun", spin=spin, pole=constants.SUN_POLE * u.deg),
+            FrameDragging("Sun", spin=spin, pole=constants.SUN_POLE * u.deg),
             MinorBodies(bodies=[*minor, *ring_names]),
         ],
         forces=[MassLoss(source="Sun", fraction=constant("GMSDOT") / u.yr)],

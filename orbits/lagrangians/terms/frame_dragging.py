@@ -1,4 +1,4 @@
-"""Lense–Thirring: frame dragging by a spinning body, a force linear in velocities like that of a magnetic field.
+"""Frame dragging by a spinning body (Lense and Thirring): a force linear in velocities, like that of a magnetic field.
 
     L = -(2 G / c^2) sum_i m_i S . (r_i x w_i) / r_i^3,     r_i = q_i - q_b,   w_i = v_i - v_b
 
@@ -112,7 +112,7 @@ def particle_gradients(strength, own, t, sources, speeds, place, velocity):
 
 
 TAG = Tag(
-    "lense-thirring",
+    "frame-dragging",
     {
         "value": value,
         "gradients": gradients,
@@ -123,11 +123,11 @@ TAG = Tag(
 )
 
 
-def lense_thirring(row: int, k: Vector) -> Summand:
+def frame_dragging(row: int, k: Vector) -> Summand:
     """Return the term for the massive body of that row, counted from 0; k : -(2 G / c^2) S, length^3 / time."""
     length = float(np.linalg.norm(k))
     return Summand(
-        name="Lense-Thirring",
+        name="frame dragging",
         formula="-(2 G / c^2) sum m S . (r x w) / r^3",
         tag=TAG,
         parameters=np.array([row, *k], dtype=np.float64),
@@ -137,17 +137,17 @@ def lense_thirring(row: int, k: Vector) -> Summand:
 
 
 @dataclass(frozen=True)
-class LenseThirring(Term):
+class FrameDragging(Term):
     """The frame dragging by a spinning body, to first order in its spin.
 
-        system.with_terms(orbits.LenseThirring("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=(286.13, 63.87) * u.deg))
+        system.with_terms(orbits.FrameDragging("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=(286.13, 63.87) * u.deg))
 
     body : the massive body that spins; by default the most massive one
     spin : its angular momentum, > 0; pole : its direction, (right ascension, declination) or a vector
     c : the speed of light; required if units are dimensionless
     """
 
-    kind: ClassVar[str] = "lense-thirring"
+    kind: ClassVar[str] = "frame-dragging"
     spin: Any = None
     pole: Any = None
     c: Any = None
@@ -157,15 +157,15 @@ class LenseThirring(Term):
         whose = f" of {self.body!r}" if self.body else ""
         if self.spin is None:
             raise InputError(
-                f"LenseThirring{whose}: spin is missing; expected an angular momentum, such as 1.9e41 kg m2/s."
+                f"FrameDragging{whose}: spin is missing; expected an angular momentum, such as 1.9e41 kg m2/s."
             )
         if self.c is None and not units.is_physical:
-            raise InputError(f"LenseThirring{whose}: c is missing; {units.name} has no speed of light: give c=...")
+            raise InputError(f"FrameDragging{whose}: c is missing; {units.name} has no speed of light: give c=...")
         spin = number(units.angular_momentum_value(self.spin, f"spin{whose}"), f"spin{whose}")
         c = units.speed_of_light if self.c is None else number(units.speed_value(self.c, "c"), "c")
         if not (spin > 0.0 and c > 0.0):
             raise InputError(
-                f"LenseThirring{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the "
+                f"FrameDragging{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the "
                 "other way has the opposite pole."
             )
         pole = pole_direction(self.pole, f"pole{whose}", units)
@@ -175,4 +175,4 @@ class LenseThirring(Term):
         """Return the term for the massive body of that row."""
         spin, c = float(units.angular_momentum_value(self.spin)), float(units.speed_value(self.c))
         size = -2.0 * units.G * spin / (c * c)
-        return lense_thirring(row, (size * self.pole[0], size * self.pole[1], size * self.pole[2]))
+        return frame_dragging(row, (size * self.pole[0], size * self.pole[1], size * self.pole[2]))
