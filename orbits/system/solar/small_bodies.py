@@ -1,14 +1,16 @@
 """States of the asteroids and trans-Neptunian objects of DE440 at any date near 2000 to 2030, as floats.
 
 Their osculating elements are known for one date, MJD 59800; from there they were integrated, with all that the model
-"full" contains, to the `DAYS` of a bundled table. A date between is at most 548 days from one of these, and is reached
-by a march from it that begins with Sun and planets of DE440.
+"full" contains, to the `DAYS` of a bundled table. The sixteen largest asteroids have there the states of JPL's own
+integration, sb441-n16. A date between is at most 548 days from one of these, and is reached by a march from it that
+begins with Sun and planets of DE440.
 """
 
 from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -142,13 +144,22 @@ def relative(system: System, x: Floats) -> Floats:
     return np.asarray(x[rows] - x[system.index("Sun")])
 
 
-def write_table(path: Path) -> None:
-    """Integrate from the elements to all dates of the table, with Sun and planets of DE440 at each, and write it."""
-    day, q, v = from_elements()
+def write_table(path: Path, known: Callable[[float], Mapping[str, Floats]]) -> None:
+    """Integrate from the elements to all dates of the table, with Sun and planets of DE440 at each, and write it.
+
+    known : returns heliocentric states (6,) of some of them at a Julian date, by their key, which are taken instead
+    """
+
+    def replaced(state: Floats, day: float) -> Floats:
+        better = known(day)
+        return np.array([better.get(key, row) for key, row in zip(small_bodies().keys, state, strict=True)])
+
+    begin, q, v = from_elements()
     found = np.empty((COUNT, len(q), 6))
-    for order in (np.flatnonzero(day < DAYS), np.flatnonzero(day > DAYS)[::-1]):
-        at, here = day, (q, v)
+    for order in (np.flatnonzero(begin < DAYS), np.flatnonzero(begin > DAYS)[::-1]):
+        day, state = begin, replaced(np.hstack([q, v]), begin)
         for k in order:
-            here, at = carried(*here, at, float(DAYS[k]) - at), float(DAYS[k])
-            found[k] = np.hstack(here)
+            there = carried(state[:, :3], state[:, 3:], day, float(DAYS[k]) - day)
+            day, state = float(DAYS[k]), replaced(np.hstack(there), float(DAYS[k]))
+            found[k] = state
     np.save(path, found, allow_pickle=False)
