@@ -98,6 +98,12 @@ def relativistic_terms(names: Sequence[str], day: float) -> list[Term]:
         J2, J3, J4 = (constant(name) for name in ("J2E", "J3E", "J4E"))
         pole = constants.earth_pole(day)
         terms.append(ZonalHarmonics("Earth", J2=J2, J3=J3, J4=J4, radius=constant("RE") * km, pole=pole))
+    if "Moon" in names:
+        # C22 of a Moon that always faces the Earth pulls it as 6 C22 more of J2 do: V = -(GM R^2 / r^3) (J2/2 + 3 C22).
+        # Its axis is that of the ecliptic, to 1.5 degrees.
+        J2 = constant("J2M") + 6.0 * constant("C22M")
+        pole = tuple(kepler.from_frame(np.array([0.0, 0.0, 1.0]), "ecliptic"))
+        terms.append(ZonalHarmonics("Moon", J2=J2, radius=constant("AM") * km, pole=pole))
     return terms
 
 
