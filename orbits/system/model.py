@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from orbits.forces.base import BoundForce, Force
     from orbits.forces.central import CentralForce
     from orbits.lagrangians.base import Lagrangian
-    from orbits.lagrangians.terms.base import SumOfTerms, Summand, Term
+    from orbits.lagrangians.terms.base import Summand, SumOfTerms, Term
     from orbits.system.system import System
 
 Array = NDArray[np.float64]

@@ -172,8 +172,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
             Earth, Moon and Jupiter alone. Positions in systems with different bodies can be compared only for "ssb"
         model : what acts: "newtonian", point masses; "relativistic", with Earth and Moon apart, relativity and the
             figures of Sun, Earth and Moon; or "full", which adds 343 asteroids, 30 trans-Neptunian objects and the ring
-            of DE440, frame dragging and the Sun's loss of mass. `orbits.solar_model` says what each contains, and how far
-            it is from DE440
+            of DE440, frame dragging and the Sun's loss of mass. `orbits.solar_model` says what each contains, and how
+            far it is from DE440
 
         Raises UnknownNameError for a body that DE440 does not have, another origin or model, EpochError for an epoch
         that it does not cover, InputError for bodies that a model does not take.

@@ -52,9 +52,9 @@ def solar_gm(gm: float, day: float) -> float:
 
 
 def earth_pole(day: float) -> tuple[float, float, float]:
-    """Return the mean pole of the Earth at a Julian date, TDB, as a unit vector in the ICRF; the frame bias is left out.
+    """Return the mean pole of the Earth at a Julian date, TDB, as a unit vector in the ICRF.
 
-    Good to 1" from 1900 to 2100.
+    Without the frame bias; good to 1" from 1900 to 2100.
     """
     century = (day - J2000) / (100.0 * JULIAN_YEAR)
     theta, zeta = (math.radians(rate * century / 3600.0) for rate in GENERAL_PRECESSION)

@@ -10,8 +10,8 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits import ephemeris
 from orbits import elements as kepler
+from orbits import ephemeris
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.system.solar import constants, small_bodies
 from orbits.system.solar.constants import constant
@@ -42,8 +42,8 @@ def checked_model(model: Any) -> str:
     if model in NAMES:
         return str(model)
     raise UnknownNameError(
-        f"there is no model {shown(model)} of the Solar System; expected 'newtonian', point masses, 'relativistic', with "
-        "relativity and the figures of Sun, Earth and Moon, or 'full', with the asteroids of DE440 and more."
+        f"there is no model {shown(model)} of the Solar System; expected 'newtonian', point masses, 'relativistic', "
+        "with relativity and the figures of Sun, Earth and Moon, or 'full', with the asteroids of DE440 and more."
     )
 
 
@@ -58,8 +58,8 @@ def modelled(cls: type[System], model: str, epoch: Time, bodies: Sequence[str] |
     given = from_ephemeris(epoch, APART if bodies is None else bodies)
     if "Earth-Moon barycenter" in given["names"]:
         raise InputError(
-            f"bodies has 'Earth-Moon barycenter', but in the model {model!r} the Earth and the Moon are apart; expected "
-            "'Earth' and 'Moon'. The figures of both act on their orbits."
+            f"bodies has 'Earth-Moon barycenter', but in the model {model!r} the Earth and the Moon are apart; "
+            "expected 'Earth' and 'Moon'. The figures of both act on their orbits."
         )
     if model == FULL and bodies is not None:
         raise InputError(
@@ -122,7 +122,8 @@ def _full(system: System, day: float, small: tuple[Floats, Floats]) -> System:
     ring_names = [f"ring {k + 1}" for k in range(len(ring_gm))]
     more_q, more_v = np.vstack([small[0], ring_q]) + q[sun], np.vstack([small[1], ring_v]) + v[sun]
     names = [*system.names, *known.names, *ring_names]
-    minor = [name for name, mass, key in zip(known.names, known.gm, known.keys, strict=True) if mass < LARGEST or key >= "MA8"]
+    rows = zip(known.names, known.gm, known.keys, strict=True)
+    minor = [name for name, mass, key in rows if mass < LARGEST or key >= "MA8"]
     spin = constants.solar_spin() * own[sun] / system.units.G
     return system.replaced(
         names=names,

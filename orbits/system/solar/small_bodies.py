@@ -80,7 +80,8 @@ def from_elements() -> tuple[float, Floats, Floats]:
     def column(name: str) -> Floats:
         return np.array([float(row[name]) for row in rows])
 
-    angles = {name: np.radians(column(key)) for name, key in (("inc", "i"), ("Omega", "om"), ("omega", "w"), ("M", "ma"))}
+    known = (("inc", "i"), ("Omega", "om"), ("omega", "w"), ("M", "ma"))
+    angles = {name: np.radians(column(key)) for name, key in known}
     gm = np.full(len(rows), ephemeris.gm(["Sun"])[0])  # JPL's elements are those of massless bodies
     q, v = kepler.state_from_elements(gm, a=column("a"), e=column("e"), **angles, names=small_bodies().names)
     (epoch,) = set(column("epoch_mjd").tolist())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
@@ -18,11 +20,13 @@ from orbits.body_names import chosen, few
 from orbits.errors import EpochError, InputError
 from orbits.export import html_table, text_table
 from orbits.json_text import json_text
-from orbits.regression.kernels import DE440, Kernel, dates, opened
+from orbits.regression.kernels import DE440, Kernel, dates, is_kernel, opened
 from orbits.spk.bodies import known_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from orbits.system import System
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -88,18 +92,25 @@ class Residuals:
     def _repr_html_(self) -> str:
         return html_table(*self._rows())
 
-    def to_json(self, path: str | PathLike[str] | None = None) -> str:
-        """Return the residuals as JSON, with those of all samples; also written to `path` if one is given."""
-        record = {
+    @property
+    def stem(self) -> str:
+        """The ephemeris and the method in a form for file names."""
+        return re.sub(r"[^a-z0-9]+", "-", f"{self.kernel.removesuffix('.bsp')} {self.method}".lower()).strip("-")
+
+    def record(self) -> dict[str, Any]:
+        """Return what the table has, by name."""
+        return {
             "kernel": self.kernel,
             "method": self.method,
-            "years": self.years.tolist(),
             "largest_km": self.largest(),
             "last_tenth_km": self.last_tenth(),
             "not_in_kernel": list(self.left_out),
-            "km": {name: x.tolist() for name, x in self.km.items()},
         }
-        text = json_text(record)
+
+    def to_json(self, path: str | PathLike[str] | None = None) -> str:
+        """Return the residuals as JSON, with those of all samples; also written to `path` if one is given."""
+        samples = {"years": self.years.tolist(), "km": {name: x.tolist() for name, x in self.km.items()}}
+        text = json_text(self.record() | samples)
         if path is not None:
             Path(path).write_text(text + "\n", encoding="utf-8")
         return text
@@ -128,9 +139,10 @@ def residuals(
     ids: Mapping[str, int] | None = None,
     title: str = "Residuals",
 ) -> Residuals:
-    """Return how far a run is from an ephemeris, at its samples: positions from the Sun, and of the Moon from the Earth.
+    """Return how far a run is from an ephemeris, at its samples: positions from the Sun, of the Moon from the Earth.
 
-        run = orbits.propagate(orbits.System.solar_system(model="relativistic"), dt="1 d", duration="20 yr", samples=500)
+        system = orbits.System.solar_system(model="relativistic")
+        run = orbits.propagate(system, dt="3 d", duration="20 yr", samples=500)
         print(orbits.residuals(run))
 
     run : of a system with an epoch and a body "Sun"
@@ -142,41 +154,65 @@ def residuals(
     Raises InputError for a run without an epoch or a Sun, a file that is no such kernel, and a body asked for that it
     does not have; EpochError for times that it does not cover.
     """
-    system = run.system
+    days = np.asarray(run.t.to_value(u.day))
+    with _common(run.system, against, days, bodies, ids) as (kernel, known, missing, whole, rests):
+        found = _differences(run, kernel, known, whole, rests)
+    return Residuals(kernel.name, run.integrator.label, days / YEAR, found, missing, title)
+
+
+def check_covered(system: System, against: str | PathLike[str], days: Array) -> None:
+    """Raise what `residuals` would raise for a run of a system with samples at these days since its epoch."""
+    ends = np.array([days.min(), days.max()])
+    with _common(system, against, ends, None, None) as (kernel, known, _, whole, rests):
+        for number in known.values():
+            kernel.relative(number, SUN, whole, rests)
+
+
+@contextmanager
+def _common(
+    system: System,
+    against: str | PathLike[str],
+    days: Array,
+    bodies: Sequence[str] | None,
+    ids: Mapping[str, int] | None,
+) -> Iterator[tuple[Kernel, dict[str, int], tuple[str, ...], Array, Array]]:
+    """Open an ephemeris, and find the bodies that it has of a system, and the dates at days since the epoch."""
     epoch = system.epoch
     if epoch is None:
         raise EpochError("the run has no epoch, so that an ephemeris has no times for it; give the system an epoch.")
     if "Sun" not in system.names:
         raise InputError("the run has no body 'Sun', from which positions are compared; name the star so.")
-    names = [system.names[i] for i in chosen(system.names, bodies)]
-    known = {name: known_number(name, ids) for name in names if name != "Sun"}
-    days = np.asarray(run.t.to_value(u.day))
+    names = np.array(system.names, dtype=object)[chosen(system.names, bodies)].tolist()
+    numbers = {name: known_number(name, ids) for name in names if name != "Sun"}
     whole, rests = dates(epoch.jd1, epoch.jd2, days)
     first, last = float((whole + rests).min()), float((whole + rests).max())
     with opened(against, first, last) as kernel:
-        missing = [name for name, number in known.items() if number is None or not kernel.has(number)]
+        known = {name: number for name, number in numbers.items() if number is not None and kernel.has(number)}
+        missing = tuple(name for name in numbers if name not in known)
         if bodies is not None and missing:
             raise InputError(f"{kernel.name} does not have {few(missing)}. Leave them out of bodies, or give ids=...")
-        known = {name: number for name, number in known.items() if name not in missing}
         if not known:
-            raise InputError(f"{kernel.name} has none of the bodies of the run: {few(names)}. Give ids={{name: number}}.")
-        found = _differences(run, kernel, known, whole, rests)
-    return Residuals(kernel.name, run.integrator.label, days / YEAR, found, tuple(missing), title)
+            raise InputError(
+                f"{kernel.name} has none of the bodies of the run: {few(names)}. Give their numbers, ids=..."
+            )
+        yield kernel, known, missing, whole, rests
 
 
-def _differences(run: Trajectory, kernel: Kernel, known: Mapping[str, int | None], whole: Array, rests: Array) -> dict[str, Array]:
+def _differences(
+    run: Trajectory, kernel: Kernel, known: Mapping[str, int], whole: Array, rests: Array
+) -> dict[str, Array]:
     """Return the differences by body, (n, 3), km."""
     names = run.system.names
     q = np.asarray(run.q.to_value(u.km))
 
     def here(name: str, centre: str) -> Array:
-        return q[:, names.index(name)] - q[:, names.index(centre)]
+        return np.asarray(q[:, names.index(name)] - q[:, names.index(centre)])
 
     found: dict[str, Array] = {}
     for name, number in known.items():
         geocentric = name == "Moon" and "Earth" in names
         centre = EARTH if geocentric else SUN
-        there = kernel.relative(int(number or 0), centre, whole, rests)
+        there = kernel.relative(number, centre, whole, rests)
         found[name] = here(name, "Earth" if geocentric else "Sun") - there
     if {"Earth", "Moon"} <= found.keys() and TOGETHER not in found:
         earth, moon = ephemeris.gm(["Earth", "Moon"])
@@ -186,3 +222,10 @@ def _differences(run: Trajectory, kernel: Kernel, known: Mapping[str, int | None
         order.insert(order.index("Moon") + 1, TOGETHER)
         found = {name: found[name] for name in order}
     return found
+
+
+def split(against: str) -> tuple[str, list[str]]:
+    """Return the peers and the ephemerides of a text with commas, such as "de440,whfast:corrector=17"."""
+    pieces = [piece.strip() for piece in against.split(",")]
+    kernels = [piece for piece in pieces if is_kernel(piece)]
+    return ",".join(piece for piece in pieces if piece not in kernels), kernels
