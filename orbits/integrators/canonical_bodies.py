@@ -39,12 +39,13 @@ from orbits.integrators.canonical_room import (
     MU_BAR,
     ROWS,
     SETTLED,
+    VANISHING,
     VELOCITY_SWEEPS,
     stages_in,
     work_in,
 )
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.acting import FIGURES, account, add_acting, add_terms
+from orbits.kernels.acting import FIGURES, account, add_acting, add_momenta, add_terms
 from orbits.kernels.binding import accelerate, dimension, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
@@ -67,7 +68,7 @@ def momenta(model, t, q, v, f, s):
     """Write the contribution of terms to the momenta into s; f is workspace."""
     for k in range(dimension(model.tag, model.parameters)):
         f[k] = s[k] = 0.0
-    add_terms(model.tag, model.parameters, t, q, v, f, s)
+    add_momenta(model.tag, model.parameters, t, q, v, f, s)
 
 
 @kernel(inline=True)
@@ -185,7 +186,7 @@ def finish(method, model, t, h, state, stages, work, d):
         store(work.kick, k, kick)
         store(work.kick_lo, k, kick_lo)
     body, last = 0, math.inf
-    for _ in range(VELOCITY_SWEEPS):
+    for sweep in range(VELOCITY_SWEEPS):
         momenta(model, t, stages.q_end, stages.v_end, work.f, work.s_end)
         body, now = 0, 0.0
         for i in range(n):
@@ -197,7 +198,8 @@ def finish(method, model, t, h, state, stages, work, d):
                 stages.v_end[k], work.f[k] = new, new_lo
             if not off <= now * size:
                 body, now = i, off / size
-        if now == 0.0 or (now <= SETTLED and now >= last):
+        # The first change is that of s in a step, and says nothing about the rate of convergence.
+        if now == 0.0 or (now <= SETTLED and (now >= last or (sweep > 0 and now * now <= VANISHING * last))):
             break
         last = now
     for k in range(d):

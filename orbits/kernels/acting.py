@@ -18,6 +18,7 @@ from orbits.kernels.binding import (
     add_forces,
     add_gradients,
     kernel_of,
+    momenta_of_terms,
     other_terms,
     total_particle_force,
     total_particle_gradients,
@@ -59,6 +60,22 @@ def _add_terms(lagrangian, parameters, t, q, v, f, p):
 
     def others(lagrangian, parameters, t, q, v, f, p):
         add_gradients(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v, f, p)
+
+    return others
+
+
+def add_momenta(lagrangian, parameters, t, q, v, f, p):
+    """Add dL/dv of all terms except the first to p, as `add_terms` does to the same accuracy; f is workspace."""
+    raise NotImplementedError("add_momenta() is for compiled code only")
+
+
+@overload(add_momenta, jit_options=OPTIONS)
+def _add_momenta(lagrangian, parameters, t, q, v, f, p):
+    if len(lagrangian.terms) == 1:
+        return lambda lagrangian, parameters, t, q, v, f, p: None
+
+    def others(lagrangian, parameters, t, q, v, f, p):
+        momenta_of_terms(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v, f, p)
 
     return others
 

@@ -107,11 +107,11 @@ def other_terms(typingctx, tags):
     return SumType(tags.terms[1:])(tags), lambda context, builder, signature, arguments: context.get_dummy_value()
 
 
-def adding(name, optional=False):
+def adding(name, instead=None, optional=False):
     """Return a function that calls the kernel of that name of each term of a sum; the kernels add to their last
     arguments.
 
-    optional : whether terms without such a kernel add nothing
+    instead : the name of the kernel to call of terms without such a one; optional : whether these add nothing
     The kernels' arguments are the strengths of the bodies (the first term's parameters), the term's own, and the rest.
     """
 
@@ -120,7 +120,7 @@ def adding(name, optional=False):
 
     @overload(each, jit_options=OPTIONS)
     def _each(tags, strength, parameters, *rest):
-        compiled = kernel_of(tags.terms[0], name)
+        compiled = kernel_of(tags.terms[0], name) or kernel_of(tags.terms[0], instead)
         if compiled is None and optional:
             if len(tags.terms) == 1:
                 return lambda tags, strength, parameters, *rest: None
@@ -189,6 +189,7 @@ add_gradients = adding("gradients")
 add_hessians = adding("hessians")
 add_accelerations = adding("accelerate_some")
 add_inertia = adding("inertia", optional=True)
+momenta_of_terms = adding("momenta", instead="gradients")
 total_value = totalling("value", 1)
 total_field = totalling("field", 3)
 total_particle_gradients = totalling("particle_gradients", 6)

@@ -178,8 +178,8 @@ class Conservation:
     def centre_of_mass(self) -> u.Quantity:
         """Return the centre of mass of the massive bodies, shape (n, 3).
 
-        With `PostNewtonian` of several bodies, energies weigh too: sum m* q / sum m*, m* = m [1 + (v^2 - Phi) / (2 c^2)],
-        where Phi is the sum of GM / r over the other bodies.
+        With `PostNewtonian` of several bodies, energies weigh too: sum m* q / sum m*, where m* is m [1 + (v^2 - Phi) /
+        (2 c^2)] and Phi is the sum of GM / r over the other bodies.
         """
         values = self._of_massive(lambda s, q, v, t: centre(s, q, v, t))
         return u.Quantity(values, self.system.units.length)

@@ -14,7 +14,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
 from orbits.lagrangians.newtonian import n_body
-from orbits.lagrangians.terms.charges import charges, inertia_of
+from orbits.lagrangians.terms.charges import charges
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
 from orbits.lagrangians.terms.frame_dragging import frame_dragging
 from orbits.lagrangians.terms.post_newtonian import post_newtonian

@@ -4,6 +4,8 @@ A term is one file: kernels, and a frozen dataclass for users, with units. Its k
 
     value(strength, own, t, q, v)                          returns the term's part of L
     gradients(strength, own, t, q, v, f, p)                adds dL/dq to f and dL/dv to p
+    momenta(strength, own, t, q, v, f, p)                  adds dL/dv to p, with f as workspace; only for terms where
+                                                           that is cheaper than both
     hessians(strength, own, t, q, v, out)                  adds second derivatives, as `binding.hessians` writes them
     accelerate_some(strength, own, q, out, start, stop)    adds the accelerations of bodies start ... stop - 1
     field(strength, own, sources, x, y, z)                 returns the acceleration of a massless particle

@@ -18,16 +18,22 @@ ORDER = 2
 """The index of the first row in the parameters."""
 
 
+@kernel(inline=True)
+def row(own, place, n):
+    """Return the row of the body at a place in the order of the parameters: that place, if all n are sources."""
+    return place if own[1] == n else int(own[ORDER + place])
+
+
 @kernel
 def hessians(strength, own, t, q, v, out):
     """Add the second derivatives, as `orbits.kernels.binding.hessians` writes them."""
     n, sources = strength.shape[0] - 1, int(own[1])
     pulls = room(3 * n, q)
     for a in range(n):
-        _add_body(own[0], strength, v, int(own[ORDER + a]), out)
+        _add_body(own[0], strength, v, row(own, a, n), out)
         _add_square(strength, own, q, a, pulls, out)
         for b in range(a + 1, n if a < sources else a):
-            _add_pair(own[0], strength, q, v, (int(own[ORDER + a]), int(own[ORDER + b])), out)
+            _add_pair(own[0], strength, q, v, (row(own, a, n), row(own, b, n)), out)
 
 
 @kernel
@@ -87,7 +93,7 @@ def _add_pair(size, strength, q, v, pair, out):
 def _add_square(strength, own, q, place, pulls, out):
     """Add those of -m Phi^2/2 of one body, the number `place` in the order of the parameters; pulls is workspace."""
     n, sources = strength.shape[0] - 1, int(own[1])
-    i, d = int(own[ORDER + place]), 3 * n
+    i, d = row(own, place, n), 3 * n
     size = own[0] * strength[1 + i]
     partners = n if place < sources else sources
     zero = get(q, 0) * 0.0
@@ -96,7 +102,7 @@ def _add_square(strength, own, q, place, pulls, out):
     for c in range(partners):
         if c == place:
             continue
-        k = int(own[ORDER + c])
+        k = row(own, c, n)
         x, y, z = difference(q, i, k, n)
         r2 = strength[0] + x * x + y * y + z * z
         near3 = strength[1 + k] * rsqrt_cubed(r2)
@@ -111,7 +117,7 @@ def _add_square(strength, own, q, place, pulls, out):
     for c in range(partners):
         if c == place:
             continue
-        k = int(own[ORDER + c])
+        k = row(own, c, n)
         x = difference(q, i, k, n)
         r2 = strength[0] + x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
         g = size * get(pulls, 3 * c), size * get(pulls, 3 * c + 1), size * get(pulls, 3 * c + 2)
@@ -131,7 +137,7 @@ def _add_square(strength, own, q, place, pulls, out):
         for e in range(partners):
             if e == place or (c >= sources and e >= sources):
                 continue
-            m = int(own[ORDER + e])
+            m = row(own, e, n)
             for a in range(3):
                 for b in range(3):
                     km = (a * n + k) * d + b * n + m

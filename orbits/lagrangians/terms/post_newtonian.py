@@ -1,5 +1,7 @@
-"""Relativity to first post-Newtonian order: the term `PostNewtonian`, and its form for one central body, Schwarzschild's
-field for all others. (`orbits.lagrangians.terms.einstein_infeld_hoffmann` has that for several bodies.)
+"""Relativity to first post-Newtonian order: the term `PostNewtonian`, and its form for one central body.
+
+`orbits.lagrangians.terms.einstein_infeld_hoffmann` has the form for several bodies. By one it is Schwarzschild's field for
+all others:
 
     L = (1/c^2) sum_i m' [w^4/8 + 3/2 M w^2/r - M^2/(2 r^2)],     r = |q_i - q_s|,  w = v_i - v_s,
         M = G (m_i + m_s),  m' = m_i m_s / (m_i + m_s)
@@ -235,8 +237,8 @@ class PostNewtonian(Term):
             if strength.size and not strength.max() <= TOO_STRONG:
                 body, most = system.names[int(np.flatnonzero(others)[strength.argmax()])], float(strength.max())
                 raise InputError(
-                    f"{body!r} moves about {system.names[source]!r} with {100 * most**0.5:.3g} % of the speed of light, "
-                    f"or would by falling there from far away: (v/c)^2 = {most:.3g}, and PostNewtonian leaves out its "
+                    f"{body!r} moves about {system.names[source]!r} with {100 * most**0.5:.3g} % of the speed of light, or "
+                    f"would by falling there from far away: (v/c)^2 = {most:.3g}, and PostNewtonian leaves out its "
                     f"square. Expected at most {TOO_STRONG:g}; nothing here takes stronger fields."
                 )
         speeds = np.linalg.norm(v, axis=1)
