@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.lagrangians.terms.frame_dragging import FrameDragging
+    from orbits.lagrangians.terms.minor_bodies import MinorBodies
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
@@ -81,9 +82,10 @@ if TYPE_CHECKING:
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
-    from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
+    from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
+    from orbits.system.solar.description import solar_model
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
 
 __all__ = [
@@ -131,6 +133,7 @@ __all__ = [
     "LobattoIIIBA",
     "MassLoss",
     "Merge",
+    "MinorBodies",
     "MissingPackageError",
     "Motion",
     "NodeCrossing",
@@ -177,8 +180,10 @@ __all__ = [
     "propagate",
     "read_mpcorb",
     "read_sbdb",
+    "residuals",
     "resume",
     "run_from_rebound",
+    "solar_model",
     "state_transition",
     "to_rebound",
 ]
@@ -231,6 +236,7 @@ _HOME = {
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
     "lagrangians.terms.frame_dragging": ["FrameDragging"],
+    "lagrangians.terms.minor_bodies": ["MinorBodies"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
@@ -242,12 +248,13 @@ _HOME = {
     "propagation.events.own": ["Event"],
     "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
     "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
-    "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
+    "regression": ["compare", "from_rebound", "residuals", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
+    "system.solar.description": ["solar_model"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

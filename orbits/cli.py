@@ -7,6 +7,7 @@ SIGTERM.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -111,7 +112,7 @@ class _ListsPeers(TyperCommand):
             if isinstance(option, TyperOption) and option.name == "against":
                 option.help = (
                     f"Peers, with commas: {', '.join(PEERS)}; with options after a colon: "
-                    "whfast:kernel=lazy,corrector=17."
+                    "whfast:kernel=lazy,corrector=17. And ephemerides: de440, or the path of an SPK kernel, FILE.bsp."
                 )
         return params
 
@@ -128,9 +129,11 @@ def compare(
     as_json: Json = False,
     no_plot: NoPlot = False,
 ) -> None:
-    """Compare the methods of a scenario with REBOUND's on its systems; tables, JSON and pictures.
+    """Compare the methods of a scenario with REBOUND's on its systems, or its runs with an ephemeris; tables, JSON and
+    pictures.
 
-    Example: orbits compare solar_system --against whfast:kernel=lazy,corrector=17,ias15 --duration '100 yr'
+    Examples: orbits compare solar_system --against whfast:kernel=lazy,corrector=17,ias15 --duration '100 yr';
+    orbits compare solar_system --against de440 --duration '10 yr'
     """
     with guarded():
         raise typer.Exit(
@@ -244,6 +247,7 @@ def _compare(
     from orbits.errors import InputError
     from orbits.json_text import json_text
     from orbits.regression import compare as compare_methods
+    from orbits.regression.of_ephemeris import split
     from orbits.scenario import load
     from orbits.scenario.definition import slug
     from orbits.scenario.files import replaceable, results_folder, write_text
@@ -253,12 +257,25 @@ def _compare(
     scenario = command.changed(load(name), *typed)
     if isinstance(scenario, Study):
         raise InputError(f"{scenario.name!r} is a study, which has no system to compare on; use: orbits run {name}")
-    peers = scenario.against if against is None else against
+    peers, kernels = (scenario.against, []) if against is None else split(against)
     folder = results_folder(out or Path("results") / scenario.name)
-    console, ok, records = command.stdout(), True, {}
+    console, ok = command.stdout(), True
+    records: dict[str, dict[str, Any]] = {}
     with located():
         cases = scenario.cases()
     for case, system in cases.items():
+        title, suffix = (f"{scenario.title}: {case}", f"-{slug(case)}") if case else (scenario.title, "")
+        if kernels:
+            for found in _residuals(scenario, system, kernels, title):
+                stem = f"residuals-{found.stem}{suffix}"
+                records.setdefault(case, {})[stem] = found.record()
+                if not as_json:
+                    print(found)
+                if not no_plot:
+                    found.plot(replaceable(folder / f"{stem}.png"))
+                write_text(folder / f"{stem}.json", found.to_json() + "\n")
+        if kernels and not peers:
+            continue
         report = compare_methods(
             system,
             list(scenario.integrators),
@@ -267,11 +284,11 @@ def _compare(
             samples=scenario.samples,
             against=peers,
             tolerances=scenario.demands() or None,
-            title=f"{scenario.title}: {case}" if case else scenario.title,
+            title=title,
         )
         ok = ok and report.ok
-        stem = f"comparison{'-' + slug(case) if case else ''}"
-        records[case] = json.loads(report.to_json())
+        stem = f"comparison{suffix}"
+        records.setdefault(case, {}).update(json.loads(report.to_json()))
         if not as_json:
             console.print(report)
         if not no_plot:
@@ -280,6 +297,24 @@ def _compare(
     if as_json:
         print(json_text({"scenario": scenario.name, "ok": ok, "cases": records}))
     return 0 if ok else 1
+
+
+def _residuals(scenario: Any, system: Any, kernels: list[str], title: str) -> Iterator[Any]:
+    """Yield how far the runs of a scenario's methods on one system are from ephemerides."""
+    from astropy import units as u
+
+    from orbits.propagation.run import propagated
+    from orbits.regression.of_ephemeris import check_covered, residuals
+    from orbits.time_grid import TimeGrid
+
+    grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
+    days = grid.times * system.units.time.to(u.day) if system.units.is_physical else grid.times
+    for kernel in kernels:
+        check_covered(system, kernel, days)  # before the long runs
+    for method in scenario.integrators:
+        run = propagated(system, method, grid)
+        for kernel in kernels:
+            yield residuals(run, kernel, title=title)
 
 
 def _show(file: Path, run: Any, as_json: bool) -> None:

@@ -127,6 +127,12 @@ def states(
     return np.array([table[body.gm_key] for body in bodies]), km[0] / AU_KM, km[1] / AU_KM
 
 
+def kernel_of(first: float, last: float) -> Any:
+    """Return the opened kernel of DE440 that covers two dates, JD TDB. Raises EpochError if there is none."""
+    inside = _within(EXCERPT_DAYS, first, 0.0) and _within(EXCERPT_DAYS, last, 0.0)
+    return _kernel(first, 0.0) if inside else _kernel(last if _within(EXCERPT_DAYS, first, 0.0) else first, 0.0)
+
+
 def _kernel(jd1: float, jd2: float) -> Any:
     """Return the opened kernel that covers a date, for use in a with-statement."""
     from jplephem.spk import SPK

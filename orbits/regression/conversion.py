@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.checks import is_whole
@@ -51,11 +52,12 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
 
     For other systems G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch, and
     the time since then in a run. The units of `SOLAR` are named ("au", "d", "massist"). Names, the softening length and
-    known radii are kept. Massless bodies become test particles (`N_active`, `testparticle_type = 0`). REBOUND requires
-    them at the end, so massive bodies come first, otherwise in the system's order. Integrator and step are REBOUND's
-    defaults.
+    known radii are kept. Massless bodies become test particles (`N_active`, `testparticle_type = 0`), and minor bodies
+    (`MinorBodies`) those of type 1. REBOUND requires them at the end, so the other bodies come first, otherwise in the
+    system's order. Integrator and step are REBOUND's defaults.
 
-    Raises InputError for anything but a System or a Trajectory, and for a sample that does not exist.
+    Raises InputError for anything but a System or a Trajectory, a sample that does not exist, other terms and forces,
+    and for massless bodies beside minor ones, which these would not attract in REBOUND.
     """
     time = 0.0
     if isinstance(system, Trajectory):
@@ -68,9 +70,9 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
         time = system.t if isinstance(system, FromRebound) else 0.0
     else:
         raise InputError(f"to_rebound got a {type(system).__name__}; expected a System or a Trajectory.")
-    require_newtonian(state, "a simulation of REBOUND")
+    minor = _minor(state)
     gm, q, v, softening = state.values
-    order = np.argsort(gm == 0, kind="stable")
+    order = np.argsort((gm == 0) + minor.astype(int), kind="stable")
     names = [state.names[i] for i in order]
     units, G, m = _masses(state)
     sim = simulation(PointMasses(m[order], q[order], v[order], float(softening)), names)
@@ -78,11 +80,32 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
         sim.update_units(units)
     sim.G = G  # to the last bit; of SOLAR from the units' own values it would be 26 units in the last place less
     sim.t = time
+    if minor.any():
+        sim.N_active, sim.testparticle_type = int(np.count_nonzero(~minor)), 1
     if state.radii is not None:
         radii = state.radii.value
         for particle, radius in zip(sim.particles, radii[order].tolist(), strict=True):
             particle.r = radius
     return sim
+
+
+def _minor(state: System) -> NDArray[np.bool_]:
+    """Return which bodies are minor ones, (n,). Raises InputError for other terms and forces, and for massless bodies
+    beside minor ones, which in REBOUND they would not feel.
+    """
+    from orbits.lagrangians.terms.minor_bodies import MinorBodies
+
+    pairs = [term for term in state.terms if isinstance(term, MinorBodies)]
+    left = state.replaced(terms=[term for term in state.terms if term not in pairs]) if pairs else state
+    require_newtonian(left, "a simulation of REBOUND")
+    minor = np.isin(state.names, [name for term in pairs for name in term.bodies])
+    if minor.any() and not state.massive.all():
+        massless = [name for name, heavy in zip(state.names, state.massive, strict=True) if not heavy]
+        raise InputError(
+            f"the system has minor bodies and massless ones, {few(massless)}; in REBOUND test particles of one type do "
+            "not attract each other, so these would not feel the minor bodies. Remove the ones or the others."
+        )
+    return minor
 
 
 class FromRebound(System):

