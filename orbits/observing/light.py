@@ -66,8 +66,9 @@ def unit(x: Array) -> Array:
 
 
 def deflected(direction: Array, source: Array, observer: Array, sun: Array) -> Array:
-    """Return the directions, (m, 3), in which a source is seen through the Sun's field. Where the observer or the source
-    is the Sun, nothing is bent.
+    """Return the directions, (m, 3), in which a source is seen through the Sun's field.
+
+    Where the observer or the source is the Sun, nothing is bent.
 
     source, observer, sun : positions, (m, 3)
     """

@@ -47,6 +47,11 @@ class Observer:
         """Whether apparent places refer to the equator of the Earth."""
         return self.body is not None and known(self.body) == EARTH
 
+    @property
+    def at_sun(self) -> bool:
+        """Whether it is the Sun itself."""
+        return self.body is not None and known(self.body) == SUN
+
     def __str__(self) -> str:
         if self.site is not None:
             lon, lat, height = self.site.geodetic

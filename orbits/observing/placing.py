@@ -1,9 +1,9 @@
 """Where a run is in the Solar System, and where its observer and the Sun are.
 
 The origin of a run is seldom the barycentre of the Solar System, and is not at rest there if bodies are left out: with
-the Sun and Jupiter alone it moves by metres a second, which is milliarcseconds of light time and of aberration. So a run is
-placed by the most massive of its bodies that DE440 has, the Sun as a rule: what it knows are positions relative to
-that. At each time of an observation the run is moved as a whole, at a uniform velocity while the light is under way.
+the Sun and Jupiter alone it moves by metres a second, which is milliarcseconds of light time and of aberration. So a
+run is placed by the most massive of its bodies that DE440 has, the Sun as a rule: what it knows are positions relative
+to that. At each time of an observation the run is moved as a whole, at a uniform velocity while the light is under way.
 """
 
 from __future__ import annotations
@@ -83,8 +83,8 @@ def placed(
         return Placing(shift, earth, sun, tuple(notes))
     if anchor is None:
         raise InputError(
-            f"the observer is at {body} of DE440, but this run has no body of DE440 that tells where it is in the Solar "
-            f"System; expected an observer among its own bodies, or a run with a body such as {SUN!r}."
+            f"the observer is at {body} of DE440, but this run has no body of DE440 that tells where it is in the "
+            f"Solar System; expected an observer among its own bodies, or a run with a body such as {SUN!r}."
         )
     notes.append(f"{body} is that of DE440, as the run has none")
     return Placing(shift, _de440(body, jd1, jd2), sun, tuple(notes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from orbits.body_names import chosen
 from orbits.errors import InputError
 from orbits.observing import earth
 from orbits.observing.brightness import magnitude, slopes
-from orbits.observing.light import C, FAR, aberrated, angle, deflected, emission, unit
+from orbits.observing.light import FAR, C, aberrated, angle, deflected, emission, unit
 from orbits.observing.observers import SUN, Observer, known, observer_of
 from orbits.observing.placing import Placing, placed
 from orbits.observing.table import COLUMNS, Ephemeris, Head
@@ -35,9 +35,16 @@ LARGEST_ASTEROID = 1e-9 * GM_SUN
 
 
 def ephemeris_of(
-    run: Trajectory, bodies: str | Sequence[str] | None, observer: Any, times: Any, *, H: Any, G: Any
+    run: Trajectory,
+    bodies: str | Sequence[str] | None,
+    observer: Any,
+    times: Any,
+    *,
+    H: Any,
+    G: Any,
+    attributes: Mapping[str, str | float],
 ) -> Ephemeris:
-    """Return the ephemeris of bodies; see `Trajectory.ephemeris`."""
+    """Return the ephemeris of bodies; see `Trajectory.ephemeris`. attributes : of the system, for exports."""
     system = run.system
     if not system.units.is_physical:
         raise InputError(
@@ -45,12 +52,12 @@ def ephemeris_of(
             "units=orbits.SOLAR and epoch=..."
         )
     if system.epoch is None:
-        raise InputError("run.ephemeris needs the date of t = 0, but the system has no epoch; use System(..., epoch=...).")
+        raise InputError("run.ephemeris needs the date of t = 0, but the system has no epoch; use System(epoch=...).")
     where = observer_of(observer, run.names)
-    seconds_since = run.times if times is None else times_since(system, times, "times")
-    if seconds_since.ndim > 1:
-        raise InputError(f"times has shape {seconds_since.shape}; expected one time, or several in a row.")
-    t = np.atleast_1d(seconds_since)
+    since = run.times if times is None else times_since(system, times, "times")
+    if since.ndim > 1:
+        raise InputError(f"times has shape {since.shape}; expected one time, or several in a row.")
+    t = np.atleast_1d(since)
     track = Track(run)
     targets = _targets(run.names, bodies, where)
     small = [run.names[i] for i in targets if system.values.gm[i] * track.gm_unit <= LARGEST_ASTEROID or H is not None]
@@ -67,7 +74,7 @@ def ephemeris_of(
     notes = [*sight.placing.notes, sight.frame()]
     notes += [f"V of {name}: H = {pair[0]:g}, G = {pair[1]:g}" for name, pair in known_slopes.items()]
     head = Head(str(where), run.made_by, tuple(notes), isinstance(times, Time) and times.scale == "utc")
-    return Ephemeris.of(system, names, t, columns, head, single=isinstance(bodies, str))
+    return Ephemeris.of(system, attributes, names, t, columns, head, single=isinstance(bodies, str))
 
 
 def _targets(names: Sequence[str], bodies: str | Sequence[str] | None, where: Observer) -> list[int]:
@@ -75,7 +82,7 @@ def _targets(names: Sequence[str], bodies: str | Sequence[str] | None, where: Ob
     own = where.body if where.site is None else None
     if bodies is None:
         return [i for i, name in enumerate(names) if name != own]
-    targets = np.arange(len(names))[chosen(names, bodies)].tolist()
+    targets: list[int] = np.arange(len(names))[chosen(names, bodies)].tolist()
     if any(names[i] == own for i in targets):
         raise InputError(f"{own!r} is where the observer is; expected other bodies, or another observer.")
     return targets
@@ -95,7 +102,7 @@ class Track:
         self._first = float(np.min(run.times)) if run.span is None else min(run.span)
 
     def states(self, times: Array) -> tuple[Array, Array]:
-        """Return q and v, (m, bodies, 3), au and au/d. Raises InputError for times behind the end."""
+        """Return q and v, (m, bodies, 3), au and au/d."""
         q, v = np.empty((2, len(times), len(self.run.names), 3))
         early = times < self._first
         for rows, at in ((early, self.run.before), (~early, self._at)):
@@ -105,9 +112,8 @@ class Track:
 
     def observed(self, times: Array) -> tuple[Array, Array]:
         """Return q and v at the times of an observation. Raises InputError for those outside the run."""
-        if len(times):
-            self.run.at([float(times.min()), float(times.max())])
-        return self.states(times)
+        q, v = self._at(times)
+        return q * self._length, v * (self._length / self.day)
 
     def _at(self, times: Array) -> tuple[Array, Array]:
         found = self.run.at(times)
@@ -197,7 +203,8 @@ class Sight:
         out |= dict(zip(("apparent_ra", "apparent_dec"), _angles(of_date), strict=True))
         if self.site is not None:
             north_, east_, up = np.moveaxis(np.einsum("mij,mj->mi", self.site.horizon, apparent), 1, 0)
-            out |= {"azimuth": np.arctan2(east_, north_) % (2.0 * np.pi), "elevation": np.arcsin(np.clip(up, -1.0, 1.0))}
+            out["azimuth"] = np.arctan2(east_, north_) % (2.0 * np.pi)
+            out["elevation"] = np.arctan2(up, np.hypot(north_, east_))
         out |= {"distance": distance, "range_rate": along, "light_time": delay}
         return out if self.placing.sun is None else out | self._by_the_sun(delay, q, v, apparent, is_sun=is_sun)
 
@@ -214,16 +221,16 @@ class Sight:
             out["phase"] = angle(-towards, unit(self.here - q))
             # In the sky of the body, sunlight is aberrated by its motion.
             out["sto"] = angle(aberrated(-towards, v, FAR), -apparent)
-        if self.where.body is not None and known(self.where.body) == SUN:
+        if self.where.at_sun:
             return out
-        own_delay, at_sun, _ = emission(sun.q, sun.v, self.here, lambda d: (sun.q - d[:, None] * sun.v, sun.v))
+        at_sun = emission(sun.q, sun.v, self.here, lambda d: (sun.q - d[:, None] * sun.v, sun.v))[1]
         of_sun = self._apparent(unit(at_sun - self.here), at_sun, is_sun=True)
         out["elongation"] = angle(of_sun, apparent)
         if self.equator is None:
             pole = np.cross(self.here - sun.q, self.speed - sun.v)
         else:
             pole = self.equator[:, 2]
-        out["trails"] = np.sign((np.cross(of_sun, apparent) * pole).sum(axis=1))
+        out["trails"] = np.sign((np.cross(of_sun, apparent) * pole).sum(axis=1)) * (not is_sun)
         return out
 
     def _sun_before(self, delay: Array, q: Array) -> Array:
@@ -239,9 +246,7 @@ class Sight:
     def _apparent(self, direction: Array, q: Array, *, is_sun: bool) -> Array:
         """Return the directions in which light arrives at the moving observer, (m, 3), in the axes of the ICRF."""
         sun = self.placing.sun
-        if sun is None:
-            return aberrated(direction, self.speed, FAR)
-        if self.where.body is not None and known(self.where.body) == SUN:
+        if sun is None or self.where.at_sun:
             return aberrated(direction, self.speed, FAR)
         bent = direction if is_sun else deflected(direction, q, self.here, sun.q)
         return aberrated(bent, self.speed, np.linalg.norm(self.here - sun.q, axis=1))
@@ -255,7 +260,7 @@ def _angles(direction: Array) -> tuple[Array, Array]:
 
 def _tangents(direction: Array) -> tuple[Array, Array]:
     """Return the directions towards the east and the north on the sky, (m, 3) each."""
-    x, y, z = direction.T
+    x, y = direction[:, 0], direction[:, 1]
     level = np.hypot(x, y)
     with np.errstate(invalid="ignore", divide="ignore"):
         east = np.stack([-y / level, x / level, np.zeros_like(x)], axis=1)

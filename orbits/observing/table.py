@@ -14,7 +14,6 @@ from orbits.body_names import chosen, few, index_of
 from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, html_table, text_table
 
 if TYPE_CHECKING:
-    import pandas
     from astropy.coordinates import SkyCoord
     from astropy.table import QTable
     from astropy.time import Time
@@ -74,12 +73,12 @@ class Ephemeris(Tabular):
         its true equator and equinox of date, otherwise in the ICRF; without refraction (2)
     azimuth, elevation : of apparent places, from north through east, without refraction; from a place on the Earth (4)
     V : visual magnitude, from H and G (9)
-    sun_distance, sun_range_rate : distance from the Sun, with light time, and its rate, when the light left the body (19)
+    sun_distance, sun_range_rate : distance from the Sun, with light time, and its rate, when light left the body (19)
     distance, range_rate : distance from the observer, c times the light time, and the velocity of the body, then, less
         that of the observer, along the line of sight (20)
     light_time : of the light from the body to the observer, without its delay by the field of the Sun (21)
     elongation : the angle between the body and the Sun where they appear (23)
-    trails : 1 if the body trails the Sun (evening sky), -1 if it leads it (morning sky)
+    trails : 1 if the body trails the Sun (evening sky), -1 if it leads it (morning sky); 0 for the Sun
     sto : the angle Sun - target - observer, as Horizons has it: from the direction in which the Sun appears from the
         body to that opposite to the apparent one of the body (24)
     phase : the same angle without aberration, which is up to 20 arcseconds; V is that of this angle
@@ -98,6 +97,7 @@ class Ephemeris(Tabular):
     def of(
         cls,
         system: System,
+        attributes: Mapping[str, str | float],
         names: tuple[str, ...],
         times: Array,
         columns: Mapping[str, Array],
@@ -108,14 +108,12 @@ class Ephemeris(Tabular):
         """Return the ephemeris with these columns, (m, bodies), in the first unit of `COLUMNS`; those of NaN are left
         out.
         """
-        from orbits.system.presenting import attributes
-
         values = {
             name: u.Quantity(columns[name], given).to(unit)
             for name, (given, unit) in COLUMNS.items()
             if np.isfinite(columns[name]).any() or name in ("ra", "dec", "distance")
         }
-        known = {**attributes(system), "observer": head.observer, "method": head.made_by, "notes": "; ".join(head.notes)}
+        known = {**attributes, "observer": head.observer, "method": head.made_by, "notes": "; ".join(head.notes)}
         found = cls(names, u.Quantity(times, system.units.time), system.epoch, head, known, values)
         return found[names[0]] if single else found
 
@@ -123,7 +121,8 @@ class Ephemeris(Tabular):
         """Return a column by its name, None if it is not known for any body."""
         if name in COLUMNS:
             return self.values.get(name)
-        raise AttributeError(f"an Ephemeris has no {name!r}; its columns are {', '.join(self.values)}")
+        columns = ", ".join(vars(self).get("values", ()))  # copies are asked before they have any
+        raise AttributeError(f"an Ephemeris has no {name!r}; its columns are {columns}")
 
     def __len__(self) -> int:
         """Return the number of times."""
@@ -192,7 +191,8 @@ class Ephemeris(Tabular):
         return html_table(self._caption(), head, rows, more, words=self._words)
 
     def _caption(self) -> str:
-        return f"{few(self.names, 4)} as seen from {self.head.observer}; {len(self):,} times; {self.head.made_by}"
+        times = f"{len(self):,} time{'s' * (len(self) != 1)}"
+        return f"{few(self.names, 4)} as seen from {self.head.observer}; {times}; {self.head.made_by}"
 
     @property
     def _words(self) -> int:

@@ -1,4 +1,4 @@
-"""States before the earliest time of a run: marched back from there by its method, as far as light needs to get here."""
+"""States before the earliest time of a run: marched back from there by its method, for as long as light may take."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def earliest(run: Trajectory) -> float:
 def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     """Return q and v, (m, bodies, 3) each, at m times before the earliest one of a run; NaN for bodies not there yet.
 
-    The run is continued backwards with its own method and steps from its earliest state. Neither events nor collisions are
-    sought there.
+    The run is continued backwards with its own method and steps from its earliest state. Neither events nor collisions
+    are sought there.
     """
     from orbits.propagation.run import propagate
 

@@ -213,9 +213,9 @@ class MarchedAgain:
             print(eph), eph.to_table(), eph.to_pandas(), eph.text()
 
         bodies : names; by default all but the observer's. Of one name quantities are (m,), otherwise (m, bodies)
-        observer : a body of the run or of DE440 ("Earth" or "geocentre", "Sun" or "heliocentric", "Mars"), "barycentre",
-            or a place on the Earth, an `EarthLocation`. The Earth is that of the run; if that has only the barycentre
-            of Earth and Moon, DE440 places it relative to this; if it has neither, it is DE440's
+        observer : a body of the run or of DE440 ("Earth" or "geocentre", "Sun" or "heliocentric", "Mars"),
+            "barycentre", or a place on the Earth, an `EarthLocation`. The Earth is that of the run; if that has only the
+            barycentre of Earth and Moon, DE440 places it relative to this; if it has neither, it is DE440's
         times : of the observation, as for `run.at`: a `Time` of any scale, which is shown if it is UTC; texts and
             datetime64 are TDB; numbers and quantities count from the epoch. By default those of the samples
         H, G : absolute magnitude and slope, numbers for one body or by name; or H alone, a catalogue as read by
@@ -229,11 +229,12 @@ class MarchedAgain:
         needed. Warns of places on the Earth at times for which its rotation is not known.
         """
         from orbits.observing import ephemeris_of
+        from orbits.system.presenting import attributes
 
         run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.ephemeris")
         self._marches_again("run.ephemeris")
-        return ephemeris_of(run, bodies, observer, times, H=H, G=G)
+        return ephemeris_of(run, bodies, observer, times, H=H, G=G, attributes=attributes(run.system))
 
     def before(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""
