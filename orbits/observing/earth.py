@@ -37,9 +37,8 @@ KM_A_SECOND = 0.465
 
 
 def equator_of_date(dates: Time) -> Array:
-    """Return the matrices from the ICRF to the true equator and equinox of date, (m, 3, 3)."""
-    tt = dates.tt
-    return np.asarray(erfa.pnm06a(tt.jd1, tt.jd2))
+    """Return the matrices from the ICRF to the true equator and equinox of date, (m, 3, 3); dates in TDB."""
+    return np.asarray(erfa.pnm06a(dates.jd1, dates.jd2))  # TDB stands for TT, which is within 2 ms of it
 
 
 class Site(NamedTuple):
@@ -55,11 +54,10 @@ class Site(NamedTuple):
 
 
 def site_at(site: EarthLocation, dates: Time) -> Site:
-    """Return where a place on the Earth is, and its horizon. Warns of times beyond the tables of the IERS."""
-    tt = dates.tt
+    """Return where a place on the Earth is, and its horizon; dates in TDB. Warns of times beyond the IERS's tables."""
     ut1, pole = rotation(dates)
     # From the axes of the ICRF to those of the Earth; offsets of the pole of date, 0.3 mas, are 1 cm at the equator.
-    turned = erfa.c2t06a(tt.jd1, tt.jd2, *ut1, *pole)
+    turned = erfa.c2t06a(dates.jd1, dates.jd2, *ut1, *pole)
     back = np.swapaxes(turned, -1, -2)
     x = np.array([c.to_value(u.km) for c in site.geocentric]) / AU_KM
     spin = ROTATION * np.array([-x[1], x[0], 0.0])
@@ -72,8 +70,7 @@ def site_at(site: EarthLocation, dates: Time) -> Site:
 
 def rotation(dates: Time) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return UT1 as Julian dates in two parts, and the coordinates of the pole in radians, (m,) each."""
-    tt = dates.tt
-    days = tt.jd - MJD_ZERO
+    days = dates.jd - MJD_ZERO
     pieces = tables()
     first, last = pieces[0].first, pieces[-1].last
     ut1, pole = (np.empty((2, len(days))) for _ in range(2))
@@ -85,8 +82,8 @@ def rotation(dates: Time) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
             pole[:, rows] = [x.to_value(u.rad) for x in piece.table.pm_xy(utc)]
     for piece, end, rows in ((pieces[0], first, days < first), (pieces[-1], last, days > last)):
         if rows.any():
-            ut1[0, rows] = tt.jd1[rows]
-            ut1[1, rows] = tt.jd2[rows] - held(piece.table, end) / 86400.0
+            ut1[0, rows] = dates.jd1[rows]
+            ut1[1, rows] = dates.jd2[rows] - held(piece.table, end) / 86400.0
             pole[:, rows] = 0.0  # it is within 0.6 arcseconds of this, 20 m
     outside = np.maximum(first - days, days - last)
     if len(outside) and outside.max() > 0.0:
@@ -119,16 +116,15 @@ class Piece(NamedTuple):
 
 @cache
 def tables() -> tuple[Piece, ...]:
-    """Return the tables that come with astropy: final values from 1962 on, and rapid ones with predictions."""
+    """Return the tables that come with astropy: final values from 1962 on, then rapid ones and a year of predictions."""
     import astropy_iers_data
     from astropy.utils import iers
 
     final = iers.IERS_B.read(astropy_iers_data.IERS_B_FILE)
     rapid = iers.IERS_A.read(astropy_iers_data.IERS_A_FILE)
-    begin, middle, end = final["MJD"][0], rapid["MJD"][0], rapid["MJD"][-1]
-    begin, middle, end = (float(getattr(day, "value", day)) for day in (begin, middle, end))
+    begin, middle, end = (float(u.Quantity(day).value) for day in (final["MJD"][0], final["MJD"][-1], rapid["MJD"][-1]))
     # A day less at both ends, as tables are of UTC.
-    return Piece(final, begin + 1.0, middle + 1.0), Piece(rapid, middle + 1.0, end - 1.0)
+    return Piece(final, begin + 1.0, middle - 1.0), Piece(rapid, middle - 1.0, end - 1.0)
 
 
 def held(table: Any, day: float) -> float:

@@ -61,7 +61,7 @@ def ephemeris_of(
     track = Track(run)
     targets = _targets(run.names, bodies, where)
     small = [run.names[i] for i in targets if system.values.gm[i] * track.gm_unit <= LARGEST_ASTEROID or H is not None]
-    known_slopes = slopes(small, H, G) if small else {}
+    known_slopes = slopes(small, H, G) if small or G is not None else {}
     sight = Sight.of(track, t, where)
     columns = {name: np.full((len(t), len(targets)), np.nan) for name in COLUMNS}
     for k, seen in sight.each(track, targets):
@@ -99,7 +99,7 @@ class Track:
         self.run = run
         self._length, self.day = float((1 * units.length).to_value(u.au)), float((1 * units.time).to_value(u.day))
         self.gm_unit = self._length**3 / self.day**2
-        self._first = float(np.min(run.times)) if run.span is None else min(run.span)
+        self._first = run.earliest
 
     def states(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), au and au/d."""
@@ -169,7 +169,7 @@ class Sight:
         sun = [known(track.run.names[i]) == SUN for i in targets]
         count = len(self.t)
         most = max(1, MOST_STATES // max(1, count * len(track.run.names)))
-        for first in range(0, len(targets), most):
+        for first in range(0, len(targets) if count else 0, most):
             some = targets[first : first + most]
             q, v = (np.swapaxes(x[:, some], 0, 1).reshape(-1, 3) for x in (self.q, self.v))
             here = np.tile(self.here, (len(some), 1))

@@ -16,11 +16,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def earliest(run: Trajectory) -> float:
-    """Return the earliest time at which `run.at` has a state, or of samples alone the earliest of them."""
-    return float(np.min(run.times)) if run.span is None else min(run.span)
-
-
 def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     """Return q and v, (m, bodies, 3) each, at m times before the earliest one of a run; NaN for bodies not there yet.
 
@@ -29,7 +24,7 @@ def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     """
     from orbits.propagation.run import propagate
 
-    first = earliest(run)
+    first = run.earliest
     system = run.at(first)
     back, place = np.unique(first - times, return_inverse=True)
     with warnings.catch_warnings():

@@ -103,6 +103,12 @@ class MarchedAgain:
         return self.last_time if run.span is None else run.span[1]
 
     @property
+    def earliest(self) -> float:
+        """The earliest time of which there is a state: that of the start of the run or its end, or of a sample."""
+        run: Trajectory = self  # type: ignore[assignment]
+        return float(np.min(run.times, initial=self.last_time)) if run.span is None else min(run.span)
+
+    @property
     def has_stopped(self) -> bool:
         """Whether an event, a condition or a callback ended the run."""
         run: Trajectory = self  # type: ignore[assignment]
@@ -214,7 +220,7 @@ class MarchedAgain:
 
         bodies : names; by default all but the observer's. Of one name quantities are (m,), otherwise (m, bodies)
         observer : a body of the run or of DE440 ("Earth" or "geocentre", "Sun" or "heliocentric", "Mars"),
-            "barycentre", or a place on the Earth, an `EarthLocation`. The Earth is that of the run; if that has only the
+            "barycentre", or a place on the Earth, an `EarthLocation`. The Earth is that of the run; if it has only the
             barycentre of Earth and Moon, DE440 places it relative to this; if it has neither, it is DE440's
         times : of the observation, as for `run.at`: a `Time` of any scale, which is shown if it is UTC; texts and
             datetime64 are TDB; numbers and quantities count from the epoch. By default those of the samples
