@@ -116,7 +116,7 @@ class Piece(NamedTuple):
 
 @cache
 def tables() -> tuple[Piece, ...]:
-    """Return the tables that come with astropy: final values from 1962 on, then rapid ones and a year of predictions."""
+    """Return the tables that come with astropy: final values from 1962 on, then predictions for a year."""
     import astropy_iers_data
     from astropy.utils import iers
 

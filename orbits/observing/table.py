@@ -208,7 +208,7 @@ class Ephemeris(Tabular):
         dates = self.date[:times]
         dates.precision = 0 if self._even(dates) else 3
         dates = dates.iso
-        columns = {key: x.reshape(len(self), -1)[:times].ravel() for key, x in self.values.items()}
+        columns = {key: x.reshape(len(self), len(self.names))[:times].ravel() for key, x in self.values.items()}
         rows = []
         for k in range(count):
             row, body = divmod(k, len(self.names))

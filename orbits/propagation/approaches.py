@@ -208,11 +208,12 @@ class Approaches:
         figures = {"distance": units.length, "time": units.time, "speed": units.speed}
         dated = self._run.system.epoch is not None
         head = ["body", "passes", *["date (TDB)"] * dated, *(headed(key, unit) for key, unit in figures.items())]
-        head += [headed("v_infinity", units.speed), headed("off at the end", unit_of_errors(self._run.system))]
+        head += [headed("v_infinity", units.speed)] * units.is_physical
+        head.append(headed("off at the end", unit_of_errors(self._run.system)))
         rows = []
         for a in islice(self, MOST_ROWS):
             date = [] if a.date is None else [a.date.iso[:16]]
-            free = "bound" if a.v_infinity is None else f"{a.v_infinity.value:.6g}"
+            free = ["bound" if a.v_infinity is None else f"{a.v_infinity.value:.6g}"] * units.is_physical
             off = "" if a.error is None else said(a.error).removesuffix(f" {a.error.unit}").replace("less than", "<")
-            rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), free, off])
+            rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), *free, off])
         return head, rows, len(self) - len(rows)
