@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     from orbits.marching.clocks import Clock
     from orbits.propagation.passages_seen import Passage
     from orbits.system import System
+
+LUNAR_DISTANCE = 384_400 * u.km
+"""The mean distance of the Moon, the unit of close approaches to the Earth."""
 
 NEAR = 0.05 * u.au
 """Distances below this are also given in kilometres."""
@@ -29,6 +33,8 @@ class Approach:
     date : the time as a `Time` (TDB), if the system has an epoch
     error : the position error at the end of the run that the passage causes with this method and step, in km (or in the
         system's unit of length, if it has no physical units); None if it is unknown
+    v_infinity : the relative speed without the attraction of the two, sqrt(speed^2 - 2 GM / distance); None if they are
+        bound to each other
     """
 
     body: str
@@ -38,6 +44,7 @@ class Approach:
     speed: u.Quantity
     date: Time | None = None
     error: u.Quantity | None = None
+    v_infinity: u.Quantity | None = None
 
     @classmethod
     def of(cls, system: System, clock: Clock, passage: Passage, error: float | None) -> Approach:
@@ -45,6 +52,7 @@ class Approach:
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
         time = u.Quantity(clock.time(passage.steps), units.time)
+        free = passage.speed**2 - 2.0 * (gm[lighter] + gm[heavier]) / passage.distance if passage.distance else -1.0
         return cls(
             names[lighter],
             names[heavier],
@@ -53,6 +61,7 @@ class Approach:
             u.Quantity(passage.speed, units.speed),
             None if system.epoch is None else (system.epoch + time).copy(format="iso"),
             None if error is None else as_error(system, error),
+            u.Quantity(math.sqrt(free), units.speed) if free >= 0.0 else None,
         )
 
     def __str__(self) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Replay:
@@ -44,6 +47,12 @@ class Replay:
         from orbits.propagation.dense import state_at
 
         return state_at(run, t)
+
+    def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
+        """Return q and v, (m, bodies, 3), at m times before the earliest one of a run."""
+        from orbits.propagation.earlier import states_before
+
+        return states_before(run, times)
 
     def closest_approaches(self, run: Trajectory) -> Approaches:
         """Return the closest approaches of bodies in a run.
