@@ -168,6 +168,7 @@ class Marcher(Blocks):
             radii,
             integrator.follows_kepler,
             self._form.trace_rows(3 * n),
+            whole_path=integrator.follows_meetings,
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._starts_close = np.zeros(0, dtype=np.intp)

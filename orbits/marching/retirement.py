@@ -160,6 +160,12 @@ class Retired:
         self._known[...] = other._known
         self.begin()
 
+    def take_over(self, other: Retired, lost: NDArray[np.bool_], steps: NDArray[np.int64]) -> None:
+        """Retire the particles `lost`, (m,) bool, for the reasons in another march, after as many steps of this one."""
+        which = np.flatnonzero(lost)
+        self._known[which, 0], self._known[which, 1] = other._known[which, 0], steps
+        self.begin()
+
     def gone(self) -> NDArray[np.bool_]:
         """Return a mask (m,) of the particles that are retired or were lost in the block just marched."""
         return np.asarray(self.block[: self._count, 0] != OK)
