@@ -77,6 +77,7 @@ class _Walk:
         elif rest != 0.0:
             at = self._clock.time(self.step)
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(self._clock.h - rest), at)
+        self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 
     def to(self, step: float) -> None:
         """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
@@ -84,10 +85,10 @@ class _Walk:
             self.step = step
             self.marcher.advance_to(Place(0, step - self._begun))
             return
-        while self.step < step:
-            count = min(self.marcher.block, int(step - self.step))
-            self.marcher.advance(count)
-            self.step += count
+        # Passages between two steps, of bodies that took chosen ones there, have their state within a step.
+        self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
+        self.marcher.advance_to(self._place)
+        self.step = step
 
     def pair(self, *pair: int) -> _Pair:
         """Return the massive bodies together with a pair of bodies, in their present state."""
@@ -99,7 +100,8 @@ class _Walk:
         return _Pair(self._bound(bodies, q[there], v[there], float(self._clock.time(self.step))), bodies)
 
     def _state(self) -> tuple[Array, Array]:
-        return self.marcher.state_at(Place(0, self.step - self._begun)) if self._clock.changes else self.marcher.state()
+        place = Place(0, self.step - self._begun) if self._clock.changes else self._place
+        return self.marcher.state_at(place)
 
     def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array, start: float) -> Marcher:
         # All massive bodies are included, so the model of the run applies.

@@ -46,6 +46,7 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
         ],
         "largest_relative_change": {n: _known(getattr(drift, n).max_fraction) for n in CONSERVED} if drift else None,
         "retired": run.retired.to_records(),
+        "excursions": run.excursions.to_records(),
     }
     if run.system.forces:
         found["work"] = [
@@ -65,6 +66,8 @@ def text(file: Path, run: Trajectory) -> str:
         parts.append(_legs(run))
     if len(run.retired):
         parts.append(str(run.retired))
+    if run.excursions.count:
+        parts.append(str(run.excursions))
     if sought := _sought(run):
         parts.append("\n".join(["sought: " + "\n        ".join(map(_said, sought)), str(run.events)]))
     if len(run):
