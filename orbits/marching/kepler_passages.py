@@ -33,7 +33,7 @@ FOLLOWED = 4.0
 """Hill radii of a planet within which massless particles take steps of their own, if they are followed. At 4 instead of
 3, positions after encounters with Jupiter in steps of 100 d have a fourth of the error."""
 
-PLANET_WAYS = 0.4
+PLANET_WAYS = 1.0
 """The way in a step of planets relative to each other within which, as a multiple, a passage is an encounter of these."""
 
 SPARED = 1e-12
