@@ -1,4 +1,4 @@
-"""Which steps of a map on Kepler orbits lead massive bodies through passages that it cannot follow, and where it can again.
+"""Which steps of a map on Kepler orbits lead planets through passages that it cannot follow, and where it can again.
 
 The rule is that for massless particles (`orbits.kernels.encounters_ahead`), for each pair of planets, with the Hill
 radius of both masses at the distance of one of them; and for the pericentre of each.

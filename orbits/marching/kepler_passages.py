@@ -34,7 +34,7 @@ FOLLOWED = 4.0
 3, positions after encounters with Jupiter in steps of 100 d have a fourth of the error."""
 
 PLANET_WAYS = 1.0
-"""The way in a step of planets relative to each other within which, as a multiple, a passage is an encounter of these."""
+"""Of the way in a step of two planets relative to each other, the multiple within which a passage is an encounter."""
 
 SPARED = 1e-12
 """The error of the attraction by a planet on the way past it, as a fraction of that by the dominant body, up to which

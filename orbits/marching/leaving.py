@@ -5,9 +5,9 @@ uncorrected, in doubled precision, for steps of Gauss that are chosen one by one
 at a multiple of the map's step, and all bodies enter the map again, as at the start of a run: with planets that are
 numbered anew, and a new place of each massless particle among them.
 
-Where they leave depends on the states at the ends of the map's steps alone, and where they return on those of the chosen
-steps: samples change nothing. It is not reversible in time, nor symplectic: where bodies leave and where they return
-depends on the direction.
+Where they leave depends on the states at the ends of the map's steps alone, and where they return on those of the
+chosen steps: samples change nothing. It is not reversible in time, nor symplectic: where bodies leave and where they
+return depends on the direction.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
-from orbits.kernels.encounters import DISTANCE2, OTHER, PARTNER, STEP, TIME, WHEN
+from orbits.kernels.encounters import DISTANCE2, OTHER, PARTNER, ROW, STEP, TIME, WHEN
 from orbits.kernels.planets_ahead import first_clear, first_encounter
 from orbits.kernels.steps import NEAR_A_PLANET
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching import changing, kepler_passages
+from orbits.marching import changing, kepler_passages, losses
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import Clock, Place
 from orbits.marching.handing_over import METHOD
 from orbits.marching.marcher import Marcher
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
-from orbits.marching.passage_list import UNKNOWN
-from orbits.marching.retirement import Lost, Retirement
+from orbits.marching.passage_list import UNKNOWN, BlockList
+from orbits.marching.retirement import Lost, Retirement, hit
 
 FIRST_BLOCK = 8
 """The steps of the first block after all bodies left or entered the map; each is followed by one twice as long."""
@@ -48,7 +48,8 @@ NOT_YET, NOBODY = -1, -1
 
 EXCURSIONS, COUNTS, LOST, PREFIX = "excursions", "excursion_counts", "excursion_lost", "away_"
 """The arrays of a checkpoint: the list, (ROOM, 4); whether all bodies are away, and how many excursions there were; the
-readings at which particles were lost on these, (particles,), or `NOT_YET`; and the prefix of the march by chosen steps."""
+readings at which particles were lost on these, (particles,), or `NOT_YET`; and the prefix of those of the march by
+chosen steps."""
 
 
 class _Step(NamedTuple):
@@ -96,7 +97,7 @@ class LeavingMarcher(Marcher):
         self._extent, self._who = np.zeros((3, n)), np.zeros(2, dtype=np.int64)
         self._largest = self.block, self._own.block
         self._leaves: _Step | None = None
-        self._looked = NOT_YET
+        self._looked, self._by_map = NOT_YET, False
         self._excursions: list[list[int]] = []
         self._count = 0
         self._lost_at = np.full(len(self._particles), float(NOT_YET))
@@ -134,7 +135,7 @@ class LeavingMarcher(Marcher):
         """Return (q, v) after a partial step of `offset`; all bodies leave the map here, if its step is one of an
         encounter.
         """
-        if not self._away and offset != 0.0:
+        if not (self._away or self._by_map) and offset != 0.0:
             self._settle(Place(self.step, offset))
         return self._own.state_after(offset) if self._away else super().state_after(offset)
 
@@ -186,7 +187,8 @@ class LeavingMarcher(Marcher):
         while all bodies are away.
         """
         ended = self._own.ended_at(end) if (end - self.time) * self.clock.direction > 0.0 else self._own
-        return self._merged(self._state["approaches"].copy(), ended.approaches()), *self._all_passages(*ended.passages())
+        closest = self._merged(self._state["approaches"].copy(), ended.approaches())
+        return closest, *self._all_passages(*ended.passages())
 
     def _all_passages(self, away: Array, left_out: int) -> tuple[Array, int]:
         passages, missing = super().passages()
@@ -273,31 +275,27 @@ class LeavingMarcher(Marcher):
         return Place(0, self._time_of(place.steps) + place.rest)
 
     def _approach_by_map(self, place: Place) -> None:
-        self._away_last, failure = False, None
+        self._away_last, self._leaves, self._by_map = False, None, True
         try:
             super().approach(place)
-        except IntegrationError as error:
-            failure = error
-        count = self._block[0]
-        found = self._encounter_in(count)
-        if found is not None:
-            super().go_back(found.number - (self.step - count))
-            self.met, self._leaves = None, found
-        elif failure is not None:
-            self._leaves = _Step(self.step, (NOBODY, NOBODY))
-        else:
-            self.block = min(2 * self.block, self._largest[0])
+            if self._leaves is None:
+                self.block = min(2 * self.block, self._largest[0])
+        except IntegrationError:
+            if self._leaves is None:
+                self._leaves = _Step(self.step, (NOBODY, NOBODY))
+        finally:
+            self._by_map = False
 
-    def _encounter_in(self, count: int) -> _Step | None:
-        """Return the first step of an encounter in the block just marched."""
+    def _followed(self, count: int) -> int:
+        """Return how many of the steps of the block just marched the map can follow."""
         if not count:
-            return None
+            return 0
         path, stride = self._watcher.recorded(count).ravel(), len(self._state["q"])
         rules = self._near, self._extent, self._limits, self.clock.h
         first = int(first_encounter(path, stride, *rules, count, self._who))
-        if first >= count:
-            return None
-        return _Step(self.step - count + first, (int(self._who[0]), int(self._who[1])))
+        if first < count:
+            self._leaves = _Step(self.step + first, (int(self._who[0]), int(self._who[1])))
+        return first
 
     def _look_ahead(self) -> None:
         """Find out whether the next step of the map, which leads beyond a place, is one of an encounter."""
@@ -317,6 +315,8 @@ class LeavingMarcher(Marcher):
             return
         try:
             own.approach(Place(0, self._return_time) if returning else goal)
+            if self._surfaces is not None:
+                self._retire_those_that_hit()
             count = own._block[0]
             if count and not returning:
                 path, stride = own._watcher.recorded(count).ravel(), len(own._state["q"])
@@ -328,6 +328,34 @@ class LeavingMarcher(Marcher):
             own.block = min(2 * own.block, self._largest[1])
         finally:
             self._keep_up()
+
+    def _retire_those_that_hit(self) -> None:
+        """Retire the particle that hits a body first in the last block of chosen steps, and go back to the beginning of
+        the step in which it does.
+        """
+        own, direction = self._own, self.clock.direction
+        begun, rows = own._block[1], own.passages()[0]
+        rows = rows[(rows[:, ROW] >= self._bodies) & ((rows[:, WHEN] - begun) * direction > 0.0)]
+        if not len(rows):
+            return
+        assert self._surfaces is not None
+        rows = rows.copy()
+        rows[:, WHEN] *= direction  # as of steps of length 1
+        listed = BlockList(rows, np.array([len(rows), len(rows)]))
+        gm = self._gm[: self._bodies]
+        _, contacts = losses.impacts([listed], self._surfaces, gm, 1.0, begun * direction)
+        there = {p: one for p, one in contacts.items() if not self._own._retired.gone()[p]}
+        if not there:
+            return
+        particle, contact = min(there.items(), key=lambda pair: pair[1].reading)
+        ends = begun + own._loops.times[1 : own._block[0] + 1]
+        own.go_back(int(np.searchsorted(ends * direction, contact.reading)))
+        length, body = contact.reading * direction - own.time, int(self._massive[contact.body])
+        part = length or direction  # of no length, where it begins within the body
+        number, radius = int(self._particles[particle]), float(self._surfaces[contact.body])
+        share, q, v = losses.touching(own.state_after, part, 1.0 if length else 0.0, radius, number, body)
+        own.retire(number, hit(contact.body), own.step, own.time + share * part, q, v)
+        own.met = None
 
     @property
     def _returns(self) -> bool:

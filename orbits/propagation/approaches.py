@@ -18,6 +18,7 @@ from orbits.propagation.approach import Approach, said, unit_of_errors
 from orbits.propagation.judgement import error_at_end
 from orbits.propagation.refinement import refine
 from orbits.system.presenting import attributes
+from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -139,7 +140,7 @@ class Approaches:
             for key, unit in kinds.items()
         }
         if self._run.system.epoch is not None:
-            columns["date"] = self._run.system.epoch + figures["time"]
+            columns["date"] = written(self._run.system.epoch + figures["time"])
         return QTable(columns | figures, meta=attributes(self._run.system))
 
     @cached_property
@@ -193,7 +194,7 @@ class Approaches:
         head.append(headed("off at the end", unit_of_errors(self._run.system)))
         rows = []
         for a in islice(self, MOST_ROWS):
-            date = [] if a.date is None else [a.date.iso[:16]]
+            date = [] if a.date is None else [date_text(a.date, 16)]
             off = "" if a.error is None else said(a.error).removesuffix(f" {a.error.unit}").replace("less than", "<")
             rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), off])
         return head, rows, len(self) - len(rows)

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from bisect import bisect_right
-from collections.abc import Callable
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -229,33 +227,20 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     gm, massive, found = run.system.values.gm, run.system.massive, []
     perturbed = massive.sum() > 2 or bool(run.system.terms) or not run.integrator.exact_for_two
     followed, together = run.integrator.follows_encounters, run.integrator.follows_meetings
-    away = _away(run)
     for k, passage in enumerate(seen.passages):
         both = bool(massive[passage.body] and massive[passage.other])
-        if passage.about is None or (followed and not both) or (together and both) or away(passage.steps):
+        if passage.about is None or (followed and not both) or (together and both) or run.excursions.include(passage.steps):
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body
             resolved = not is_unresolved(run.step, passage.distance, passage.speed, run.integrator.least_steps)
-            if (perturbed or not massive[lighter]) and not resolved:
+            if (perturbed or not massive[lighter]) and not resolved and massive.sum() > 1:
                 found.append((passage.distance / abs(run.step * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
         if passage.distance < near:
             found.append((passage.distance / near, k))
     return [k for _, k in sorted(found)]
-
-
-def _away(run: Trajectory) -> Callable[[float], bool]:
-    """Return a function that tells whether all bodies took chosen steps at a reading of the clock."""
-    known = [(left, math.inf if back is None else back) for left, back in (one.steps for one in run.excursions)]
-    begun = [left for left, _ in known]
-
-    def away(reading: float) -> bool:
-        k = bisect_right(begun, reading) - 1
-        return k >= 0 and reading <= known[k][1]
-
-    return away
 
 
 def warn_of_encounters(run: Trajectory, seen: Seen) -> None:

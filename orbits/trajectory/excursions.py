@@ -1,7 +1,8 @@
-"""The excursions of a run from a Wisdom–Holman map: when all bodies left it for an encounter, and when they returned."""
+"""The excursions of a run from a Wisdom–Holman map: when all bodies left it for encounters, and when they returned."""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
@@ -50,12 +51,12 @@ class Excursion:
 class Excursions(Sequence[Excursion]):
     """The excursions of a run, in its order; the first 4,096 of them, if there were more.
 
-    count : how many there were
+    total : how many there were
     """
 
     def __init__(self, excursions: Iterable[Excursion] = (), count: int | None = None) -> None:
         self._excursions = tuple(excursions)
-        self.count = len(self._excursions) if count is None else count
+        self.total = len(self._excursions) if count is None else count
 
     @classmethod
     def of(cls, system: System, clock: Clock, rows: NDArray[np.int64], count: int) -> Excursions:
@@ -81,6 +82,12 @@ class Excursions(Sequence[Excursion]):
         if (bodies < NOBODY).any() or (bodies >= len(run.names)).any():
             raise ArchiveError("the excursions from the map in its checkpoint are not those of a run.")
         return cls.of(run.system, run.clock, rows, count)
+
+    def include(self, reading: float) -> bool:
+        """Return whether all bodies took chosen steps at a reading of the clock, in steps."""
+        k = bisect_right(self._excursions, reading, key=lambda one: one.steps[0]) - 1
+        end = self._excursions[k].steps[1] if k >= 0 else 0
+        return end is None or reading < end
 
     def __len__(self) -> int:
         return len(self._excursions)
@@ -129,9 +136,10 @@ class Excursions(Sequence[Excursion]):
         return html_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
-        if not self.count:
+        if not self.total:
             return "no excursions from the map"
-        return f"{self.count:,} excursion{'s' * (self.count > 1)} from the map, by steps chosen one by one; not reversible"
+        several = f"{self.total:,} excursion{'s' * (self.total > 1)}"
+        return f"{several} from the map, by steps chosen one by one; not reversible"
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         if not len(self):
@@ -141,4 +149,4 @@ class Excursions(Sequence[Excursion]):
             [one.what, f"{one.left.value:.10g}", "" if one.returned is None else f"{one.returned.value:.10g}"]
             for one in self._excursions[:MOST_ROWS]
         ]
-        return head, rows, self.count - len(rows)
+        return head, rows, self.total - len(rows)

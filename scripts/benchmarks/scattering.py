@@ -1,4 +1,4 @@
-"""The energy of planets that meet and scatter each other, by maps that all bodies leave for encounters, and by peers."""
+"""The energy of planets that scatter each other, by maps that all bodies leave for encounters, and by peers."""
 
 from __future__ import annotations
 
