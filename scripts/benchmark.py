@@ -28,6 +28,7 @@ from benchmarks.map_particles import part_map_particles
 from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
+from benchmarks.scattering import part_scattering
 from benchmarks.systems import part_systems
 
 import orbits
@@ -52,6 +53,7 @@ PARTS = {
     "light_bodies": part_light_bodies,
     "crossers": part_crossers,
     "jacobi": part_jacobi,
+    "scattering": part_scattering,
     "drift": part_drift,
     "precision": part_precision,
     "particles": part_particles,

@@ -96,6 +96,11 @@ class Integrator:
         return False
 
     @property
+    def follows_meetings(self) -> bool:
+        """Whether all bodies take steps of another method in encounters of massive ones that this one cannot follow."""
+        return False
+
+    @property
     def follows_encounters(self) -> bool:
         """Whether massless particles take steps of their own in encounters that the method cannot follow."""
         return False

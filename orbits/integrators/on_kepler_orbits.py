@@ -48,11 +48,13 @@ class OnKeplerOrbits(Form):
 
     among_particles : whether the planets leave tables for massless particles
     more_kernels : what is then added to `kernels`
+    least_bodies : how many massive bodies the steps take
     """
 
     among_particles: bool = field(default=False, kw_only=True)
 
     more_kernels: ClassVar[Mapping[str, Any]]
+    least_bodies: ClassVar[int] = 2
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels of this instance."""
@@ -75,5 +77,5 @@ class OnKeplerOrbits(Form):
         """Nothing in the carry depends on the length of the steps."""
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
-        """Raise InputError for softened gravity, and if no body dominates the others."""
-        require_dominant(parameters)
+        """Raise InputError for softened gravity, for too few bodies, and if none dominates the others."""
+        require_dominant(parameters, self.least_bodies)

@@ -41,6 +41,8 @@ COORDINATES = "jacobi", "democratic-heliocentric"
 
 ENCOUNTERS = "warn", "follow", "retire"
 
+PLANETS = "warn", "follow", "refuse"
+
 
 def _distance(value: Any, name: str) -> float:
     """Return a distance above 0. Raises InputError for anything else."""
@@ -73,7 +75,8 @@ class WisdomHolman(Integrator):
         step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
         step of that passage, with time and place
     planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
-        it, or "refuse" to go on, with a SingularityError before the step of that passage
+        it; "follow" these encounters by steps chosen one by one, of all bodies; or "refuse" to go on, with a
+        SingularityError before the step of that passage
     ejected_beyond, lost_within : the distance from the dominant body beyond which massless particles on open orbits are
         retired, and the pericentre distance below which any are, in the system's unit of length, whatever `encounters`
         is; looked for after every 64th step
@@ -146,8 +149,8 @@ class WisdomHolman(Integrator):
             *others, last = map(repr, ENCOUNTERS)
             known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
-        if self.planets not in ("warn", "refuse"):
-            raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'refuse'")
+        if self.planets not in PLANETS:
+            raise InputError(f"planets is {shown(self.planets)}; expected 'warn', 'follow' or 'refuse'")
         for name in ("ejected_beyond", "lost_within"):
             value = getattr(self, name)
             if value is not None:
@@ -197,6 +200,11 @@ class WisdomHolman(Integrator):
     def refuses_meetings(self) -> bool:
         """Whether encounters of planets end a run."""
         return self.planets == "refuse"
+
+    @property
+    def follows_meetings(self) -> bool:
+        """Whether all bodies take steps of another method in encounters of planets."""
+        return self.planets == "follow"
 
     @property
     def follows_encounters(self) -> bool:

@@ -45,6 +45,11 @@ def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None
             f"the derivative of {integrator.label}{with_terms} is not known; expected WisdomHolman in Jacobi "
             "coordinates, with Newton's gravity alone. Use that, or Gauss(stages=8)."
         )
+    if integrator.follows_meetings:
+        raise InputError(
+            f"the variations of {integrator.label} are not known where all bodies take steps that are chosen one by "
+            "one; use planets='warn', or Gauss(stages=8) without dt."
+        )
     if integrator.refuses_meetings or integrator.departures != (None, None):
         raise InputError(
             f"tangent vectors follow all bodies wherever they go, but {integrator.label} asks for an end; leave out "

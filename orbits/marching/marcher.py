@@ -172,6 +172,7 @@ class Marcher(Blocks):
             radii,
             integrator.follows_kepler,
             self._form.trace_rows(3 * n),
+            whole_path=integrator.follows_meetings,
         )
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._starts_close = np.zeros(0, dtype=np.intp)
@@ -419,7 +420,9 @@ class Marcher(Blocks):
         parts = None
         if self.integrator.follows_encounters and len(self._particles):
             parts = parts_taken(self._state["particle_memory"])
-        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"), parts)
+        names = [self.names[k] if self.names else f"body {k}" for k in self._massive.tolist()]
+        clocks = self._state.get("particle_clock")
+        return retirements(self._retired.table(), q, v, self._particles, clocks, parts, names)
 
     def retired_by(self, time: float) -> list[Retirement]:
         """Return the particles that are retired, or cannot be followed up to a time less than a step ahead, in the

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from astropy import units as u
 
+from orbits.units import date_text, written
+
 if TYPE_CHECKING:
     from astropy.time import Time
 
@@ -59,7 +61,7 @@ class Approach:
             u.Quantity(passage.distance, units.length),
             time,
             u.Quantity(passage.speed, units.speed),
-            None if system.epoch is None else (system.epoch + time).copy(format="iso"),
+            None if system.epoch is None else written((system.epoch + time).copy(format="iso")),
             None if error is None else as_error(system, error),
             u.Quantity(math.sqrt(free), units.speed) if free >= 0.0 else None,
         )
@@ -68,7 +70,7 @@ class Approach:
         distance = f"{self.distance:.6g}"
         if self.distance.unit.is_equivalent(u.km) and self.distance.unit != u.km and self.distance < NEAR:
             distance += f" = {self.distance.to(u.km):,.0f}"
-        when = f"t = {self.time:.6g}" if self.date is None else f"{self.date.iso[:16]} TDB (t = {self.time:.6g})"
+        when = f"t = {self.time:.6g}" if self.date is None else f"{date_text(self.date, 16)} TDB (t = {self.time:.6g})"
         speed = self.speed.to(u.km / u.s) if self.speed.unit.is_equivalent(u.km / u.s) else self.speed
         named = "" if str(speed.unit) else "speed "  # a number alone would say nothing
         text = f"{self.body} to {self.other}: {distance} at {when}, {named}{speed:.3g}"

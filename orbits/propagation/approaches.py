@@ -20,6 +20,7 @@ from orbits.propagation.approach import LUNAR_DISTANCE, Approach, said, unit_of_
 from orbits.propagation.judgement import error_at_end
 from orbits.propagation.refinement import refine
 from orbits.system.presenting import attributes
+from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -154,7 +155,7 @@ class Approaches:
             for key, unit in kinds.items()
         }
         if self._run.system.epoch is not None:
-            columns["date"] = self._run.system.epoch + figures["time"]
+            columns["date"] = written(self._run.system.epoch + figures["time"])
         if units.is_physical:
             columns |= {"distance": figures.pop("distance")}
             columns["lunar_distances"] = (columns["distance"] / LUNAR_DISTANCE).to(u.one)
@@ -212,7 +213,7 @@ class Approaches:
         head.append(headed("off at the end", unit_of_errors(self._run.system)))
         rows = []
         for a in islice(self, MOST_ROWS):
-            date = [] if a.date is None else [a.date.iso[:16]]
+            date = [] if a.date is None else [date_text(a.date, 16)]
             free = ["bound" if a.v_infinity is None else f"{a.v_infinity.value:.6g}"] * units.is_physical
             off = "" if a.error is None else said(a.error).removesuffix(f" {a.error.unit}").replace("less than", "<")
             rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), *free, off])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, IntegrationError
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
+from orbits.marching.leaving import LeavingMarcher
 from orbits.propagation.marchers import bound, restore, unchanged
 from orbits.propagation.passage_effect import Pair
 
@@ -51,6 +52,8 @@ class Record(NamedTuple):
         step; if steps differ, the march itself ends there, and cannot go on.
         """
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
+        if isinstance(marcher, LeavingMarcher) and marcher.is_away:
+            return cls(*marcher.record_at(end), dominant, reaches, step)
         if marcher.clock.changes:
             if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
                 with suppress(IntegrationError):  # where the run itself failed

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError
+from orbits.marching.leaving import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -112,7 +113,8 @@ class Replay:
 
         checkpoint = {} if run.archive is None else run.archive.checkpoint()
         listed = checkpoint.get("retired")
-        if listed is None or not (listed[:, 0].any() or (len(run) and np.isnan(run.q[-1].value).any())):
+        lost = [checkpoint[name][:, 0].any() for name in ("retired", AWAY + "retired") if name in checkpoint]
+        if listed is None or not (any(lost) or (len(run) and np.isnan(run.q[-1].value).any())):
             return RetiredParticles()
         from orbits.marching.hand_over import parts_taken
         from orbits.marching.retirement import retirements
@@ -120,8 +122,9 @@ class Replay:
         particles = np.flatnonzero(~run.system.massive)
         q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
         parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.follows_encounters else None
-        rows = retirements(listed, q, v, particles, clocks, parts)
-        if run.changes is None and missing(run, rows):
+        names = [run.names[k] for k in np.flatnonzero(run.system.massive)]
+        rows = retirements(listed, q, v, particles, clocks, parts, names)
+        if run.integrator.follows_meetings or (run.changes is None and missing(run, rows)):
             from orbits.propagation.marchers import bound, restore
 
             marcher = bound(run.system, run.integrator, run.clock)

@@ -265,6 +265,11 @@ def begun(
             "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
             "run.at(times) marches on from the preceding sample, through the collisions."
         )
+    if dense and integrator.follows_meetings:
+        raise InputError(
+            "dense=True keeps the steps of one method, but with planets='follow' encounters take others; leave it out: "
+            "run.at(times) marches on from the preceding sample, through the encounters."
+        )
     if dense and any(search.interrupts for search in seeking.particles):
         raise InputError(
             "dense=True keeps the steps of a run that goes on, but events of massless bodies with then='stop' end it "

@@ -21,7 +21,7 @@ from orbits.system.model import Modelled, seen_from, together, without
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.system.solar import models
-from orbits.units import SOLAR, UnitSystem, as_epoch
+from orbits.units import SOLAR, UnitSystem, as_epoch, date_text
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -443,5 +443,5 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     def __repr__(self) -> str:
         particles = int(np.count_nonzero(~self.massive))
         kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
-        epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
+        epoch = "no epoch" if self._epoch is None else f"epoch {date_text(self._epoch, between='T')} TDB"
         return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name}{self._acting()})"

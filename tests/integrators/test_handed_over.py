@@ -151,7 +151,10 @@ def test_particles_that_hit_a_body_are_retired_with_time_and_place(tmp_path):
     free = orbits.propagate(start, FOLLOW, **options)
     run = orbits.propagate(large, FOLLOW, **options)
     assert {(one.name, one.reason) for one in run.retired} == {
-        (name, "it hit a body") for name in ("p8", "p13", "p14", "p16")
+        ("p8", "it hit Jupiter"),
+        ("p13", "it hit Jupiter"),
+        ("p14", "it hit Jupiter"),
+        ("p16", "it hit Sun"),
     }
     exact = orbits.propagate(start, duration=-30 * u.yr, samples=2, progress=False)
     for one in run.retired:

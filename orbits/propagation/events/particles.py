@@ -150,7 +150,7 @@ class Followed:
         begun = self._last
         state = begun.q[there], begun.v[there]
         integrator, clock = self._integrator, self._clock
-        if integrator.follows_encounters:  # as it is followed there
+        if integrator.follows_encounters or integrator.follows_meetings:  # as it is followed there
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
         if clock.changes:  # a march then counts its time from its begin
