@@ -16,7 +16,7 @@ import numpy as np
 
 from orbits.integrators.dominant import registers
 from orbits.integrators.forms import Array, padded
-from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, rows_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.heliocentric import (
     ROWS,
@@ -38,6 +38,7 @@ from orbits.kernels.heliocentric_particles import (
 )
 from orbits.kernels.jacobi_stages import particles_at_the_end, registers_of
 from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.stages_of_maps import HELIOCENTRIC_DRIFT, HELIOCENTRIC_KICK
 from orbits.kernels.steps import OK, Particles
 
 STEP, HALF = 0, 1
@@ -176,6 +177,14 @@ class DemocraticHeliocentric(OnKeplerOrbits):
         row = np.zeros((1, WIDTH))
         row[0, [STEP, HALF]] = h, 0.5 * h
         return row
+
+    def stages_of(self, h: float) -> tuple[Array, Array]:
+        """Half of the Kepler motions, and the kick and these motions."""
+        return rows_of([(HELIOCENTRIC_DRIFT, h / 2)]), rows_of([(HELIOCENTRIC_KICK, h), (HELIOCENTRIC_DRIFT, h)])
+
+    def room_shape(self, size: int) -> tuple[int, int]:
+        """The rows of `orbits.kernels.heliocentric`."""
+        return ROWS * registers(size), WIDTH
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The table of a step; see `orbits.kernels.heliocentric_particles`. None is kept without particles."""

@@ -28,7 +28,7 @@ from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.dominant import registers
 from orbits.integrators.forms import Array, padded
-from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, stretch_rows
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, rows_of, stretch_rows
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS
 from orbits.kernels.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
@@ -45,6 +45,7 @@ from orbits.kernels.jacobi_stages import (
     tabulate_the_end,
 )
 from orbits.kernels.lanes import WIDTH, full
+from orbits.kernels.stages_of_maps import DRIFT, STANDARD
 from orbits.kernels.steps import OK, Particles
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.near_integrable import KNOWN, REFINED, binary_splitting
@@ -192,6 +193,12 @@ class KeplerStages(OnKeplerOrbits):
         rows[ENTRY, 0] = drifts[0]
         rows[STAGES:, 0], rows[STAGES:, 1] = kicks, [*drifts[1:-1], drifts[-1] + drifts[0]]
         return rows
+
+    def stages_of(self, h: float) -> tuple[Array, Array]:
+        """The motion to what is marched, and kicks and motions."""
+        rows = self.coefficients(h, h)
+        step = [pair for kick, drift in rows[STAGES:, :2].tolist() for pair in ((STANDARD, kick), (DRIFT, drift))]
+        return rows_of([(DRIFT, rows[ENTRY, 0])]), rows_of(step)
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """A table for each kick, and workspace; see `orbits.kernels.jacobi_particles`. None are kept without

@@ -371,6 +371,11 @@ def depends_on_velocities(model):
     return _has(model, False)
 
 
+def depends_on_positions(model):
+    """Return whether a model, by its Numba type, has terms of positions alone."""
+    return _has(model, True)
+
+
 def has_terms(model):
     """Return whether a model has terms besides Newton's."""
     raise NotImplementedError("has_terms() is for compiled code only")

@@ -21,10 +21,16 @@ from orbits.kernels.particle_tangent import NEAR, SHARP, WHICH, Judged, follow_p
 from orbits.kernels.tangent import AREA, LOGARITHM, SQUARE
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.bound_loops import BoundLoops, numbers_of
-from orbits.marching.choice import form_of_bodies
+from orbits.marching.choice import form_for, form_of_bodies
 from orbits.marching.clocks import ConstantSteps, Place
 from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS
-from orbits.marching.map_tangents import KICKS, require_map_tangents
+from orbits.marching.map_tangents import require_map_tangents
+
+
+def march_together(integrator: Integrator, lagrangian: Lagrangian) -> bool:
+    """Return whether `ParticleTangents` serves a method and a Lagrangian."""
+    form = form_for(integrator, lagrangian)
+    return isinstance(form, KeplerSplitting) and not form.with_terms
 
 
 class Passages(NamedTuple):
@@ -72,7 +78,7 @@ class ParticleTangents(BoundLoops):
         self.begin(np.concatenate([q, x]), np.concatenate([v, w]), np.arange(n), np.arange(n, n + m))
         self.enter(self.state, self._steps)
         self._strength, self._label, self._done = np.ascontiguousarray(parameters), integrator.label, 0
-        self._kick, self._scale, self._h = KICKS[form.kernel], float(scale), h
+        self._kick, self._scale, self._h = int(form.stages_of(h)[1][0, 0]), float(scale), h
         groups, count = (m + WIDTH - 1) // WIDTH, len(vectors)
         self._fans, self._growth = np.empty((groups, count, 6, WIDTH)), np.zeros((groups, count, 5, WIDTH))
         self._fans[...] = vectors.reshape(1, count, 6, 1)

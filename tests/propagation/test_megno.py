@@ -54,8 +54,10 @@ def chaotic():
         (orbits.Gauss(stages=8), "P/20"),
         (orbits.StormerVerlet(), "P/50"),
         *((orbits.WisdomHolman(*kind), "P/20") for kind in MAPS),
+        (orbits.WisdomHolman(coordinates="democratic-heliocentric"), "P/50"),
+        (orbits.SABA(), "P/10"),
     ],
-    ids=["adaptive", "gauss", "stormer-verlet", "modified-kick", "lazy", "standard"],
+    ids=["adaptive", "gauss", "stormer-verlet", "modified-kick", "lazy", "standard", "heliocentric", "SABA"],
 )
 def test_regular_planets_keep_the_bound_of_rebounds_test(method, dt):
     assert "MEGNO=2+-.2 at T=1e4" in BOUNDS["test_megno"]
@@ -196,6 +198,25 @@ def test_megno_of_particles_in_a_map_grows_at_the_borders_of_a_resonance_and_is_
     for name in ("in", "out"):
         assert abs(m[name].megno[-1] - 2.0) < 0.01  # seen: 0.004
         assert m[name].lyapunov[-1] < 0.7 * m["outer"].lyapunov[-1]  # ln(t) / t, which falls slowly: seen 0.58
+
+
+def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
+    """Beside 3:1 and at its border, with relativity and oblateness of the star too; and one that meets the planet."""
+    system = a_star_and_a_planet().add("calm", primary="S", a=0.4, e=0.05).add("wild", primary="S", a=0.86, e=0.05, M=2.0)
+    terms = orbits.PostNewtonian(sources=["S"], c=100.0), orbits.ZonalHarmonics("S", J2=1e-3, radius=0.1, pole=(0, 0, 1))
+    heliocentric = orbits.WisdomHolman(coordinates="democratic-heliocentric")
+    for one, method in (
+        (system, orbits.SABA()),
+        (system, heliocentric),
+        (system.with_terms(*terms), orbits.WisdomHolman()),
+    ):
+        with pytest.warns(StepWarning, match="3 Hill radii of J"):
+            m = orbits.megno(one, method, dt=0.05, duration=300 * YEAR, samples=3, check_step=False)
+        assert abs(m.massive.megno[-1] - 2.0) < 0.1
+        assert abs(m["calm"].megno[-1] - 2.0) < 0.1
+        assert m["calm"].passage is None
+        assert m["wild"].megno[-1] > 5.0
+        assert 0.0 < m["wild"].passage.value < 300 * YEAR
 
 
 def test_the_number_of_vectors_is_a_choice_and_the_first_ones_are_the_same():

@@ -45,6 +45,11 @@ def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -
     acting = model(system)
     if integrator.follows_kepler:
         require_map_tangents(integrator, acting.lagrangian)
+        if integrator.follows_encounters and not system.massive.all():
+            raise InputError(
+                f"the variations of {integrator.label} are not known where particles take steps of their own; use "
+                'encounters="warn", or Gauss(stages=8) without dt.'
+            )
     else:
         require_tangents(integrator, acting.lagrangian)
     form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False)
