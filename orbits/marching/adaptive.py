@@ -23,7 +23,7 @@ from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag, dynamical_rate
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, fma
-from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, prepare, signal, step
+from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, end_late, prepare, signal, step
 from orbits.kernels.summation import two_sum
 from orbits.marching.changing import (
     DIRECTION,
@@ -119,6 +119,10 @@ def take_step(clock, method, model, k, state, storage):
         if attempt == 0:
             keep(room, kept, state, storage.carry)
         prepare(method, h, before if before != 0.0 else h, storage)
+        time, lost = two_sum(numbers[TIME], h)
+        time, lost = two_sum(time, lost + numbers[TIME_LO])
+        end = room[kept - 1] + time
+        end_late(method, end - (seen + h))
         status, where, count = step(method, model, seen, h, state, storage)
         evaluations += count
         factor = 0.5 / CAUTION
@@ -127,12 +131,12 @@ def take_step(clock, method, model, k, state, storage):
             factor = MOST if missed == 0.0 else root(numbers[TOLERANCE] / missed, numbers[POWER])
             factor = min(max(factor, LEAST), MOST)
             if factor >= REFUSED:
-                time, lost = two_sum(numbers[TIME], h)
-                numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
+                numbers[TIME], numbers[TIME_LO] = time, lost
                 numbers[NEXT], numbers[LENGTH] = numbers[TIME], h
                 if rate > 0.0 and abs(h) < longest:
                     numbers[THETA] = theta * min(factor, GROWTH)
-                room[k + 1], room[kept // 3 + k], room[2 * (kept // 3) + k] = room[k] + h, h, seen
+                room[k + 1], room[kept // 3 + k] = room[k] + h, h
+                room[2 * (kept // 3) + k], room[2 * (kept // 3) + k + 1] = seen, end
                 return OK, 0, evaluations
         put_back(room, kept, state, storage.carry)
         if not rate > 0.0:
