@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from orbits.forces.base import BoundForce, Force
     from orbits.forces.central import CentralForce
     from orbits.lagrangians.base import Lagrangian
-    from orbits.lagrangians.terms.base import SumOfTerms, Summand, Term
+    from orbits.lagrangians.terms.base import Summand, SumOfTerms, Term
     from orbits.system.system import System
 
 Array = NDArray[np.float64]
@@ -300,6 +300,11 @@ def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:
     from orbits.lagrangians.terms.charges import inertia_of
 
     return inertia_of(lagrangian, q, v, t)
+
+
+def given_bodies(system: System) -> tuple[str, ...]:
+    """Return the names of the massive bodies of a system that are read from an ephemeris."""
+    return tuple(name for term in system.terms for name in term.gives_bodies)
 
 
 def acts_on_massive(system: System) -> tuple[str, ...]:
