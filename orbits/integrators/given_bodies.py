@@ -230,6 +230,12 @@ class GivenBodies(CanonicalBodies):
 
     kernels_of_lengths: ClassVar[Mapping[str, Any]] = {"prepare": prepare, "signal": signal, "speeds": 1}
 
+    @staticmethod
+    def held(parameters: Any) -> int:
+        """Return the number of bodies that are given, from the vectors of a Lagrangian."""
+        tables = next(vector for vector in parameters if isinstance(vector, tuple))
+        return int(tables[0][-1, ROW]) + 1
+
     @property
     def is_dense(self) -> bool:
         """False: there is no polynomial through the forces on bodies that are given."""

@@ -48,9 +48,10 @@ THETA, TOLERANCE, POWER, LONGEST = 3, 4, 5, NUMBERS
 ALONE = 64.0
 """The longest step of a massive body alone, whose motion sets none, in units of time."""
 
-LONGEST_OF_GIVEN = 4.0
-"""The longest step of bodies whose motion is given, in days, at whose ends observers see them: the Moon's orbit has seven
-of them. Particles take steps of their own within, or that one."""
+LONGEST_OF_GIVEN = 8.0
+"""The longest step of bodies whose motion is given, in days, at whose ends observers see them. Particles take this one, or
+steps of their own within it: those of the asteroid belt would be resolved by 16 days too, in half the time, but an
+observer that sees the Moon every 16 days does not know where it is in between."""
 
 FIRST_THETA = 0.2
 

@@ -20,6 +20,7 @@ from orbits.errors import InputError, IntegrationError
 from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
+from orbits.integrators.given_bodies import GivenBodies
 from orbits.kernels.acting import acted_on
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import NOWHERE
@@ -114,6 +115,11 @@ class Marcher(Blocks):
         self._form = form_of_bodies(
             integrator, lagrangian, self.clock, with_particles=m > 0, forces=names_of_forces
         )
+        if isinstance(self._form, GivenBodies) and self.clock.changes and m and self._form.held(parameters) < n:
+            raise InputError(
+                "massless bodies take steps of their own among bodies of an ephemeris, but not yet if others with a mass "
+                "are integrated along: give dt=..., or set the GM of these to 0."
+            )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         followed = None
@@ -174,6 +180,7 @@ class Marcher(Blocks):
             self._form.trace_rows(3 * n),
             whole_path=integrator.follows_meetings,
         )
+        self._watcher.given = isinstance(self._form, GivenBodies) and self._form.held(self.model) == n
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._starts_close = np.zeros(0, dtype=np.intp)
         if integrator.retires_in_encounters and m:

@@ -91,6 +91,7 @@ class Watcher:
     whole_path : whether all states of a block are needed in its path, also of a block that is recorded in a trace
 
     contexts, lists : of the massive bodies, then of each task
+    given : whether the motion of all massive bodies is given: approaches among these are not looked for
     """
 
     def __init__(
@@ -112,7 +113,7 @@ class Watcher:
         trace_rows: int = 0,
         whole_path: bool = False,
     ) -> None:
-        self._parameters, self._stride = parameters, len(q)
+        self._parameters, self._stride, self.given = parameters, len(q), False
         self._path = np.empty(0)
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
@@ -273,7 +274,7 @@ class Watcher:
             self._end_trace(h, steps, carry)
         if parallel is not None:
             parallel.follow(self, h, steps)
-        elif carry is None or not self._planets:
+        elif (carry is None or not self._planets) and not self.given:
             self.follow(h, steps)
         for observer in (self._find_met, self._find_touch):
             observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))

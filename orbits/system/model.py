@@ -302,6 +302,11 @@ def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:
     return inertia_of(lagrangian, q, v, t)
 
 
+def given_bodies(system: System) -> tuple[str, ...]:
+    """Return the names of the massive bodies of a system that are read from an ephemeris."""
+    return tuple(name for term in system.terms for name in term.gives_bodies)
+
+
 def acts_on_massive(system: System) -> tuple[str, ...]:
     """Return the kinds of the forces that act on massive bodies."""
     massive = {name for name, has_mass in zip(system.names, system.massive, strict=True) if has_mass}

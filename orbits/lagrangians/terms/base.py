@@ -103,6 +103,11 @@ class Term:
         """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
 
+    @property
+    def gives_bodies(self) -> tuple[str, ...]:
+        """The names of the massive bodies, the first ones of a system, of which it says where they are at all times."""
+        return ()
+
     def check_bodies(self, names: Sequence[str], gm: Array) -> None:
         """Raise InputError if this term does not go with these bodies of a system; gm : (n,)."""
 

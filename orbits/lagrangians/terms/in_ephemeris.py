@@ -22,7 +22,7 @@ from orbits.errors import EpochError, InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.lagrangians.base import GIVEN, GRADIENTS, MASSLESS_PARTICLES, TIME_DEPENDENT
-from orbits.lagrangians.series_in_files import Series, series_of
+from orbits.lagrangians.series_in_files import KM_PER_AU, Series, series_of
 from orbits.lagrangians.terms.base import Summand, Term
 from orbits.resources import data_path
 
@@ -37,6 +37,9 @@ FAR = 1e-9
 
 HEAVIEST = 1e-9
 """The GM of a body that moves among those of an ephemeris, as a fraction of the largest: they do not feel it."""
+
+NEAR, SLOW = 1e-4, 1e-6
+"""A body that starts so close to another one, au, and so slowly, au/d, is taken for the same: it would fall into it."""
 
 ROUNDED = 1e-9
 """The days by which epochs may differ."""
@@ -101,6 +104,11 @@ class InEphemeris(Term):
         """Whole numbers come back from archives as floats."""
         object.__setattr__(self, "targets", tuple(int(target) for target in self.targets))
 
+    @property
+    def gives_bodies(self) -> tuple[str, ...]:
+        """The names of the bodies."""
+        return self.bodies
+
     def in_units(self, units: Any) -> Self:
         """Return this term. Raises InputError unless the units are au and days."""
         if units.name != "SOLAR" and (str(units.length), str(units.time)) != ("AU", "d"):
@@ -139,6 +147,18 @@ class InEphemeris(Term):
             )
         values, own = system.values, len(self.bodies)
         rows = np.flatnonzero(values.gm > 0.0)[:own]
+        for row in rows:
+            apart = np.linalg.norm(values.q - values.q[row], axis=1)
+            speed = np.linalg.norm(values.v - values.v[row], axis=1)
+            same = (apart < NEAR) & (speed < SLOW)
+            same[row] = False
+            if same.any():
+                name = system.names[int(same.argmax())]
+                raise InputError(
+                    f"{name!r} starts {apart[same][0] * KM_PER_AU:.3g} km from {system.names[row]!r}, which attracts it, and "
+                    f"does not move away: it is the same body. Expected it without itself: "
+                    f"System.in_ephemeris(without=[{system.names[row]!r}])."
+                )
         q, v = self.states(np.zeros(1))
         off = np.maximum(abs(values.q[rows] - q[0]), abs(values.v[rows] - v[0])).max(axis=1)
         if off.max() > FAR:
