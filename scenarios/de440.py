@@ -116,7 +116,7 @@ def experiment(say):
         Check(f"the 16 largest asteroids: median within {ASTEROIDS_KM:g} km of JPL's integration",
               median <= ASTEROIDS_KM, f"{median:.2f} km")
     )  # fmt: skip
-    columns = ["each row adds", *("EMB" if body.startswith("Earth") else body for body in SHOWN)]
+    columns = ["each row adds", *("EMB" if body == SHOWN[2] else body[:4] for body in SHOWN)]
     return StudyResult(
         tables=[
             Table(f"Largest distance from DE440 [km], years {0.9 * YEARS:.0f} to {YEARS:.0f}", columns, rows),

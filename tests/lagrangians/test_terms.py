@@ -17,6 +17,7 @@ from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.terms.charges import charges
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
 from orbits.lagrangians.terms.frame_dragging import frame_dragging
+from orbits.lagrangians.terms.minor_bodies import minor_bodies
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
 
@@ -47,6 +48,7 @@ SUMS = {
     "relativity": lambda bodies: [relativity(1)],
     "relativity by all": lambda bodies: [einstein_infeld_hoffmann(range(bodies), bodies, 3.0)],
     "relativity by two": lambda bodies: [einstein_infeld_hoffmann([2, 0], bodies, 3.0)],
+    "minor bodies": lambda bodies: [minor_bodies({1, 2}, bodies)],
     "relativity by all, zonals": lambda bodies: [einstein_infeld_hoffmann(range(bodies), bodies, 3.0), zonal()],
 }
 
