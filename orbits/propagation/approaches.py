@@ -13,7 +13,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen, index_of
-from orbits.checks import positive_number
+from orbits.checks import positive_number, single_number
 from orbits.errors import InputError, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.propagation.approach import LUNAR_DISTANCE, Approach, said, unit_of_errors
@@ -138,7 +138,9 @@ class Approaches:
         wanted = np.zeros(len(self.names), dtype=bool)
         wanted[chosen(self.names, bodies)] = True
         passages, units = self._seen.passages, self._run.system.units
-        most = math.inf if within is None else positive_number(units.length_value(within, "within"), "within")
+        most = math.inf
+        if within is not None:
+            most = positive_number(single_number(units.length_value(within, "within"), "within"), "within")
         rows = [k for k in self._flybys if wanted[passages[k].body] or wanted[passages[k].other]]
         rows = [k for k in rows if passages[k].distance <= most]
         ones = [self.one(k) for k in rows]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import OrbitsWarning
+from orbits.propagation.marchers import bound
+from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
@@ -22,23 +22,16 @@ def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     The run is continued backwards with its own method and steps from its earliest state. Neither events nor collisions
     are sought there.
     """
-    from orbits.propagation.run import propagate
-
     first = run.earliest
     system = run.at(first)
-    back, place = np.unique(first - times, return_inverse=True)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", OrbitsWarning)
-        before = propagate(
-            system,
-            run.integrator,
-            dt=run.clock if run.clock.changes else abs(run.step),
-            duration=-float(back[-1]),
-            samples=(-back).tolist(),
-            check_step=False,
-            progress=False,
-        )
+    dt = run.clock if run.clock.changes else abs(run.step)
+    clock = TimeGrid.of(system, dt, duration=float(np.min(times)) - first).clock
+    start = system.values.q, system.values.v
+    march = bound(system, run.integrator, clock, threads=1, state=start)
     q, v = np.full((2, len(times), len(run.names), 3), np.nan)
     there = [run.names.index(name) for name in system.names]
-    q[:, there], v[:, there] = before.q.value[place], before.v.value[place]
+    for k in np.argsort(-times, kind="stable").tolist():
+        place = clock.place(float(times[k]) - first)
+        march.advance_to(place)
+        q[k, there], v[k, there] = march.state_at(place)
     return q, v
