@@ -152,7 +152,7 @@ class Collected:
         return self._count
 
     def takes(self, motion: Motion) -> bool:
-        """Return whether there is room for the steps of a block, by the method of those before it, and add them if so."""
+        """Return whether there is room for the steps of a block, by the method of those before, and add them if so."""
         count, now = len(motion), self._count
         arrays = motion.times, motion.path, motion.kicks, motion.lengths
         other = self._like is not None and self._like._form != motion._form

@@ -229,7 +229,7 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     followed, together = run.integrator.follows_encounters, run.integrator.follows_meetings
     for k, passage in enumerate(seen.passages):
         both = bool(massive[passage.body] and massive[passage.other])
-        if passage.about is None or (followed and not both) or (together and both) or run.excursions.include(passage.steps):
+        if passage.about is None or (together if both else followed) or run.excursions.include(passage.steps):
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body

@@ -224,8 +224,8 @@ def test_planets_that_meet_end_the_run_if_asked():
 
 
 def test_what_does_not_fit_is_refused():
-    with pytest.raises(orbits.InputError, match="expected 'warn' or 'refuse'"):
-        orbits.WisdomHolman(planets="follow")
+    with pytest.raises(orbits.InputError, match="expected 'warn', 'follow' or 'refuse'"):
+        orbits.WisdomHolman(planets="leave")
     with pytest.raises(orbits.InputError, match="'warn' or 'retire', or coordinates='jacobi'"):
         orbits.WisdomHolman(coordinates="democratic-heliocentric", encounters="follow")
     term = orbits.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13 * u.deg, 63.87 * u.deg))

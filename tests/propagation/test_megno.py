@@ -250,6 +250,26 @@ def test_a_particle_that_meets_a_planet_in_a_map_is_chaotic_and_never_silent(enc
     assert m["calm"].passage is None
 
 
+def test_a_particle_that_starts_within_the_reach_of_a_planet_is_retired_at_once():
+    """On a wide orbit about the planet, with no passage by it for a year: MEGNO and state transition are NaN from the
+    start on, and both say so.
+    """
+    start = a_star_and_a_planet()
+    planet, star = start["J"], start[start.names[0]]
+    q = planet.q.value + np.array([0.0, 0.0, 2.0 * (1e-3 / 3.0) ** (1.0 / 3.0)])
+    places, speeds = [q - star.q.value, 3.0 * q], [planet.v.value, planet.v.value / 2]
+    start = start.add(["in", "out"], primary=star.name, q=places, v=speeds)
+    method, options = orbits.WisdomHolman(encounters="retire"), {"dt": 0.05, "duration": 1.0, "samples": 3}
+    with pytest.warns(RetiredWarning, match="in within 3 Hill radii of J, at t = 0"):
+        found = orbits.megno(start, method, **options)
+    assert np.isnan(found["in"].megno[1:]).all()
+    assert np.isfinite(found["out"].megno[1:]).all()
+    with pytest.warns(RetiredWarning, match="in .it came within three Hill radii of a planet"):
+        stm = orbits.state_transition(start, method, **options)
+    assert np.isnan(stm["in"][-1]).all()
+    assert np.isfinite(stm["out"]).all()
+
+
 def test_a_pericentre_that_the_steps_of_a_map_do_not_resolve_is_told():
     system = a_star_and_a_planet().add("comet", primary="S", a=0.4, e=0.7)
     with pytest.warns(StepWarning, match="fewer than 16 steps"):

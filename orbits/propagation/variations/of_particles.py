@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.checks import whole_number
 from orbits.errors import RetiredWarning, StepWarning, level_of_caller, with_unit
 from orbits.integrators.base import Integrator
-from orbits.marching.kepler_passages import HILL_RADII
+from orbits.marching.kepler_passages import HILL_RADII, near_a_planet
 from orbits.marching.marcher import available_threads
 from orbits.marching.particle_tangents import ParticleTangents, Passages
 from orbits.propagation.run import propagated
@@ -96,14 +96,30 @@ def _mean(values: Array) -> Array:
     return np.asarray(total / values.shape[1])
 
 
+def _starts_inside(system: System) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the massless particles that start within the reach of a planet, and the numbers of these among the massive
+    bodies.
+    """
+    values, massive = system.values, system.massive
+    gm, x = values.gm[massive], values.q[massive]
+    sun = int(gm.argmax())
+    planets = np.delete(np.arange(len(gm)), sun)
+    found = near_a_planet(values.q[~massive] - x[sun], x[planets] - x[sun], gm[planets], float(gm[sun]))
+    inside = np.flatnonzero(found >= 0)
+    return inside, planets[found[inside]]
+
+
 def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, passages: Passages) -> None:
     """Write the times of passages, put NaN for what is not known, and warn."""
     names = np.array(system.names, dtype=object)[~system.massive]
     bodies = np.array(system.names, dtype=object)[system.massive]
+    retires = integrator.retires_in_encounters
+    if retires:  # those that start too close are retired at once, though most have no passage to be seen by
+        inside, planet = _starts_inside(system)
+        passages.near[inside], passages.planet[inside] = 0.0, planet
     times = np.fmin(abs(passages.near), abs(passages.sharp))
     out.passage[:] = times * grid.direction
     met = np.isfinite(times)
-    retires = integrator.retires_in_encounters
     lost = ~np.isfinite(out.megno[-1]) & (grid.times[-1] != 0.0) & ~(met & retires)
     if retires:
         gone = met & (abs(grid.times[:, None]) > times)

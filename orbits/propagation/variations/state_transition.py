@@ -19,6 +19,7 @@ from orbits.export import headed, html_table, text_table
 from orbits.integrators.base import Integrator
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.before_the_start import warn_or_refuse
+from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import (
     Followed,
     at_samples,
@@ -33,6 +34,9 @@ from orbits.system import System
 from orbits.time_grid import TimeGrid, dynamical_time
 
 Array = NDArray[np.float64]
+
+SHOWN = 3
+"""The most retired particles named in a warning."""
 
 MOST_SHOWN = 10
 """The most bodies in the table of a matrix."""
@@ -233,7 +237,30 @@ def matrices(
                 RetiredWarning,
                 stacklevel=level_of_caller(),
             )
+    if integrator.retires_in_encounters and particles:
+        _forget_retired(system, integrator, grid, out)
     return out.reshape(len(grid), 6 * N, 6 * N), momenta
+
+
+def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out: Array) -> None:
+    """Write NaN for massless particles from where a run retires them, and warn of these."""
+    march = bound(system, integrator, grid.clock)
+    try:
+        march.advance_to(grid.place(len(grid) - 1))
+        lost = march.retired()
+    finally:
+        march.close()
+    for one in lost:
+        out[np.abs(grid.times) > abs(grid.clock.time(one.reading)), one.body] = np.nan
+    if lost:
+        names = ", ".join(f"{system.names[one.body]} ({one.reason})" for one in lost[:SHOWN])
+        more = f" and {len(lost) - SHOWN:,} more" if len(lost) > SHOWN else ""
+        warnings.warn(
+            f"{integrator.label} retires {len(lost):,} massless particle{'s' * (len(lost) > 1)}, whose state "
+            f"transition is NaN from there on: {names}{more}.",
+            RetiredWarning,
+            stacklevel=level_of_caller(),
+        )
 
 
 def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
