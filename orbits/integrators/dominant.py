@@ -28,6 +28,6 @@ def require_dominant(parameters: Any) -> None:
         )
 
 
-def registers(size: int) -> int:
+def registers_for(size: int) -> int:
     """Return the number of registers of eight planets of `size` coordinates of bodies."""
     return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)

@@ -20,7 +20,7 @@ from orbits.integrators.base import Integrator
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.variations.following import (
-    Followed,
+    Varied,
     at_samples,
     each_in_threads,
     massive_of,
@@ -236,7 +236,7 @@ def matrices(
     return out.reshape(len(grid), 6 * N, 6 * N), momenta
 
 
-def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
+def _fill(followed: Varied, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
     """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6); return what
     `Tangents.to_momenta` has at the start and at each sample.
     """
