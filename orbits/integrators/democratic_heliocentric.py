@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.integrators.dominant import registers
+from orbits.integrators.dominant import registers_for
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, rows_of
 from orbits.kernels.compile import kernel
@@ -36,7 +36,7 @@ from orbits.kernels.heliocentric_particles import (
     tabulate_planets,
     tabulate_the_rest,
 )
-from orbits.kernels.jacobi_stages import particles_at_the_end, registers_of
+from orbits.kernels.jacobi_stages import particles_at_the_end, registers_in
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.stages_of_maps import HELIOCENTRIC_DRIFT, HELIOCENTRIC_KICK
 from orbits.kernels.steps import OK, Particles
@@ -48,7 +48,7 @@ STEP, HALF = 0, 1
 @kernel(inline=True)
 def _rooms(planets, scratch):
     """Return the parts of the scratch: the room of the planets, and that for a copy of them."""
-    rows = ROWS * registers_of(planets)
+    rows = ROWS * registers_in(planets)
     return scratch[:rows], scratch[rows:]
 
 
@@ -184,7 +184,7 @@ class DemocraticHeliocentric(OnKeplerOrbits):
 
     def room_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.heliocentric`."""
-        return ROWS * registers(size), WIDTH
+        return ROWS * registers_for(size), WIDTH
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The table of a step; see `orbits.kernels.heliocentric_particles`. None is kept without particles."""
@@ -192,7 +192,7 @@ class DemocraticHeliocentric(OnKeplerOrbits):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.heliocentric`, and a copy of the planets."""
-        return ROWS * registers(size) + self.carry_rows(size), WIDTH
+        return ROWS * registers_for(size) + self.carry_rows(size), WIDTH
 
 
 __all__ = ["DemocraticHeliocentric"]

@@ -36,6 +36,6 @@ def require_dominant(parameters: Any, least: int = 2) -> None:
         )
 
 
-def registers(size: int) -> int:
+def registers_for(size: int) -> int:
     """Return the number of registers of eight planets of `size` coordinates of bodies."""
     return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.integrators.dominant import registers, require_dominant
+from orbits.integrators.dominant import registers_for, require_dominant
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.kepler_map_particles import (
     begin_among_particles,
@@ -134,11 +134,11 @@ class KeplerSplitting(OnKeplerOrbits):
             return 1, padded(size)
         planets = size // 3 - 1
         flows = 6 * (planets + 1) if self.with_terms else 0
-        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers(size), WIDTH
+        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers_for(size), WIDTH
 
     def trace_rows(self, size: int) -> int:
         """Return the rows that `trace` writes: of planets in a single register, without particles."""
-        return TRACE_ROWS if registers(size) == 1 and not self.among_particles else 0
+        return TRACE_ROWS if registers_for(size) == 1 and not self.among_particles else 0
 
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""
@@ -176,7 +176,7 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
     form = KeplerSplitting("standard", 0)
     planets = np.zeros((form.carry_rows(q.size), WIDTH))
     number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
-    first = STATE_ROWS * registers(q.size)
+    first = STATE_ROWS * registers_for(q.size)
     return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
 
 

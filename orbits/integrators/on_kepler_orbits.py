@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from orbits.integrators.dominant import registers, require_dominant
+from orbits.integrators.dominant import registers_for, require_dominant
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS, STATE_ROWS
@@ -80,11 +80,11 @@ class OnKeplerOrbits(Form):
 
     def room_shape(self, size: int) -> tuple[int, int]:
         """Return the shape of the part of the scratch that has the constants of the planets."""
-        return ROWS * registers(size) + WIDTH, WIDTH
+        return ROWS * registers_for(size) + WIDTH, WIDTH
 
     def carry_rows(self, size: int) -> int:
         """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * registers(size) + 2
+        return (STATE_ROWS + 1) * registers_for(size) + 2
 
     @property
     def particle_carry_rows(self) -> int:

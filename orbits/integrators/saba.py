@@ -26,7 +26,7 @@ import numpy as np
 from orbits.checks import is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.dominant import registers
+from orbits.integrators.dominant import registers_for
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, rows_of, stretch_rows
 from orbits.kernels.compile import kernel
@@ -37,7 +37,7 @@ from orbits.kernels.jacobi_particles_entering import enter_among, leave_among
 from orbits.kernels.jacobi_stages import (
     particles_at_the_end,
     particles_in_stages,
-    registers_of,
+    registers_in,
     room_rows,
     show_at_the_end,
     step_in_stages,
@@ -64,7 +64,7 @@ km off after a thousand years."""
 @kernel(inline=True)
 def _rooms(planets, scratch):
     """Return the parts of the scratch: the room of the planets, and that for a copy of them."""
-    rows = room_rows(registers_of(planets))
+    rows = room_rows(registers_in(planets))
     return scratch[:rows], scratch[rows:]
 
 
@@ -207,11 +207,11 @@ class KeplerStages(OnKeplerOrbits):
         if not self.among_particles:
             return 1, padded(size)
         planets, kicks = size // 3 - 1, len(binary_splitting(self.orders, 1.0)[1])
-        return kicks * (3 * (planets + 1) + planets) + 3 * registers(size), WIDTH
+        return kicks * (3 * (planets + 1) + planets) + 3 * registers_for(size), WIDTH
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`, and a copy of the planets."""
-        return ROWS * registers(size) + WIDTH + self.carry_rows(size), WIDTH
+        return ROWS * registers_for(size) + WIDTH + self.carry_rows(size), WIDTH
 
 
 @dataclass(frozen=True)

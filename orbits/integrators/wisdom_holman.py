@@ -185,11 +185,6 @@ class WisdomHolman(Integrator):
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
                     f"together; leave it out, or use coordinates='jacobi'"
                 )
-        if self.encounters == "follow":
-            raise InputError(
-                "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
-                "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
-            )
 
     @property
     def departures(self) -> tuple[float | None, float | None]:

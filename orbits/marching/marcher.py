@@ -34,7 +34,7 @@ from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.failures import failure_of_bodies
 from orbits.marching.hand_over import parts_taken
-from orbits.marching.handing_over import Followed
+from orbits.marching.handing_over import OwnSteps
 from orbits.marching.losses import Contact
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
@@ -126,7 +126,7 @@ class Marcher(Blocks):
         if m and integrator.follows_encounters:
             gm = self.parameters[1 : 1 + n]
             own = None if surfaces is None else np.asarray(surfaces, dtype=np.float64)[self._massive]
-            followed = Followed.of(lagrangian, gm, int(gm.argmax()), own)
+            followed = OwnSteps.of(lagrangian, gm, int(gm.argmax()), own)
         self._surfaces = None if followed is None else followed.radii
         self._contacts: dict[int, Contact] = {}
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)

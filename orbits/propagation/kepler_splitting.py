@@ -21,10 +21,11 @@ from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.integrators.wisdom_holman import WisdomHolman
-from orbits.lagrangians.base import ABOUT_ONE_BODY
+from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
+from orbits.system.model import model
 
 if TYPE_CHECKING:
     from orbits.integrators.forms import Array
@@ -92,11 +93,12 @@ def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
                 f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
                 f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
             )
-        if integrator.follows_encounters and not system.massive.all():
-            raise InputError(
-                f"{integrator.label} lets massless particles take steps of their own, by Newton's gravity and without "
-                f"terms; got {type(term).__name__}. Use encounters='warn' or 'retire', or Gauss(stages=8) with dt=..."
-            )
+    if integrator.follows_encounters and not system.massive.all() and not _can_follow(system):
+        raise InputError(
+            f"{integrator.label} lets massless particles take steps of their own by terms of positions alone, such as "
+            f"ZonalHarmonics; got {', '.join(type(term).__name__ for term in system.terms)}. Use encounters='warn' or "
+            "'retire', or Gauss(stages=8) with dt=..."
+        )
 
 
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
@@ -212,12 +214,18 @@ def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> N
     )
 
 
+def _can_follow(system: System) -> bool:
+    """Return whether particles can take steps of their own: by forces that depend on positions alone."""
+    return SEPARABLE in model(system).lagrangian.traits
+
+
 def _following(system: System, integrator: Integrator) -> str:
-    """Return what lets particles take steps of their own: an option of the method, or another method; "" with terms."""
-    if system.terms:
+    """Return what lets particles take steps of their own: an option of the method, or another method; "" if nothing
+    does.
+    """
+    if not _can_follow(system):
         return ""
-    jacobi = isinstance(integrator, WisdomHolman) and integrator.coordinates == "jacobi"
-    return 'encounters="follow"' if jacobi else 'WisdomHolman(encounters="follow")'
+    return 'encounters="follow"' if isinstance(integrator, WisdomHolman) else 'WisdomHolman(encounters="follow")'
 
 
 def encounters(run: Trajectory, seen: Seen) -> list[int]:

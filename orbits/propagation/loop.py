@@ -31,7 +31,7 @@ from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
 from orbits.propagation.events.base import Happening, Sought
 from orbits.propagation.events.functions import Raised
-from orbits.propagation.events.particles import Followed, Sample
+from orbits.propagation.events.particles import ParticleSearches, Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.precision import warn_of_energy
@@ -303,7 +303,7 @@ class _Particles:
     ) -> None:
         begun = watch.before or Sample(0.0, system.values.q, system.values.v)
         self._system, self._watch, self._marcher = system, watch, of_this_leg(marcher)
-        self._followed = Followed(system, integrator, grid.clock, watch.events, begun)
+        self._followed = ParticleSearches(system, integrator, grid.clock, watch.events, begun)
         self._clock, self._kept = grid.clock, self._now()
 
     def __bool__(self) -> bool:

@@ -222,7 +222,6 @@ def test_what_is_made_for_jacobi_coordinates_is_refused_and_left_away_by_default
         ({"corrector": 17}, "corrector=17 is made for Jacobi coordinates"),
         ({"kernel": "lazy"}, "kernel='lazy' is made for Jacobi coordinates"),
         ({"corrector2": True}, "corrector2=True is made for Jacobi coordinates"),
-        ({"encounters": "follow"}, "encounters='follow' leaves and enters Jacobi coordinates"),
     ):
         with pytest.raises(InputError, match=f"{text}.*or coordinates='jacobi'|{text}.*or use coordinates='jacobi'"):
             orbits.WisdomHolman(coordinates="democratic-heliocentric", **options)

@@ -202,8 +202,10 @@ def test_megno_of_particles_in_a_map_grows_at_the_borders_of_a_resonance_and_is_
 
 def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
     """Beside 3:1 and at its border, with relativity and oblateness of the star too; and one that meets the planet."""
-    system = a_star_and_a_planet().add("calm", primary="S", a=0.4, e=0.05).add("wild", primary="S", a=0.86, e=0.05, M=2.0)
-    terms = orbits.PostNewtonian(sources=["S"], c=100.0), orbits.ZonalHarmonics("S", J2=1e-3, radius=0.1, pole=(0, 0, 1))
+    system = a_star_and_a_planet().add("calm", primary="S", a=0.4, e=0.05)
+    system = system.add("wild", primary="S", a=0.86, e=0.05, M=2.0)
+    oblate = orbits.ZonalHarmonics("S", J2=1e-3, radius=0.1, pole=(0, 0, 1))
+    terms = orbits.PostNewtonian(sources=["S"], c=100.0), oblate
     heliocentric = orbits.WisdomHolman(coordinates="democratic-heliocentric")
     for one, method in (
         (system, orbits.SABA()),
@@ -211,11 +213,11 @@ def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
         (system.with_terms(*terms), orbits.WisdomHolman()),
     ):
         with pytest.warns(StepWarning, match="3 Hill radii of J"):
-            m = orbits.megno(one, method, dt=0.05, duration=300 * YEAR, samples=3, check_step=False)
+            m = orbits.megno(one, method, dt=0.05, duration=300 * YEAR, samples=31, check_step=False)
         assert abs(m.massive.megno[-1] - 2.0) < 0.1
         assert abs(m["calm"].megno[-1] - 2.0) < 0.1
         assert m["calm"].passage is None
-        assert m["wild"].megno[-1] > 5.0
+        assert np.nanmax(m["wild"].megno) > 4.0  # then it is thrown out
         assert 0.0 < m["wild"].passage.value < 300 * YEAR
 
 

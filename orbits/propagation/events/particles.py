@@ -44,7 +44,7 @@ class Sample(NamedTuple):
     v: Array
 
 
-class Followed:
+class ParticleSearches:
     """The massless bodies of a run whose events are sought, followed from sample to sample.
 
     seeking : the events of the run; begun : where the run begins, or the last sample before it goes on

@@ -30,7 +30,7 @@ from orbits.integrators.base import Integrator
 from orbits.marching.particle_tangents import march_together
 from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.variations.following import (
-    Followed,
+    Varied,
     at_samples,
     each_in_threads,
     massive_of,
@@ -239,7 +239,7 @@ def megno_of(
     scale = dynamical_time(massive_of(system).system if together else system)
     scale = scale if np.isfinite(scale) else 1.0
 
-    def growth(name: str, followed: Followed) -> tuple[TangentGrowth, IntegrationError | None]:
+    def growth(name: str, followed: Varied) -> tuple[TangentGrowth, IntegrationError | None]:
         return _growth(name, followed, integrator, grid, scale, seed, vectors)
 
     massive, failure = growth(WHOLE, massive_of(system))
@@ -313,7 +313,7 @@ def _starts(seed: int, scale: float, count: int, bodies: int) -> Array:
 
 
 def _growth(
-    name: str, followed: Followed, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, vectors: int
+    name: str, followed: Varied, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, vectors: int
 ) -> tuple[TangentGrowth, IntegrationError | None]:
     """Return the growth of tangent vectors of what is followed at the samples, and what ended it before the last."""
     starts = _starts(seed, scale, vectors, len(followed.varied))

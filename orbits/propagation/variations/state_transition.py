@@ -21,7 +21,7 @@ from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import (
-    Followed,
+    Varied,
     at_samples,
     each_in_threads,
     massive_of,
@@ -263,7 +263,7 @@ def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out:
         )
 
 
-def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
+def _fill(followed: Varied, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
     """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6); return what
     `Tangents.to_momenta` has at the start and at each sample.
     """
