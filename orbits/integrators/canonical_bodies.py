@@ -9,7 +9,8 @@ contribution of terms to the momenta, G_j = h b_j (dL/dq + f) / m at the stages 
 This is the canonical form (`orbits.integrators.canonical`) with momenta p = m v + s, written in velocities: p is
 computed from (q, v) to the last bit where it is needed, so that observers see the marched variables. s+ depends on v+
 and is iterated until v+ has converged; the next step begins with the same bits of s. Forces enter by the discrete
-Lagrange–d'Alembert principle, and their work, torque and impulse are summed with the same quadrature.
+Lagrange–d'Alembert principle, and their work, torque and impulse are summed with the same quadrature. Their internal
+variables, if any, are stepped like momenta: Y_i = y + sum_j mu_bar_ij h b_j Y'_j, y+ = y + sum_i h b_i Y'_i.
 
 The stages are iterated to the round-off floor by fixed-point iteration, as in `orbits.integrators.collocation`. It does
 not converge for a term whose contribution to the momentum depends on v as strongly as m v itself.
@@ -44,7 +45,7 @@ from orbits.integrators.canonical_room import (
     work_in,
 )
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.acting import FIGURES, account, add_acting, add_terms
+from orbits.kernels.acting import FIGURES, Moment, account, add_acting, add_terms, inner_variables
 from orbits.kernels.binding import accelerate, dimension, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
@@ -56,8 +57,8 @@ from orbits.kernels.iteration import (
     settled,
     unsettled_body,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, fma, full, load, row_sums, store
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
+from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, row_sums, store
+from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import add_compensated, compensated_row_sums, moved, two_sum
 from orbits.tableaux import SymplecticTableau
 
@@ -90,11 +91,32 @@ def evaluate(method, model, times, stages, work, d):
     for k in range(d):
         store(work.F, k, full(0.0))
         store(work.S, k, full(0.0))
+    for k in range(work.D.shape[0]):
+        store(work.D, k, full(0.0))
     add_terms(model.tag, model.parameters, times, stages.Q, stages.V, work.F, work.S)
-    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, work.F)
+    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, work.Y, work.F, work.D)
     hb = load(method.coefficients, HB)
+    for k in range(inner_variables(model.tag)):
+        store(work.D, k, hb * load(work.D, k))
     for k in range(d):
         store(work.G, k, hb * (load(work.G, k) + load(work.F, k) / strength[1 + k % n]))
+
+
+@kernel(inline=True)
+def place_inner(method, count, inner, work):
+    """Write the internal variables of forces at the stages, from their rates. Returns whether they have converged.
+
+    inner : rows of their values at the start of the step, then of their low parts
+    """
+    half = inner.shape[0] // 2
+    settled_all = True
+    for k in range(count):
+        y, y_lo = inner[k // WIDTH, k % WIDTH], inner[half + k // WIDTH, k % WIDTH]
+        Y = y + (y_lo + combine(method.coefficients, MU_BAR, work.D, k))
+        change, scale = largest(abs(Y - load(work.Y, k))), largest(abs(load(work.D, k)))
+        settled_all &= change <= max(NEAR_FLOOR * scale, SETTLED * abs(y))
+        store(work.Y, k, Y)
+    return settled_all
 
 
 @kernel(inline=True)
@@ -127,20 +149,27 @@ def step(method, model, t, h, state, storage):
         store(work.base, k, fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k]))
         store(work.W, k, combine(coefficients, CONTINUATION, V, k) - v[k])
     momenta(model, t, stages.q, stages.v, work.f, work.s)
+    books, inner_count = storage.carry[rows:], inner_variables(model.tag)
+    inner = books[books.shape[0] - work.Y.shape[0] // WIDTH * 2 :]
+    for k in range(work.D.shape[0]):
+        store(work.D, k, full(0.0))
     evaluations, patience, last = 0, PATIENCE, False
     while True:
         place(method, q, stages.V, work, stages, v, d)
+        inner_settled = place_inner(method, inner_count, inner, work)
         evaluate(method, model, times, stages, work, d)
         for k in range(d):
             W = combine(coefficients, MU_BAR, work.G, k) - (load(work.S, k) - work.s[k]) / strength[1 + k % n]
             store(work.change, k, abs(W) if evaluations == 0 else abs(W - load(work.W, k)))
             store(work.W, k, W)
         evaluations += 1
-        if last:
+        if last and inner_settled:
             break
         patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
+    if not inner_settled:
+        return INNER_NOT_CONVERGED, 0, evaluations
     if not settled(work.history, blocks, CONVERGED):
         body = unsettled_body(work.history, blocks, n, CONVERGED)
         if body >= 0:
@@ -153,7 +182,8 @@ def step(method, model, t, h, state, storage):
     for k in range(d):
         store(V, k, load(stages.V, k))
     hb = load(coefficients, HB)
-    account(model.tag, model.parameters, times, hb, stages.Q, stages.V, work.F, storage.carry[rows:])
+    at = Moment(times, stages.Q, stages.V, work.Y)
+    account(model.tag, model.parameters, hb, at, work.F, work.D, books)
     return OK, 0, evaluations
 
 
@@ -221,11 +251,12 @@ class CanonicalBodies(Form):
     """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies with terms of any kind
     and forces.
 
-    forces : the number of forces without a Lagrangian
+    forces : the number of forces without a Lagrangian; inner : that of their internal variables
     """
 
     tableau: SymplecticTableau
     forces: int = 0
+    inner: int = 0
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "begin": begin_stages,
@@ -262,8 +293,10 @@ class CanonicalBodies(Form):
         return 2 * rows + 4 * rows // WIDTH, WIDTH
 
     def carry_rows(self, size: int) -> int:
-        """The velocities of the stages of the previous step; two rows for the accounts of each force."""
-        return padded(size) + 2 * self.forces
+        """The velocities of the stages of the previous step; two rows for the accounts of each force; the internal
+        variables of forces, eight in a row, and their low parts.
+        """
+        return padded(size) + 2 * self.forces + 2 * self._inner_rows
 
     @property
     def particle_carry_rows(self) -> int:
@@ -273,16 +306,26 @@ class CanonicalBodies(Form):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The size of `Work`."""
         rows = padded(size)
-        return 6 * rows + 8 * rows // WIDTH, WIDTH
+        return 6 * rows + 8 * rows // WIDTH + 2 * WIDTH * self._inner_rows, WIDTH
+
+    @property
+    def _inner_rows(self) -> int:
+        return -(-self.inner // WIDTH)
 
     def forget(self, carry: Array) -> None:
-        """Delete the velocities of the stages; the accounts of forces remain."""
-        carry[: len(carry) - 2 * self.forces] = 0.0
+        """Delete the velocities of the stages; the accounts of forces and their internal variables remain."""
+        carry[: len(carry) - 2 * (self.forces + self._inner_rows)] = 0.0
 
     def accounts(self, carry: Array) -> Array:
         """Return the accounts of each force so far, (forces, 7): work, torque and impulse, times G."""
-        books = carry[len(carry) - 2 * self.forces :].reshape(self.forces, 2, WIDTH)
+        end = len(carry) - 2 * self._inner_rows
+        books = carry[end - 2 * self.forces : end].reshape(self.forces, 2, WIDTH)
         return np.asarray(books.sum(axis=1)[:, :FIGURES])
+
+    def inner_of(self, carry: Array) -> Array:
+        """Return a view of the internal variables of forces, (inner,)."""
+        end = len(carry) - self._inner_rows
+        return carry[end - self._inner_rows : end].reshape(-1)[: self.inner]
 
 
 def _weights(tableau: SymplecticTableau, h: float) -> Array:

@@ -39,6 +39,7 @@ class Work(NamedTuple):
     F, S : (rows, 8) forces and momenta in addition to Newton's
     change, history : see `orbits.kernels.iteration`
     f, s, s_end, kick, kick_lo : (rows,)
+    Y, D : (internal variables, 8), those of forces at the stages, and h b times their rates; a multiple of 8 rows
     """
 
     W: Any
@@ -53,6 +54,8 @@ class Work(NamedTuple):
     s_end: Any
     kick: Any
     kick_lo: Any
+    Y: Any
+    D: Any
 
 
 @kernel(inline=True)
@@ -74,6 +77,8 @@ def work_in(scratch, rows):
     """Return the parts of the scratch by name."""
     at, some = 6 * rows, rows // WIDTH
     more = at + 3 * some
+    inner = more + 5 * some
+    half = (scratch.shape[0] - inner) // 2
     return Work(
         scratch[:rows],
         scratch[rows : 2 * rows],
@@ -87,6 +92,8 @@ def work_in(scratch, rows):
         scratch[more + 2 * some : more + 3 * some].reshape(-1),
         scratch[more + 3 * some : more + 4 * some].reshape(-1),
         scratch[more + 4 * some : more + 5 * some].reshape(-1),
+        scratch[inner : inner + half],
+        scratch[inner + half : inner + 2 * half],
     )
 
 
