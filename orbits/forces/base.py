@@ -26,6 +26,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.body_names import few
 from orbits.kernels.binding import Tag
 from orbits.kernels.central import coefficient
 
@@ -56,6 +57,18 @@ class Force:
     kind: ClassVar[str]
     variables: ClassVar[int] = 0
     bodies: Sequence[str] | None = None
+
+    @property
+    def whom(self) -> str:
+        """What it acts on, in words."""
+        return f"on {'all' if self.bodies is None else few(self.bodies, 3)}"
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it, for tests: in dimensionless units with G = 1, for a "star" of the mass 1 and others
+        about 1 from it.
+        """
+        return ()
 
     def in_units(self, units: Any) -> Self:
         """Return this force with its numbers checked and in the units of a system.

@@ -66,6 +66,11 @@ class Damping(CentralForce):
     tau_i: Any = None
     pole: Any = (0.0, 0.0, 1.0)
 
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(tau_a=300.0, tau_e=50.0, tau_i=100.0, pole=(0.0, 0.6, 0.8)),)
+
     def in_units(self, units: Any) -> Self:
         """Return it with times in the system's unit, and a unit vector for the pole."""
         given = [name for name in self.per_body if getattr(self, name) is not None]

@@ -58,6 +58,11 @@ class Drag(Force):
     rate: Any = None
     velocity: Any = (0.0, 0.0, 0.0)
 
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(rate=1e-3, velocity=(0.1, 0.0, -0.1)),)
+
     def in_units(self, units: Any) -> Self:
         """Return it with rate and velocity in the system's units."""
         if self.rate is None:

@@ -71,6 +71,11 @@ class GasDrag(CentralForce):
     eta: Any = 0.0
     pole: Any = (0.0, 0.0, 1.0)
 
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(per_length=1e-3, r0=1.0, slope=2.5, eta=0.01, pole=(0.0, 0.6, 0.8)),)
+
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units, with a unit vector for the pole."""
         if self.per_length is None or self.r0 is None:

@@ -55,6 +55,11 @@ class MassLoss(CentralForce):
     fraction: Any = None
     since: Any = 0.0
 
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(fraction=-1e-3, since=-2.0),)
+
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units."""
         if self.fraction is None:

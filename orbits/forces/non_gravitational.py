@@ -95,6 +95,11 @@ class NonGravitational(CentralForce):
         """
         return cls(bodies=bodies, A2=A2, **{"alpha": 1.0, "m": 2.0, "n": 1.0, "k": 0.0, **more})
 
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return cls(A1=1e-3, A2=-1e-3, A3=1e-3, r0=1.0), cls.yarkovsky(1e-3, r0=1.0)
+
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units."""
         A = {name: self.in_unit(units.acceleration, name, units.acceleration_value) for name in self.per_body}

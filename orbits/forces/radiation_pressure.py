@@ -88,6 +88,11 @@ class RadiationPressure(CentralForce):
             )
         return efficiency * SUNLIGHT / surface
 
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(beta=0.01, c=10.0),)
+
     def in_units(self, units: Any) -> Self:
         """Return it with floats for beta, and c in the system's unit."""
         if self.beta is None:

@@ -30,6 +30,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.body_names import few
 from orbits.checks import pole_direction
 from orbits.errors import InputError, shown
 from orbits.forces.central import CentralForce
@@ -108,6 +109,16 @@ class Tides(CentralForce):
     inertia: Any = None
     spin: Any = None
     pole: Any = None
+
+    @property
+    def whom(self) -> str:
+        """The body in which tides are raised, and by which, in words."""
+        return f"of {self.source}" + ("" if self.bodies is None else f" by {few(self.bodies, 3)}")
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls("star", k2=0.3, radius=0.3, lag=0.1, inertia=0.1, spin=(0.5, -0.3, 2.0)),)
 
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units, with the spin as a vector."""

@@ -89,7 +89,8 @@ def central_particle_force(tags, strength, own, t, particle, sources, speeds, pl
     raise NotImplementedError("central_particle_force() is for compiled code only")
 
 
-@overload(central_particle_force, jit_options=OPTIONS)
+# As a function of its own: its products are not to be fused with the sums over forces.
+@overload(central_particle_force, jit_options={**OPTIONS, "forceinline": False})
 def _central_particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
     force = tags.terms[0]
     acceleration, first = kernel_of(force, "acceleration"), OWN + kernel_of(force, "numbers")

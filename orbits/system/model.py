@@ -71,7 +71,7 @@ class Modelled:
     def _acting(self) -> str:
         """The end of the representation of a system: its terms and forces."""
         words = [f"{type(term).__name__} of {term.body}" for term in self.terms]
-        words += [f"{type(f).__name__} on {'all' if f.bodies is None else few(f.bodies, 3)}" for f in self.forces]
+        words += [f"{type(f).__name__} {f.whom}" for f in self.forces]
         return f"; with {', '.join(words)}" if words else ""
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import few
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,9 +37,8 @@ class ForceEffect:
     inner: Array
 
     def __repr__(self) -> str:
-        on = "all" if self.force.bodies is None else few(self.force.bodies, 3)
         last = f"{self.work[-1]:.6g}" if len(self.work) else "nothing yet"
-        return f"{type(self.force).__name__} on {on}: work {last} at the last of {len(self.work)} samples"
+        return f"{type(self.force).__name__} {self.force.whom}: work {last} at the last of {len(self.work)} samples"
 
 
 def accounts_of(run: Trajectory) -> Array:
