@@ -158,6 +158,7 @@ __all__ = [
     "System",
     "SystemsError",
     "Table",
+    "Tides",
     "TimeTransformed",
     "Trajectory",
     "Transit",

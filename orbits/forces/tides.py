@@ -83,9 +83,9 @@ class Tides(CentralForce):
     """Tides that other bodies raise in one, with a constant time lag; its spin changes by their torque.
 
         earth = {"k2": 0.299, "radius": 6378.137 * u.km, "lag": 638 * u.s, "inertia": 0.3307}
-        spin = {"spin": 360.9856 * u.deg / u.day, "pole": (0, 90) * u.deg}
-        run = orbits.propagate(system.with_forces(orbits.Tides("Earth", **earth, **spin, bodies=["Moon"])), dt=0.5 * u.day)
-        run.spin("Earth")
+        turning = {"spin": 360.9856 * u.deg / u.day, "pole": (0 * u.deg, 90 * u.deg)}
+        system = system.with_forces(orbits.Tides("Earth", **earth, **turning, bodies=["Moon"]))
+        orbits.propagate(system, orbits.Gauss(stages=8), duration=1 * u.yr).spin("Earth")
 
     source : the massive body in which tides are raised; it must be given
     bodies : names of those that raise them, all with mass; by default all other massive bodies. Massless ones raise no
@@ -122,26 +122,29 @@ class Tides(CentralForce):
 
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units, with the spin as a vector."""
-        such = {"k2": "0.3", "radius": "6378 * u.km", "lag": "600 * u.s", "inertia": "0.33", "spin": "1 * u.rad / u.day"}
+        whose = f"Tides of {self.source!r}"
+        such = {"k2": "0.3", "radius": "6378 * u.km", "lag": "600 * u.s", "inertia": "0.33", "spin": "6 * u.rad / u.day"}
         for name, example in such.items():
             if getattr(self, name) is None:
-                raise InputError(f"Tides of {self.source!r}: {name} is missing; expected, for example, {name}={example}.")
+                raise InputError(f"{whose}: {name} is missing; expected, for example, {name}={example}.")
         k2 = self._one("k2", units.pure_value(self.k2, "k2"), 0.0)
         radius = self._one("radius", units.length_value(self.radius, "radius"), 0.0, above=True)
         lag = self._one("lag", units.time_value(self.lag, "lag"), 0.0)
         held = isinstance(self.inertia, float) and self.inertia == math.inf
         inertia = math.inf if held else self._one("inertia", units.pure_value(self.inertia, "inertia"), 0.0, above=True)
-        spin = np.asarray(units.rate_value(list(self.spin) if isinstance(self.spin, tuple) else self.spin, "spin of Tides"))
+        given = list(self.spin) if isinstance(self.spin, tuple) else self.spin
+        spin = np.asarray(units.rate_value(given, "spin of Tides"))
         if not np.all(np.isfinite(spin)) or spin.shape not in ((), (3,)):
             raise InputError(
-                f"Tides of {self.source!r}: spin is {shown(spin.tolist())}; expected three finite numbers, or one and pole."
+                f"{whose}: spin is {shown(spin.tolist())}; expected three finite numbers, or one and pole=..."
             )
         if spin.shape == () and self.pole is None and spin != 0.0:
-            raise InputError(f"Tides of {self.source!r}: pole is missing, about which it spins; or give spin as a vector.")
+            raise InputError(f"{whose}: pole is missing, about which it spins; or give spin as a vector.")
         if spin.shape == (3,) and self.pole is not None:
-            raise InputError(f"Tides of {self.source!r}: spin is a vector; leave pole out, or give spin as one number.")
+            raise InputError(f"{whose}: spin is a vector; leave pole out, or give spin as one number.")
         if spin.shape == ():
-            spin = spin * np.array(pole_direction(self.pole, "pole of Tides", units) if self.pole is not None else [0.0] * 3)
+            pole = (0.0, 0.0, 1.0) if self.pole is None else self.pole
+            spin = spin * np.array(pole_direction(pole, "pole of Tides", units))
         turning = u.rad / units.time
         return replace(
             self,
@@ -156,9 +159,9 @@ class Tides(CentralForce):
     def _one(self, name: str, value: Any, least: float, *, above: bool = False) -> float:
         found = np.asarray(value)
         if found.shape != () or not np.isfinite(found) or found < least or (above and found == least):
+            sign = ">" if above else ">="
             raise InputError(
-                f"Tides of {self.source!r}: {name} is {shown(found.tolist())}; expected one number {'>' if above else '>='} "
-                f"{least:g}."
+                f"Tides of {self.source!r}: {name} is {shown(found.tolist())}; expected one number {sign} {least:g}."
             )
         return float(found)
 

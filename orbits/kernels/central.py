@@ -9,8 +9,8 @@ velocity relative to it, and A the coefficients of the body or particle that is 
 coefficient the acceleration is that per unit of it. The body that it comes from feels nothing.
 
 The parameters of such a force are: the row of the source; the length of a block of coefficients; the numbers of the
-force itself, as many as its kernel constant `numbers`; then as many blocks as its constant `coefficients`, each with one
-coefficient for every massive body, one for every massless particle and eight zeros.
+force itself, as many as its kernel constant `numbers`; then as many blocks as its constant `coefficients`, 1 or 3, each
+with one coefficient for every massive body, one for every massless particle and eight zeros.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ THETA, TOLERANCE, POWER, LONGEST = 3, 4, 5, NUMBERS
 """The own numbers of this clock: theta, the tolerance, the power 1 / (s - 1), and the longest step (0: any length)."""
 
 ALONE = 64.0
-"""The longest step of a massive body alone, whose motion sets none, among particles, in units of time."""
+"""The longest step of a massive body alone, whose motion sets none, in units of time."""
 
 FIRST_THETA = 0.2
 
@@ -97,6 +97,8 @@ def take_step(clock, method, model, k, state, storage):
     if rate > 0.0:
         scale = 1.0 / math.sqrt(rate)
         slope = -0.5 * direction * change * scale * scale * scale
+    else:  # a body alone, among particles or under forces
+        theta, scale = 1.0, GROWTH * abs(before) if before != 0.0 else math.inf
     longest = numbers[LONGEST] if numbers[LONGEST] > 0.0 else math.inf
     status, where, evaluations = TOO_SHORT, 0, 0
     for attempt in range(ATTEMPTS):
@@ -112,7 +114,7 @@ def take_step(clock, method, model, k, state, storage):
         if attempt == 0:
             keep(room, kept, state, storage.carry)
         prepare(method, h, before if before != 0.0 else h, storage)
-        status, where, count = step(method, model, numbers[TIME], h, state, storage)
+        status, where, count = step(method, model, room[kept - 1] + numbers[TIME], h, state, storage)
         evaluations += count
         factor = 0.5 / CAUTION
         if status == OK:
@@ -122,10 +124,14 @@ def take_step(clock, method, model, k, state, storage):
             if factor >= REFUSED:
                 time, lost = two_sum(numbers[TIME], h)
                 numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
-                numbers[NEXT], numbers[LENGTH], numbers[THETA] = numbers[TIME], h, theta * min(factor, GROWTH)
+                numbers[NEXT], numbers[LENGTH] = numbers[TIME], h
+                if rate > 0.0:
+                    numbers[THETA] = theta * min(factor, GROWTH)
                 room[k + 1], room[kept // 2 + k] = room[k] + h, h
                 return OK, 0, evaluations
         put_back(room, kept, state, storage.carry)
+        if not rate > 0.0:
+            theta, scale = 1.0, abs(h)
         theta *= CAUTION * factor
     return TOO_SHORT if status == OK else status, where, evaluations
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, IntegrationError
+from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.dense import times_reached
@@ -70,6 +71,7 @@ class Blocks:
         _dense: bool
         _encountered: Lost | None
         _starts_close: NDArray[np.intp]
+        _forces: tuple[BoundForce, ...]
         _form: Form
         _gm: Array
         _keep: Callable[[Array, Array, Array], None] | None
@@ -408,4 +410,5 @@ class Blocks:
         step = self.step + done
         time = self._time_of(step) if now is None or not self.clock.changes else float(now[changing.TIME])
         momenta = SEPARABLE not in self.lagrangian.traits
-        return failure_of_bodies(status, step, time, self.clock, self.integrator, names, momenta=momenta)
+        acting = {"momenta": momenta, "forces": bool(self._forces)}
+        return failure_of_bodies(status, step, time, self.clock, self.integrator, names, **acting)

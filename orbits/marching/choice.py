@@ -9,6 +9,7 @@ from orbits.errors import InputError
 from orbits.forces.base import BoundForce
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
+from orbits.integrators.canonical_bodies import CanonicalBodies
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Form
 from orbits.integrators.transformed_bodies import TransformedBodies
@@ -75,8 +76,9 @@ def form_of_bodies(
 def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[BoundForce]) -> Form:
     """Return the form for steps of different lengths, with distances accurate in close encounters."""
     if SEPARABLE not in lagrangian.traits or forces:
-        what = f"the force of {forces[0].name}" if forces else f"'{lagrangian.name}', which is not separable"
-        raise InputError(f"steps are chosen only if forces depend on positions alone, not with {what}: give dt=...")
+        form = _form_with(integrator, lagrangian, forces)
+        assert isinstance(form, CanonicalBodies)  # as `Adaptive.check` takes no other method
+        return replace(form, close=True)
     form = form_for(integrator, lagrangian)
     assert isinstance(form, Collocation)  # as `Adaptive.check` takes no other method
     return replace(form, close=True)

@@ -65,10 +65,11 @@ def failure_of_bodies(
     names: Sequence[str],
     *,
     momenta: bool = False,
+    forces: bool = False,
 ) -> IntegrationError:
     """Return the error for bodies that cannot take the step after `step` steps, at this time.
 
-    momenta : whether a term adds to the momenta m v
+    momenta : whether a term adds to the momenta m v; forces : whether there are forces without a Lagrangian
     """
     where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
     if status == INNER_NOT_CONVERGED:
@@ -90,7 +91,9 @@ def failure_of_bodies(
         return SingularityError(
             f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their "
             "accelerations are out of the range of floats. Use softening, end the run before with "
-            "stop=orbits.CloserThan(...), or give radii and seek events=orbits.Collision(...).",
+            "stop=orbits.CloserThan(...), or give radii and seek events=orbits.Collision(...)."
+            + momenta * " Or a term adds as much as m v to the momenta there, which needs orbits.march."
+            + forces * " Or a force jumps there, which no polynomial follows: give dt=...",
             step=step,
             time=time,
             bodies=list(names),

@@ -63,7 +63,8 @@ class Marcher(Blocks):
     energy_bound : relative energy error that ends the march, or None
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
-    start : the time at which the march begins
+    start : the time at which the march begins; with a clock whose steps differ, which counts from 0, that which terms
+        and forces see when it reads 0
     radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
     dense : whether each step is recorded for `motion`
     surfaces : (n,), radii of the bodies: massless particles that are followed in encounters are retired if they hit one
@@ -131,7 +132,8 @@ class Marcher(Blocks):
         self._state = self._loops.state
         if isinstance(self.clock, ChangingSteps):
             self._state["clock"] = self.clock.numbers_for(integrator)
-        if isinstance(self.clock, Adaptive) and n == 1 and m:
+            self._loops.times[changing.since(self._loops.steps)] = self._start
+        if isinstance(self.clock, Adaptive) and n == 1 and (m or forces):
             self._state["clock"][LONGEST] = ALONE
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
@@ -240,6 +242,7 @@ class Marcher(Blocks):
         if place.rest == self.time:
             return self.state()
         copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
+        self._seen = copy["memory"]
         copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
         self._retired.begin()
         try:
@@ -254,7 +257,8 @@ class Marcher(Blocks):
         """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
         others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
         """
-        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1 and times[0] != self.time:
+        whole = not len(self._particles) and not self._forces  # no more than the states of the bodies is asked for
+        if isinstance(self.clock, Adaptive) and whole and len(times) > 1 and times[0] != self.time:
             now = self._state["clock"]
             beyond = (times[1:] - now[changing.NEXT]) * self.clock.direction >= 0.0
             count = 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))
@@ -272,7 +276,8 @@ class Marcher(Blocks):
 
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
-        end = self._like_this(*self.state(), self.clock, stops=self._stops, energy_bound=self._energy_bound)
+        watched: dict[str, Any] = {"stops": self._stops, "energy_bound": self._energy_bound}
+        end = self._like_this(*self.state(), self.clock, start=self._start, **watched)
         end.restore(self.checkpoint())
         end.end_at(time)
         return end
@@ -295,7 +300,7 @@ class Marcher(Blocks):
         place = Place(0, time)
         if not self.clock.changes:
             clock, place = ConstantSteps(time - self.time), Place(1, 0.0)
-        end = self._like_this(q, v, clock, start=self.time, dense=True)
+        end = self._like_this(q, v, clock, start=self._start if self.clock.changes else self.time, dense=True)
         if self.clock.changes:
             for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"):
                 end._state[name][...] = self._state[name]
@@ -495,8 +500,9 @@ class Marcher(Blocks):
         return failure_of_bodies(status, self.step, time, self.clock, self.integrator, [], momenta=momenta)
 
     def accounts(self) -> Array:
-        """Return what is known of each force at the state returned last, (forces, 7 + most internal variables): its time
-        integrals on the massive bodies, work, torque about the origin and impulse, times G; then its internal variables.
+        """Return what is known of each force at the state returned last, (forces, 7 + most internal variables): its
+        time integrals on the massive bodies, work, torque about the origin and impulse, times G; then its internal
+        variables.
         """
         most = max((len(force.inner) for force in self._forces), default=0)
         out = np.zeros((len(self._forces), FIGURES + most))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from orbits.integrators.canonical_room import padded_length
 from orbits.kernels.binding import bodies
 from orbits.kernels.compile import kernel
 from orbits.kernels.dense import dense
@@ -77,8 +78,8 @@ def steps_until(log, row):
 @kernel
 def look(method, model, field, log, p):
     """Call the observer for the states logged so far, and keep the last one."""
-    size, stride, last = 3 * bodies(model.tag, model.parameters), field.stages.shape[1] // 2, log.counts[ENTRIES] - 1
-    first = p - p % WIDTH
+    size, last, first = 3 * bodies(model.tag, model.parameters), log.counts[ENTRIES] - 1, p - p % WIDTH
+    stride = padded_length(size)
     for row in range(last + 1):
         k, part = int(log.at[row, 0]), log.at[row, 1]
         begin, entry = 2 * k * stride, 2 * row * stride

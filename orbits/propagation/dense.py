@@ -57,8 +57,8 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
 
 
 def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array, Array | None]:
-    """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding; and the
-    accounts there of forces, if some have internal variables.
+    """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding; and
+    the accounts there of forces, if some have internal variables.
     """
     direction, kept, span = trajectory.clock.direction, trajectory.kept, trajectory.span
     if not len(trajectory) and (span is None or span[1] == 0.0):

@@ -16,7 +16,7 @@ from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.kepler_splitting import encounters
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
-from orbits.propagation.step_check import UNRESOLVED, in_digits, passage_error, step_that_resolves, without_dt
+from orbits.propagation.step_check import INSTEAD, UNRESOLVED, in_digits, passage_error, step_that_resolves
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
@@ -120,12 +120,10 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     hidden = len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown)
     more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
     these = "it" if len(found) == 1 else "those named"
-    instead = without_dt(run.system)
     remedy = f"With dt <= {in_digits(enough, unit, 2)} {these} would have been resolved"
     if not enough:
         remedy = "No practical step resolves them with this method: use one of higher order, or softening"
-    if instead:
-        remedy += f". Or {instead}"
+    remedy += f". Or {INSTEAD}"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(

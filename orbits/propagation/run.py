@@ -268,10 +268,11 @@ def begun(
             "run.at(times) marches on from the preceding sample, through the collisions."
         )
     if most_inner(system) and (dense or seeking.events):
-        kept = "dense=True keeps" if dense else "events are sought from"
+        what = "dense=True keeps" if dense else "events are sought from"
+        those = few([type(force).__name__ for force in system.forces if force.variables])
         raise InputError(
-            f"{kept} positions and velocities, but {few([type(x).__name__ for x in system.forces if x.variables])} changes a spin as well, or other internal "
-            "variables, which are known at samples alone; leave it out: run.at(times) marches on from the preceding sample."
+            f"{what} positions and velocities, but {those} changes a spin as well, or other internal variables; leave it "
+            "out: run.at(times) marches on from the preceding sample, with what it is there."
         )
     if dense and any(search.interrupts for search in seeking.particles):
         raise InputError(

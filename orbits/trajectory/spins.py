@@ -40,8 +40,8 @@ class Spins:
     def spin_angular_momentum(self) -> u.Quantity:
         """Return the sum of the angular momenta of the spins of all bodies with `Tides` at each sample, shape (n, 3).
 
-        With it, the angular momentum of the massive bodies, `run.angular_momentum()`, keeps its first value. A spin that
-        is held, by inertia=math.inf, does not contribute. Zero without tides. Raises InputError as `spin` does.
+        With it, the angular momentum of the massive bodies, `run.angular_momentum()`, keeps its first value. A spin
+        that is held, by inertia=math.inf, does not contribute. Zero without tides. Raises InputError as `spin` does.
         """
         units, spinning = self.system.units, self._spinning()
         total = np.zeros((len(self), 3))  # type: ignore[arg-type]

@@ -153,7 +153,7 @@ class Followed:
         if integrator.follows_encounters:  # as it is followed there
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
-        if clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
+        if clock.changes:  # a march then counts its time from its begin
             for motion, ends in stretches(*march.towards(time - begun.time)):
                 times = motion.times + begun.time
                 yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), ends
