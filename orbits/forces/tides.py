@@ -27,7 +27,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import few
@@ -123,7 +122,7 @@ class Tides(CentralForce):
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units, with the spin as a vector."""
         whose = f"Tides of {self.source!r}"
-        such = {"k2": "0.3", "radius": "6378 * u.km", "lag": "600 * u.s", "inertia": "0.33", "spin": "6 * u.rad / u.day"}
+        such = {"k2": "0.3", "radius": "6378 * u.km", "lag": "600 * u.s", "inertia": "0.3", "spin": "6 * u.rad / u.day"}
         for name, example in such.items():
             if getattr(self, name) is None:
                 raise InputError(f"{whose}: {name} is missing; expected, for example, {name}={example}.")
@@ -145,14 +144,13 @@ class Tides(CentralForce):
         if spin.shape == ():
             pole = (0.0, 0.0, 1.0) if self.pole is None else self.pole
             spin = spin * np.array(pole_direction(pole, "pole of Tides", units))
-        turning = u.rad / units.time
         return replace(
             self,
             k2=k2,
             radius=radius * units.length,
             lag=lag * units.time,
             inertia=inertia,
-            spin=tuple(x * turning for x in spin.tolist()),
+            spin=tuple(x * units.rate for x in spin.tolist()),
             pole=None,
         )
 
@@ -184,4 +182,4 @@ class Tides(CentralForce):
 
     def continued(self, inner: NDArray[np.float64], units: Any) -> Self:
         """Return it with this spin."""
-        return replace(self, spin=tuple(float(x) * (u.rad / units.time) for x in inner))
+        return replace(self, spin=tuple(float(x) * units.rate for x in inner))

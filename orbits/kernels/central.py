@@ -15,6 +15,8 @@ with one coefficient for every massive body, one for every massless particle and
 
 from __future__ import annotations
 
+from typing import Any
+
 from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS, kernel_of
@@ -23,6 +25,9 @@ from orbits.kernels.lanes import LanesType, get, load, put
 
 SOURCE, BLOCK, OWN = 0, 1, 2
 """Indices of the row of the source, of the length of a block, and of the first number of the force itself."""
+
+APART: Any = {**OPTIONS, "forceinline": False}
+"""Options for a function of its own: its products are not to be fused with the sums over forces."""
 
 
 def coefficient(own, offset, particle, sources, x):
@@ -89,8 +94,7 @@ def central_particle_force(tags, strength, own, t, particle, sources, speeds, pl
     raise NotImplementedError("central_particle_force() is for compiled code only")
 
 
-# As a function of its own: its products are not to be fused with the sums over forces.
-@overload(central_particle_force, jit_options={**OPTIONS, "forceinline": False})
+@overload(central_particle_force, jit_options=APART)
 def _central_particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
     force = tags.terms[0]
     acceleration, first = kernel_of(force, "acceleration"), OWN + kernel_of(force, "numbers")

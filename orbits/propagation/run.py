@@ -271,8 +271,8 @@ def begun(
         what = "dense=True keeps" if dense else "events are sought from"
         those = few([type(force).__name__ for force in system.forces if force.variables])
         raise InputError(
-            f"{what} positions and velocities, but {those} changes a spin as well, or other internal variables; leave it "
-            "out: run.at(times) marches on from the preceding sample, with what it is there."
+            f"{what} positions and velocities, but {those} changes a spin as well, or other internal variables; leave "
+            "it out: run.at(times) marches on from the preceding sample, with what it is there."
         )
     if dense and any(search.interrupts for search in seeking.particles):
         raise InputError(

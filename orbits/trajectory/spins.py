@@ -35,7 +35,7 @@ class Spins:
         if body not in found:
             those = f"those with Tides, {few(sorted(found))}" if found else "a system with forces orbits.Tides(...)"
             raise InputError(f"the spin of {shown(body)} is not known in this run; expected {those}.")
-        return u.Quantity(self._spin(found[body]), u.rad / self.system.units.time)
+        return u.Quantity(self._spin(found[body]), self.system.units.rate)
 
     def spin_angular_momentum(self) -> u.Quantity:
         """Return the sum of the angular momenta of the spins of all bodies with `Tides` at each sample, shape (n, 3).

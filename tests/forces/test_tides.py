@@ -198,6 +198,12 @@ def test_steps_are_chosen_with_tides_too_and_an_eccentric_orbit_keeps_its_angula
     assert np.array_equal(run.at(run.times[4]).forces[0].spin, run[4].forces[0].spin)
 
 
+def test_massless_bodies_with_steps_of_their_own_are_refused_beside_a_spin():
+    grain = pair().add("grain", gm=0.0, q=[0.0, 2.0, 0.0], v=[-0.7, 0.0, 0.1])
+    with pytest.raises(InputError, match="internal variables of tides, such as a spin, are not known: give dt"):
+        orbits.propagate(grain.with_forces(orbits.Tides("star", **GOOD)), duration=1.0)
+
+
 def test_a_spin_that_changes_faster_than_a_step_is_an_error_and_not_a_number():
     stiff = orbits.Tides("planet", k2=0.3, radius=0.05, lag=1.0, inertia=1e-4, spin=3.0, pole=(0, 0, 1))
     with pytest.raises(ConvergenceError, match="change faster than the step can follow"):
