@@ -30,12 +30,13 @@ from numba.extending import overload
 
 from orbits.integrators.canonical import combine
 from orbits.integrators.canonical_end import finish, finish_finely, momenta
-from orbits.integrators.canonical_lengths import prepare, stretch
+from orbits.integrators.canonical_lengths import end_late, prepare, stretch
 from orbits.integrators.canonical_particles import step_particles
 from orbits.integrators.canonical_room import (
     CONTINUATION,
     HOURS,
     INVERSE,
+    LATE,
     MU,
     MU_BAR,
     ROWS,
@@ -132,7 +133,7 @@ def _end(method, model, t, h, state, stages, work, carry):
     if is_close(method):
 
         def of_kicks(method, model, t, h, state, stages, work, carry):
-            times = load(method.coefficients[0], HOURS) + t, t + h
+            times = load(method.coefficients[0], HOURS) + t, (t + h) + method.coefficients[0, LATE, 0]
             return finish_finely(method, model, times, h, state, stages, work, carry)
 
         return of_kicks
@@ -308,6 +309,7 @@ class CanonicalBodies(Form):
 
     kernels_of_lengths: ClassVar[Mapping[str, Any]] = {
         "prepare": prepare,
+        "end_late": end_late,
         "signal": signal,
         "dense": dense,
         "resolves": resolves,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orbits.integrators import collocation_dense
-from orbits.integrators.canonical_room import CONTINUATION, HOURS, MU_BAR
+from orbits.integrators.canonical_room import CONTINUATION, HOURS, LATE, MU_BAR
 from orbits.integrators.collocation_lengths import look_ahead
 from orbits.integrators.collocation_rows import HC, columns, combine
 from orbits.kernels.compile import kernel
@@ -20,6 +20,12 @@ def prepare(method, h, before, storage):
     mu_bar = columns(method, table, MU_BAR)
     for j in range(WIDTH):
         store(table, CONTINUATION + j, combine(mu_bar, 1, table, ells, 0, j))
+
+
+@kernel(inline=True)
+def end_late(method, by):
+    """Write by how much the next step ends later than t + h: the next one begins with the same s(q, v, t)."""
+    method.coefficients[0, LATE, 0] = by
 
 
 @kernel(inline=True)

@@ -13,6 +13,7 @@ from orbits.integrators.canonical_room import (
     CONTINUATION,
     HOURS,
     INVERSE,
+    LATE,
     MU,
     MU_BAR,
     SETTLED,
@@ -188,10 +189,10 @@ def step_particles(method, model, t, h, particles, carry, storage):
     z, z_lo = moved(h, z, z_lo, vz, vz_lo, total(hb * Wz))
     ux, uy, uz = vx + kicks[0], vy + kicks[1], vz + kicks[2]
     ux_lo = uy_lo = uz_lo = 0.0
-    last_change, off = math.inf, 0.0
+    last_change, off, end = math.inf, 0.0, (t + h) + coefficients[LATE, 0]
     for _ in range(VELOCITY_SWEEPS):
         _, _, _, ex, ey, ez = particle_terms(
-            model.tag, model.parameters, t + h, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
+            model.tag, model.parameters, end, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
         )
         before = ux, uy, uz
         ux, ux_lo = pushed(vx, vx_lo, kicks[0], sx - ex)

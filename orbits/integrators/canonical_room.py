@@ -9,10 +9,12 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 
 # Rows of the table after those of `collocation_rows` for one register. MU, MU_BAR, CONTINUATION and INVERSE (of mu_bar)
-# are each the first of eight: row j holds column j of a matrix, one stage in each lane. HOURS are times of the stages.
+# are each the first of eight: row j holds column j of a matrix, one stage in each lane. HOURS are times of the stages,
+# and LATE by how much the step ends later than t + h, by the rounding of a clock that changes h.
 MU = ETA + 3 * WIDTH
 MU_BAR, CONTINUATION, INVERSE, HOURS = MU + WIDTH, MU + 2 * WIDTH, MU + 3 * WIDTH, MU + 4 * WIDTH
-ROWS = HOURS + 1
+LATE = HOURS + 1
+ROWS = LATE + 1
 
 VELOCITY_SWEEPS = 50
 """The most evaluations of s+ for the velocities at the end of a step; then the step fails."""

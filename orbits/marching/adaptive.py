@@ -23,7 +23,7 @@ from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag, dynamical_rate
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, fma
-from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, prepare, signal, step
+from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, end_late, prepare, signal, step
 from orbits.kernels.summation import two_sum
 from orbits.marching.changing import (
     DIRECTION,
@@ -101,6 +101,7 @@ def take_step(clock, method, model, k, state, storage):
         theta, scale = 1.0, GROWTH * abs(before) if before != 0.0 else math.inf
     longest = numbers[LONGEST] if numbers[LONGEST] > 0.0 else math.inf
     status, where, evaluations = TOO_SHORT, 0, 0
+    seen = room[kept - 1] + numbers[TIME]
     for attempt in range(ATTEMPTS):
         h = direction * theta * scale * exponential(min(max(0.5 * theta * slope, -1.0), 1.0))
         h = min(max(h, -longest), longest)
@@ -114,7 +115,11 @@ def take_step(clock, method, model, k, state, storage):
         if attempt == 0:
             keep(room, kept, state, storage.carry)
         prepare(method, h, before if before != 0.0 else h, storage)
-        status, where, count = step(method, model, room[kept - 1] + numbers[TIME], h, state, storage)
+        time, lost = two_sum(numbers[TIME], h)
+        time, lost = two_sum(time, lost + numbers[TIME_LO])
+        end = room[kept - 1] + time
+        end_late(method, end - (seen + h))
+        status, where, count = step(method, model, seen, h, state, storage)
         evaluations += count
         factor = 0.5 / CAUTION
         if status == OK:
@@ -122,12 +127,12 @@ def take_step(clock, method, model, k, state, storage):
             factor = MOST if missed == 0.0 else root(numbers[TOLERANCE] / missed, numbers[POWER])
             factor = min(max(factor, LEAST), MOST)
             if factor >= REFUSED:
-                time, lost = two_sum(numbers[TIME], h)
-                numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
+                numbers[TIME], numbers[TIME_LO] = time, lost
                 numbers[NEXT], numbers[LENGTH] = numbers[TIME], h
                 if rate > 0.0:
                     numbers[THETA] = theta * min(factor, GROWTH)
-                room[k + 1], room[kept // 2 + k] = room[k] + h, h
+                room[k + 1], room[kept // 3 + k] = room[k] + h, h
+                room[2 * (kept // 3) + k], room[2 * (kept // 3) + k + 1] = seen, end
                 return OK, 0, evaluations
         put_back(room, kept, state, storage.carry)
         if not rate > 0.0:

@@ -98,8 +98,8 @@ def length_of(field, k):
 
 @kernel(inline=True)
 def time_of(field, k):
-    """Return the time at which step k begins, as terms and forces see it; see `orbits.marching.changing.since`."""
-    return field.times[2 * (field.kicks.shape[0] + 1)] + (field.origin + field.times[k])
+    """Return the time at which step k begins for terms and forces; see `orbits.marching.adaptive.Adaptive.room`."""
+    return field.times[2 * (field.kicks.shape[0] + 1) + k]
 
 
 PLACES = MODES

@@ -34,7 +34,7 @@ FARTHEST = sys.float_info.max
 
 def since(block: int) -> int:
     """Return the place in the workspace of the time that terms and forces see when the clock reads 0."""
-    return 2 * (block + 1)
+    return 3 * (block + 1)
 
 
 @kernel(inline=True)
@@ -107,8 +107,9 @@ class ChangingSteps(Clock):
         raise NotImplementedError
 
     def room(self, block: int, size: int) -> int:
-        """Return the length of the workspace: the times of a block, the lengths of its steps, the time that terms and
-        forces see when the clock reads 0, and the state before a step.
+        """Return the length of the workspace: the times of a block since its beginning, the lengths of its steps, the
+        times at which they begin for terms and forces, that which these see when the clock reads 0, and the state
+        before a step.
         """
         return since(block) + 1 + size
 

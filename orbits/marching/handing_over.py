@@ -125,7 +125,7 @@ class _Task:
         self.own = OwnClocks(own, coefficients_of(own, 1.0), n, steps)
         path = np.zeros(2 * (steps + 1) * padded(size))
         # As the workspace of a clock whose steps differ: see `orbits.marching.bodies_between.length_of`.
-        self.times = np.zeros(2 * (steps + 1) + 1 + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
+        self.times = np.zeros(3 * (steps + 1) + 1 + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
         self.steps = scratch, stages, path, kicks
         self.ways = ways, np.zeros(COLUMNS)
         self.reached = np.zeros(steps, dtype=np.bool_)

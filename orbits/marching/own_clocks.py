@@ -34,6 +34,7 @@ from orbits.kernels.steps import (
     Model,
     Share,
     Storage,
+    end_late,
     prepare,
     step_particles,
 )
@@ -232,6 +233,8 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             elif shared.before[k] != before:
                 prepare(mine, h, before, now)
                 shared.before[k] = before
+            end = time_of(field, k + 1) if parts == 1.0 else begun + (done + h)
+            end_late(mine, end - ((begun + done) + h))
             after, _, status, count = step_particles(mine, model, begun + done, h, particle, carry, now)
             evaluations += count
             factor = 0.5 / CAUTION
