@@ -120,9 +120,9 @@ class Integrator:
         """The form for any regular Lagrangian, or None."""
         return None
 
-    def form_with(self, forces: int) -> Form | None:
+    def form_with(self, forces: int, inner: int = 0) -> Form | None:
         """Return the form, in positions and velocities, for bodies with terms of any kind and `forces` forces without a
-        Lagrangian, or None.
+        Lagrangian, which have so many internal variables together, or None.
         """
         return None
 

@@ -9,7 +9,8 @@ contribution of terms to the momenta, G_j = h b_j (dL/dq + f) / m at the stages 
 This is the canonical form (`orbits.integrators.canonical`) with momenta p = m v + s, written in velocities: p is
 computed from (q, v) to the last bit where it is needed, so that observers see the marched variables. s+ depends on v+
 and is iterated until v+ has converged; the next step begins with the same bits of s. Forces enter by the discrete
-Lagrange–d'Alembert principle, and their work, torque and impulse are summed with the same quadrature.
+Lagrange–d'Alembert principle, and their work, torque and impulse are summed with the same quadrature. Their internal
+variables, if any, are stepped like momenta: Y_i = y + sum_j mu_bar_ij h b_j Y'_j, y+ = y + sum_i h b_i Y'_i.
 
 The stages are iterated to the round-off floor by fixed-point iteration, as in `orbits.integrators.collocation`. It does
 not converge for a term whose contribution to the momentum depends on v as strongly as m v itself.
@@ -39,6 +40,8 @@ from orbits.integrators.canonical_room import (
     MU,
     MU_BAR,
     ROWS,
+    SETTLED,
+    inner_rows,
     stages_in,
     work_in,
 )
@@ -47,7 +50,7 @@ from orbits.integrators.collocation_dense import dense, resolves
 from orbits.integrators.collocation_lengths import signal
 from orbits.integrators.collocation_rows import HB, HC, HC_LO, is_close
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.acting import FIGURES, account, add_acting, add_terms
+from orbits.kernels.acting import FIGURES, Moment, account, add_acting, add_terms, inner_variables
 from orbits.kernels.binding import OPTIONS, accelerate, accelerate_close, dimension, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
@@ -60,8 +63,8 @@ from orbits.kernels.iteration import (
     unsettled_body,
     unsettled_part,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, fma, full, load, maximum, store
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
+from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, store
+from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import two_sum
 from orbits.tableaux import SymplecticTableau
 
@@ -167,11 +170,37 @@ def evaluate(method, model, times, stages, work, d):
     for k in range(d):
         store(work.F, k, full(0.0))
         store(work.S, k, full(0.0))
+    clear(work.D)
     add_terms(model.tag, model.parameters, times, stages.Q, stages.V, work.F, work.S)
-    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, work.F)
+    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, work.Y, work.F, work.D)
     hb = load(method.coefficients[0], HB)
+    for k in range(inner_variables(model.tag)):
+        store(work.D, k, hb * load(work.D, k))
     for k in range(d):
         store(work.G, k, hb * (load(work.G, k) + load(work.F, k) / strength[1 + k % n]))
+
+
+@kernel(inline=True)
+def clear(rows):
+    """Write zeros into rows."""
+    for k in range(rows.shape[0]):
+        store(rows, k, full(0.0))
+
+
+@kernel(inline=True)
+def place_inner(method, count, inner, work):
+    """Write the internal variables of forces at the stages, from their rates. Returns whether they have converged.
+
+    inner : rows of their values at the start of the step, eight in each, then of their low parts
+    """
+    half, converged = inner.shape[0] // 2, True
+    for k in range(count):
+        y, y_lo = inner[k // WIDTH, k % WIDTH], inner[half + k // WIDTH, k % WIDTH]
+        Y = y + (y_lo + combine(method.coefficients[0], MU_BAR, work.D, k))
+        change, scale = largest(abs(Y - load(work.Y, k))), largest(abs(load(work.D, k)))
+        converged &= change <= max(NEAR_FLOOR * scale, SETTLED * abs(y))
+        store(work.Y, k, Y)
+    return converged
 
 
 @kernel(inline=True)
@@ -194,9 +223,9 @@ def step(method, model, t, h, state, storage):
     table, strength = method.coefficients[0], model.parameters[0]
     q, q_lo, v, v_lo = state
     d = dimension(model.tag, model.parameters)
-    n, rows, each = d // 3, q.shape[0], parts(method, d)
+    n, rows, each, count = d // 3, q.shape[0], parts(method, d), inner_variables(model.tag)
     blocks = (each + WIDTH - 1) // WIDTH
-    work, stages = work_in(storage.scratch, rows), stages_in(storage.stages, rows)
+    work, stages = work_in(storage.scratch, rows, inner_rows(count)), stages_in(storage.stages, rows)
     times = load(table, HOURS) + t
     hc, hc_lo = load(table, HC), load(table, HC_LO)
     for k in range(d):
@@ -205,9 +234,13 @@ def step(method, model, t, h, state, storage):
         store(work.base, k, fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k]))
         store(work.W, k, guess(method, table, storage.carry, k, v[k]))
     momenta(model, t, stages.q, stages.v, work.f, work.s)
+    books = storage.carry[rows:]
+    inner = books[books.shape[0] - inner_rows(count) // WIDTH * 2 :]
+    clear(work.D)
     evaluations, patience, last = 0, PATIENCE, False
     while True:
         place(method, q, stages.V, work, stages, v, d)
+        inner_converged = place_inner(method, count, inner, work)
         evaluate(method, model, times, stages, work, d)
         for i in range(each):
             most = full(0.0)
@@ -219,11 +252,13 @@ def step(method, model, t, h, state, storage):
         for i in range(each, WIDTH * blocks):
             store(work.change, i, full(0.0))
         evaluations += 1
-        if last:
+        if last and inner_converged:
             break
         patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
+    if not inner_converged:
+        return INNER_NOT_CONVERGED, 0, evaluations
     if not settled(work.history, blocks, CONVERGED):
         if each == n:
             body = unsettled_part(work.history, blocks, n, CONVERGED)
@@ -235,8 +270,8 @@ def step(method, model, t, h, state, storage):
         return NOT_FINITE, 0, evaluations
     status, body = end(method, model, t, h, state, stages, work, storage.carry)
     if status == OK:
-        hb = load(table, HB)
-        account(model.tag, model.parameters, times, hb, stages.Q, stages.V, work.F, storage.carry[rows:])
+        at = Moment(times, stages.Q, stages.V, work.Y)
+        account(model.tag, model.parameters, load(table, HB), at, work.F, work.D, books)
     return status, body, evaluations
 
 
@@ -254,13 +289,14 @@ class CanonicalBodies(Form):
     """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies with terms of any kind
     and forces.
 
-    forces : the number of forces without a Lagrangian
+    forces : the number of forces without a Lagrangian; inner : that of their internal variables
     close : whether the positions of the stages have low parts and the last sweep is in doubled precision; only then
         can the length of steps change
     """
 
     tableau: SymplecticTableau
     forces: int = 0
+    inner: int = 0
     close: bool = False
 
     kernels: ClassVar[Mapping[str, Any]] = {
@@ -329,8 +365,10 @@ class CanonicalBodies(Form):
         return (3 if self.close else 2) * rows + 4 * rows // WIDTH, WIDTH
 
     def carry_rows(self, size: int) -> int:
-        """The velocities or kicks of the stages of the previous step; two rows for the accounts of each force."""
-        return padded(size) + 2 * self.forces
+        """The velocities or kicks of the stages of the previous step; two rows for the accounts of each force; the
+        internal variables of forces, eight in a row, and their low parts.
+        """
+        return padded(size) + 2 * (self.forces + self._inner_rows)
 
     @property
     def particle_carry_rows(self) -> int:
@@ -340,16 +378,26 @@ class CanonicalBodies(Form):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The size of `Work`."""
         rows = padded(size)
-        return (11 if self.close else 6) * rows + 8 * rows // WIDTH, WIDTH
+        return (11 if self.close else 6) * rows + 8 * rows // WIDTH + 2 * WIDTH * self._inner_rows, WIDTH
+
+    @property
+    def _inner_rows(self) -> int:
+        return -(-self.inner // WIDTH)
 
     def forget(self, carry: Array) -> None:
-        """Delete the velocities of the stages; the accounts of forces remain."""
-        carry[: len(carry) - 2 * self.forces] = 0.0
+        """Delete the velocities of the stages; the accounts of forces and their internal variables remain."""
+        carry[: len(carry) - 2 * (self.forces + self._inner_rows)] = 0.0
 
     def accounts(self, carry: Array) -> Array:
         """Return the accounts of each force so far, (forces, 7): work, torque and impulse, times G."""
-        books = carry[len(carry) - 2 * self.forces :].reshape(self.forces, 2, WIDTH)
+        end = len(carry) - 2 * self._inner_rows
+        books = carry[end - 2 * self.forces : end].reshape(self.forces, 2, WIDTH)
         return np.asarray(books.sum(axis=1)[:, :FIGURES])
+
+    def inner_of(self, carry: Array) -> Array:
+        """Return a view of the internal variables of forces, (inner,)."""
+        end = len(carry) - self._inner_rows
+        return carry[end - self._inner_rows : end].reshape(-1)[: self.inner]
 
 
 def _weights(tableau: SymplecticTableau, h: float) -> Array:

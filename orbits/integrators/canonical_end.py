@@ -112,7 +112,7 @@ def finish_finely(method, model, times, h, state, stages, work, L):
         store(work.F, k, full(0.0))
         store(work.S, k, full(0.0))
     add_terms(model.tag, model.parameters, at, stages.Q, stages.V, work.F, work.S)
-    add_acting(model.tag, model.parameters, at, stages.Q, stages.V, work.F)
+    add_acting(model.tag, model.parameters, at, stages.Q, stages.V, work.Y, work.F, work.D)
     weights = load(table, WEIGHTS)
     for i in range(n):
         mass, most = strength[1 + i], full(0.0)

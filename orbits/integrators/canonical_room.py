@@ -50,6 +50,7 @@ class Work(NamedTuple):
     change, history : see `orbits.kernels.iteration`
     f, s, s_end, kick, kick_lo : (rows,)
     fine : (5 rows, 8), workspace of a last sweep in doubled precision; empty for a form without
+    Y, D : (inner, 8), internal variables of forces at the stages, and h b times their rates; see `inner_rows`
     """
 
     W: Any
@@ -65,6 +66,8 @@ class Work(NamedTuple):
     kick: Any
     kick_lo: Any
     fine: Any
+    Y: Any
+    D: Any
 
 
 @kernel(inline=True)
@@ -83,10 +86,17 @@ def stages_in(room, rows):
 
 
 @kernel(inline=True)
-def work_in(scratch, rows):
-    """Return the parts of the scratch by name."""
+def inner_rows(count):
+    """Return the number of rows for so many internal variables of forces: a multiple of eight."""
+    return (count + WIDTH - 1) // WIDTH * WIDTH
+
+
+@kernel(inline=True)
+def work_in(scratch, rows, inner):
+    """Return the parts of the scratch by name; inner : the number of rows for internal variables of forces."""
     at, some = 6 * rows, rows // WIDTH
     more = at + 3 * some
+    end = scratch.shape[0] - 2 * inner
     return Work(
         scratch[:rows],
         scratch[rows : 2 * rows],
@@ -100,7 +110,9 @@ def work_in(scratch, rows):
         scratch[more + 2 * some : more + 3 * some].reshape(-1),
         scratch[more + 3 * some : more + 4 * some].reshape(-1),
         scratch[more + 4 * some : more + 5 * some].reshape(-1),
-        scratch[more + 5 * some :],
+        scratch[more + 5 * some : end],
+        scratch[end : end + inner],
+        scratch[end + inner :],
     )
 
 

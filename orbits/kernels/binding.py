@@ -528,14 +528,3 @@ def _particle_gradients(lagrangian, parameters, t, sources, speeds, place, veloc
         return compiled(parameters, t, sources, speeds, place, velocity)
 
     return compiled and call
-
-
-add_forces = adding("force")
-"""add_forces(tags, strength, parameters, t, q, v, f): add the forces without a Lagrangian, times G like dL/dq, to f;
-vectors, or rows of eight stages.
-"""
-
-total_particle_force = totalling("particle_force", 3)
-"""total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity): return
-(fx, fy, fz) per unit mass on massless particle number `particle`, or on eight from that on in lanes.
-"""

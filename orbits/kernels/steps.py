@@ -57,6 +57,9 @@ NEAR_A_PLANET, NOT_RESOLVED = 7, 8
 """The status of a massless particle that came closer to a planet, or to the dominant body, than its method can
 follow."""
 
+INNER_NOT_CONVERGED = 9
+"""The status of a step in which the internal variables of a force have not converged."""
+
 NOWHERE = 1e6
 """Position of the padding in the last group of eight particles, of retired particles, and of lanes without a particle,
 which nothing attracts: finite, and never read. Observers see NaN for a retired particle, so that every comparison with

@@ -19,7 +19,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.dense import times_reached
 from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
-from orbits.kernels.steps import BEYOND, NEAR_A_PLANET, NOT_CONVERGED, OK, TOO_SHORT
+from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NEAR_A_PLANET, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages, losses
 from orbits.marching.bound_loops import BoundLoops, numbers_of
@@ -337,6 +337,8 @@ class Blocks:
         self.evaluations += evaluations
         if status == BEYOND:
             status, count, self._arrived = OK, done, True
+        if status == INNER_NOT_CONVERGED:
+            raise self._failure(status, done, [], now)
         if status in (NOT_CONVERGED, TOO_SHORT):
             raise self._failure(status, done, self._meeting(state, None if status == TOO_SHORT else body), now)
         if status != OK:

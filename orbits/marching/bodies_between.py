@@ -172,7 +172,8 @@ def _kick_with_terms(model, field, k, h, places, room):
         store(momenta, i, full(0.0))
     times = h * load(table, POINTS) + begin
     add_terms(model.tag, model.parameters, times, stages.Q, stages.V, forces, momenta)
-    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, forces)
+    none = room[:0]  # internal variables, with which particles do not take steps of their own
+    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, none, forces, none)
     for i in range(size):
         mass = strength[1 + i % n]
         store(momenta, i, (load(momenta, i) - s[i]) / mass)

@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.integrators.given_bodies import GivenBodies
-from orbits.kernels.acting import acted_on
+from orbits.kernels.acting import FIGURES, acted_on
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import NOWHERE
 from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
@@ -111,10 +112,7 @@ class Marcher(Blocks):
         self._counts, self._apart = (0, 0), steps_apart(integrator, np.asarray(massive))
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        names_of_forces = [force.name for force in forces]
-        self._form = form_of_bodies(
-            integrator, lagrangian, self.clock, with_particles=m > 0, forces=names_of_forces
-        )
+        self._form = form_of_bodies(integrator, lagrangian, self.clock, with_particles=m > 0, forces=forces)
         if isinstance(self._form, GivenBodies) and self.clock.changes and m and self._form.held(parameters) < n:
             raise InputError(
                 "massless bodies take steps of their own among bodies of an ephemeris, but not yet if others with a mass "
@@ -131,6 +129,8 @@ class Marcher(Blocks):
         self._contacts: dict[int, Contact] = {}
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
+        begun = [force.inner for force in forces]
+        self._form.inner_of(self._loops.state["memory"])[:] = np.concatenate([np.zeros(0), *begun])
         if self._form.transforms:
             self._form.check_start(self.model, q[self._massive], v[self._massive])
             self._loops.enter(self._loops.state, self.clock)
@@ -322,12 +322,18 @@ class Marcher(Blocks):
         massive = np.ones(len(q), dtype=bool)
         if len(q) > self._bodies:
             massive[self._particles] = False
-        options = {"names": self.names, "retire": self._retire, "forces": self._forces, **options}
+        options = {"names": self.names, "retire": self._retire, "forces": self._forces_now(), **options}
         if self._surfaces is not None:
             surfaces = np.zeros(len(q))
             surfaces[massive] = self._surfaces
             options = {"surfaces": surfaces, **options}
         return Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
+
+    def _forces_now(self) -> tuple[BoundForce, ...]:
+        """Return the forces with their internal variables as they are now."""
+        ends = np.cumsum([len(force.inner) for force in self._forces], dtype=int)
+        parts = np.split(self._form.inner_of(self._state["memory"]), ends[:-1])
+        return tuple(replace(force, inner=y.copy()) for force, y in zip(self._forces, parts, strict=False))
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -506,10 +512,18 @@ class Marcher(Blocks):
         return failure_of_bodies(status, self.step, time, self.clock, self.integrator, [], momenta=momenta)
 
     def accounts(self) -> Array:
-        """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):
-        work, torque about the origin and impulse, times G.
+        """Return what is known of each force at the state returned last, (forces, 7 + most internal variables): its
+        time integrals on the massive bodies, work, torque about the origin and impulse, times G; then its internal
+        variables.
         """
-        return self._form.accounts(self._seen)
+        most = max((len(force.inner) for force in self._forces), default=0)
+        out = np.zeros((len(self._forces), FIGURES + most))
+        out[:, :FIGURES] = self._form.accounts(self._seen)
+        inner, at = self._form.inner_of(self._seen), 0
+        for row, force in zip(out, self._forces, strict=True):
+            row[FIGURES : FIGURES + len(force.inner)] = inner[at : at + len(force.inner)]
+            at += len(force.inner)
+        return out
 
     @property
     def dominant(self) -> int:

@@ -20,6 +20,7 @@ from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, clock_of
 from orbits.system import OrbitalElements, System, osculating
+from orbits.system.model import continued, most_inner
 from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
@@ -30,6 +31,7 @@ from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.excursions import Excursions
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 from orbits.trajectory.retired import RetiredParticles, absent, moved
+from orbits.trajectory.spins import Spins
 from orbits.trajectory.work import accounts_of
 from orbits.units import date_text, written
 
@@ -48,7 +50,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Trajectory(MarchedAgain, Conservation, Tabular):
+class Trajectory(MarchedAgain, Conservation, Spins, Tabular):
     """The samples of a run.
 
     system : the initial state, which also determines names, GM, units and epoch
@@ -311,10 +313,13 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         if not -len(self) <= key < len(self):
             raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
         k = int(key) % len(self)
-        return self.system_of(self._q[k], self._v[k], float(self.times[k]))
+        accounts = accounts_of(self)[k] if most_inner(self.system) else None
+        return self.system_of(self._q[k], self._v[k], float(self.times[k]), accounts)
 
-    def system_of(self, q: Array, v: Array, time: float) -> System:
+    def system_of(self, q: Array, v: Array, time: float, accounts: Array | None = None) -> System:
         """Return the `System` of a state of this run, (bodies, 3) each, without particles that are retired by then.
+
+        accounts : (forces, 7 + inner), those of a state of forces with internal variables
 
         Raises InputError for other states that are not finite.
         """
@@ -324,7 +329,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         # A particle may fail in the partial step to a sample, which the march itself does not take.
         if gone.any() and self.clock.place(time).rest == 0.0:
             gone &= np.isin(self.names, self.retired.names)
-        return moved(self.system, q, v, time, gone)
+        return moved(self.system if accounts is None else continued(self.system, accounts), q, v, time, gone)
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
