@@ -109,8 +109,8 @@ def test_a_planet_with_its_moons_is_placed_by_their_barycentre():
     pair = orbits.System.from_states(["Pluto", "Charon"], gm, q, v, epoch=EPOCH)
     both = orbits.propagate(pair, duration=1 * u.min, samples=2).ephemeris(times=0.0)
     share = np.average(both.dec[0].value, weights=gm.value) * u.deg
-    # Reached: 0.002 mas; Pluto is 2,100 km from the barycentre, 90 mas. The rest is the Sun's pull in five hours.
-    assert mas(share, begun(EPOCH).ephemeris("Pluto", times=0.0).dec) < 0.01
+    # Reached: 0.0001 mas. Pluto is 2,100 km from the barycentre: 24 mas in declination.
+    assert mas(share, begun(EPOCH).ephemeris("Pluto", times=0.0).dec) < 1e-3
     assert both.head.notes[0].endswith("by its barycentre, as Pluto with its moons, and that of DE440")
 
 
