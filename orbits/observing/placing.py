@@ -20,6 +20,9 @@ from orbits.observing.observers import EARTH, EARTH_MOON, SUN, Observer, known
 
 Array = NDArray[np.float64]
 
+WITH_MOONS = ephemeris.BODIES[ephemeris.BODIES.index("Mars") :]
+"""Bodies that DE440 has with their moons: a run of one of them and its moons has their barycentre."""
+
 
 class State(NamedTuple):
     """Positions and velocities at m times, (m, 3) each, au and au/d, relative to the barycentre."""
@@ -54,9 +57,11 @@ def placed(
     shift = State(np.zeros(q[:, 0].shape), np.zeros(q[:, 0].shape))
     covered = anchor is not None and ephemeris.covers(jd1, jd2)
     if anchor is not None and covered:
-        there = _de440(in_de440[anchor], jd1, jd2)
-        shift = State(there.q - q[:, anchor], there.v - v[:, anchor])
-        notes = [f"the run is placed in the Solar System by its {names[anchor]} and that of DE440"]
+        there, what, centre = _de440(in_de440[anchor], jd1, jd2), names[anchor], State(q[:, anchor], v[:, anchor])
+        if len(in_de440) == 1 and in_de440[anchor] in WITH_MOONS and np.count_nonzero(gm) > 1:
+            what, centre = f"barycentre, as {names[anchor]} with its moons,", _barycentre(gm, q, v)
+        shift = State(there.q - centre.q, there.v - centre.v)
+        notes = [f"the run is placed in the Solar System by its {what} and that of DE440"]
     else:
         notes = ["the origin of the run is taken as the barycentre of the Solar System"]
 
@@ -88,6 +93,14 @@ def placed(
         )
     notes.append(f"{body} is that of DE440, as the run has none")
     return Placing(shift, _de440(body, jd1, jd2), sun, tuple(notes))
+
+
+def _barycentre(gm: Array, q: Array, v: Array) -> State:
+    """Return the centre of mass of the bodies that are there."""
+    weights = np.where(np.isfinite(q[..., 0]), gm, 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    at, by = (np.nansum(weights[..., None] * x, axis=1) for x in (q, v))
+    return State(at, by)
 
 
 def _de440(name: str, jd1: Array, jd2: Array) -> State:

@@ -10,6 +10,7 @@ import numpy as np
 from orbits.errors import InputError, shown
 from orbits.scenario.typed import number_or_text
 from orbits.time_grid import times_since
+from orbits.time_grid.reading import is_date
 
 if TYPE_CHECKING:
     from orbits.observing import Ephemeris
@@ -45,6 +46,8 @@ def typed_times(run: Trajectory, start: str | None, stop: str | None, step: str 
     utc : whether dates are typed, and shown, in UTC
     Raises InputError for an incomplete span, a step that is not above 0, and too many times.
     """
+    if run.system.epoch is None:
+        return None  # refused by run.ephemeris
     if start is None:
         if stop is not None or step is not None:
             raise InputError("--to and --step need --from; without these three the times are those of the samples.")
@@ -77,12 +80,10 @@ def typed_times(run: Trajectory, start: str | None, stop: str | None, step: str 
 
 def _since(run: Trajectory, text: str, option: str, *, utc: bool) -> float:
     value: Any = number_or_text(text)
-    if utc and isinstance(value, str):
+    if utc and isinstance(value, str) and is_date(value):
         from astropy.time import Time
 
-        from orbits.time_grid.reading import is_date
-
-        value = Time(value, scale="utc") if is_date(value) else value
+        value = Time(value, scale="utc")
     return float(times_since(run.system, value, option))
 
 

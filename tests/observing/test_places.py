@@ -103,6 +103,17 @@ def test_from_the_sun_there_are_no_elongations_and_distances_are_heliocentric(ru
     assert not np.isfinite(run.ephemeris("Sun").sun_distance or np.nan)
 
 
+def test_a_planet_with_its_moons_is_placed_by_their_barycentre():
+    gm = [869.3, 106.1] * u.km**3 / u.s**2
+    q, v = [[0, 0, 0], [19_596, 0, 0]] * u.km, [[0, 0, 0], [0, 0.222, 0]] * u.km / u.s
+    pair = orbits.System.from_states(["Pluto", "Charon"], gm, q, v, epoch=EPOCH)
+    both = orbits.propagate(pair, duration=1 * u.min, samples=2).ephemeris(times=0.0)
+    share = np.average(both.dec[0].value, weights=gm.value) * u.deg
+    # Reached: 0.0001 mas. Pluto is 2,100 km from the barycentre: 24 mas in declination.
+    assert mas(share, begun(EPOCH).ephemeris("Pluto", times=0.0).dec) < 1e-3
+    assert both.head.notes[0].endswith("by its barycentre, as Pluto with its moons, and that of DE440")
+
+
 def test_a_body_of_de440_that_the_run_has_not_can_be_the_observer():
     small = begun(EPOCH, ("Sun", "Jupiter"), "ssb").ephemeris("Jupiter", observer="Mars", times=0.0)
     assert places_apart(small, begun(EPOCH).ephemeris("Jupiter", observer="Mars", times=0.0)) < 3e-5
