@@ -29,6 +29,7 @@ from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
 from benchmarks.scattering import part_scattering
+from benchmarks.small_bodies import part_small_bodies
 from benchmarks.systems import part_systems
 
 import orbits
@@ -57,6 +58,7 @@ PARTS = {
     "drift": part_drift,
     "precision": part_precision,
     "particles": part_particles,
+    "ephemeris": part_small_bodies,
     "explicit": part_explicit,
     "threads": part_threads,
     "large": part_large,

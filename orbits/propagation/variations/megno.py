@@ -47,7 +47,7 @@ from orbits.propagation.variations.of_particles import (
 )
 from orbits.propagation.variations.state_transition import made_by
 from orbits.system import System
-from orbits.system.model import model
+from orbits.system.model import given_bodies, model
 from orbits.time_grid import TimeGrid, dynamical_time
 
 if TYPE_CHECKING:
@@ -207,6 +207,11 @@ def megno(
         raise unknown_argument(megno, name)
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
+    if given_bodies(system):
+        raise InputError(
+            "MEGNO among bodies that are read from an ephemeris is not known; expected bodies that are integrated, such as "
+            "those of System.solar_system(...). orbits.state_transition knows how small bodies depend on their start."
+        )
     integrator = integrators.named("gauss" if integrator is None else integrator)
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
     seed = checked_seed(seed)

@@ -31,6 +31,7 @@ from orbits.propagation.variations.following import (
     warn_if_too_long,
 )
 from orbits.system import System
+from orbits.system.model import given_bodies
 from orbits.time_grid import TimeGrid, dynamical_time
 
 Array = NDArray[np.float64]
@@ -94,8 +95,12 @@ class StateTransition:
         level of round-off, 1e-16, for a symplectic method; a number, or (n,).
 
         In coordinates sqrt(GM) q and p tau / sqrt(GM), tau the shortest dynamical time, which give all bodies equal
-        weight.
+        weight. Raises InputError for bodies that are read from an ephemeris.
         """
+        if not self._momenta.size:
+            raise InputError(
+                "the massive bodies are read from an ephemeris and have no map of their own, which could be symplectic."
+            )
         massive = np.flatnonzero(self.system.massive)
         tau, gm = dynamical_time(self.system), np.repeat(self.system.values.gm[massive], 3)
         n, d = 6 * len(self.names), len(gm)
@@ -219,11 +224,19 @@ def matrices(
             "memory, more than this machine has; expected fewer samples, or fewer massless particles at a time."
         )
     out = np.zeros((len(grid), N, 6, N, 6))
-    momenta = _fill(massive_of(system), integrator, grid, out)
+    given = given_bodies(system)
+    if len(given) < int(system.massive.sum()) and given:
+        raise InputError(
+            "the variations of bodies with a mass among those of an ephemeris are not known; expected massless ones: set "
+            "their GM to 0."
+        )
+    # What is read from an ephemeris depends on no start: its blocks are 0.
+    momenta = np.zeros((0, 0)) if given else _fill(massive_of(system), integrator, grid, out)
+    coupled = coupled and not given
     particles = np.flatnonzero(~system.massive).tolist()
     for p in particles:
         out[:, p] = np.nan
-        out[:, p, :, ~system.massive] = 0.0
+        out[:, p, :, ~system.massive if not given else slice(None)] = 0.0
         out[:, p, :, p] = np.nan
 
     def fill(p: int) -> None:
