@@ -194,13 +194,13 @@ def from_rebound(
 
     Test particles (beyond `N_active`) of type 0 attract nothing: they become massless, and an OrbitsWarning names those
     with a mass. Those of type 1 attract active particles but not each other: several of them, all with mass, become
-    `MinorBodies`; a single one is like any other body; without mass they are massless. Collisions are not detected here, and
-    functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
+    `MinorBodies`; a single one is like any other body; without mass they are massless. Collisions are not detected
+    here, and functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
 
     Raises InputError for simulations that a System cannot represent: forces, gravity or boundaries other than Newton's
     in open space, variational particles, test particles of type 1 with mass beside massless ones, and everything that
-    `System` refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or lacks the
-    snapshot. Files are opened in a separate process, as a damaged one may crash it.
+    `System` refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or
+    lacks the snapshot. Files are opened in a separate process, as a damaged one may crash it.
     """
     return _system(_particles(source, snapshot, time), units, epoch, zero)
 
@@ -336,8 +336,8 @@ def _massless(found: Particles, names: list[str]) -> int:
         raise InputError(
             f"{names[i]!r} is a test particle (index {i}, N_active = {found.active}) of type 1 with mass "
             f"{float(found.m[i])!r}: it attracts active particles but none of the other {n - found.active - 1} test "
-            "particles, of which some are massless, and those of a System feel all masses. Set testparticle_type to 0, or "
-            "raise N_active to let it attract all."
+            "particles, of which some are massless, and those of a System feel all masses. Set testparticle_type to 0, "
+            "or raise N_active to let it attract all."
         )
     return n
 

@@ -111,7 +111,8 @@ def test_minor_bodies_move_as_rebounds_test_particles_of_type_1():
         there = run[particle.name].q[-1].value
         # Both are at round-off, which grows with the time: 2e-14 was seen.
         assert np.abs(there - [particle.x, particle.y, particle.z]).max() < 1e-12
-    other = orbits.propagate(system(minor=()), orbits.Gauss(stages=8), dt=0.05, duration=10.0, samples=2, progress=False)
+    settings = {"dt": 0.05, "duration": 10.0, "samples": 2, "progress": False}
+    other = orbits.propagate(system(minor=()), orbits.Gauss(stages=8), **settings)
     assert np.abs(other.q[-1].value - run.q[-1].value).max() > 1e-6
 
 
