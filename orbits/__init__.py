@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
+    from orbits.lagrangians.terms.degree_two import DegreeTwo
     from orbits.lagrangians.terms.frame_dragging import FrameDragging
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
@@ -106,6 +107,7 @@ __all__ = [
     "Conjunction",
     "ConvergenceError",
     "Damping",
+    "DegreeTwo",
     "DiscretePath",
     "Drag",
     "Ejection",
@@ -230,6 +232,7 @@ _HOME = {
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
+    "lagrangians.terms.degree_two": ["DegreeTwo"],
     "lagrangians.terms.frame_dragging": ["FrameDragging"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
