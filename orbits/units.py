@@ -109,6 +109,11 @@ class UnitSystem:
         return self.length / self.time
 
     @cached_property
+    def rate(self) -> u.UnitBase:
+        """The unit of an angle per time."""
+        return u.rad / self.time
+
+    @cached_property
     def acceleration(self) -> u.UnitBase:
         """The unit of acceleration, length/time^2."""
         return self.length / self.time**2
@@ -179,7 +184,7 @@ class UnitSystem:
 
     def rate_value(self, x: Any, what: str = "mean motion") -> Floats:
         """Return an angle per time as float64 in radians per unit of time; `what` names it in errors."""
-        return self._value(x, u.rad / self.time, what, "angle per time")
+        return self._value(x, self.rate, what, "angle per time")
 
     def frequency_value(self, x: Any, what: str = "rate") -> Floats:
         """Return a number per time as float64 in this system's unit; `what` names it in errors."""

@@ -28,6 +28,7 @@ EVERY = 21.0
 YEARS = DAYS / 365.25
 
 SHOWN = ("Mercury", "Venus", "Earth-Moon barycenter", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune", "Pluto")
+FIELDS = ("PostNewtonian", "ZonalHarmonics", "DegreeTwo")
 NEWTON, FIGURES, FULL = "Newton", "+ figures", "+ 30 TNOs"
 
 WORDS = (
@@ -51,10 +52,10 @@ def ladder():
         (NEWTON, [*asteroids, *objects, *ring], ()),
         ("+ relativity", [*asteroids, *objects, *ring], ("PostNewtonian",)),
         ("+ Sun's J2", [*asteroids, *objects, *ring], ("PostNewtonian", "ZonalHarmonics of Sun")),
-        (FIGURES, [*asteroids, *objects, *ring], ("PostNewtonian", "ZonalHarmonics")),
-        ("+ 16 asteroids", [*lighter, *objects, *ring], ("PostNewtonian", "ZonalHarmonics", "MinorBodies")),
-        ("+ 343 asteroids", [*objects, *ring], ("PostNewtonian", "ZonalHarmonics", "MinorBodies")),
-        ("+ mass loss", [*objects, *ring], ("PostNewtonian", "ZonalHarmonics", "MinorBodies", "MassLoss")),
+        (FIGURES, [*asteroids, *objects, *ring], FIELDS),
+        ("+ 16 asteroids", [*lighter, *objects, *ring], (*FIELDS, "MinorBodies")),
+        ("+ 343 asteroids", [*objects, *ring], (*FIELDS, "MinorBodies")),
+        ("+ mass loss", [*objects, *ring], (*FIELDS, "MinorBodies", "MassLoss")),
         ("+ dragging", [*objects, *ring], None),
         ("+ ring", objects, None),
         (FULL, (), None),

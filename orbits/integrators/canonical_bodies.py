@@ -39,7 +39,6 @@ from orbits.integrators.canonical_room import (
     MU_BAR,
     ROWS,
     SETTLED,
-    VANISHING,
     VELOCITY_SWEEPS,
     stages_in,
     work_in,
@@ -186,7 +185,7 @@ def finish(method, model, t, h, state, stages, work, d):
         store(work.kick, k, kick)
         store(work.kick_lo, k, kick_lo)
     body, last = 0, math.inf
-    for sweep in range(VELOCITY_SWEEPS):
+    for _ in range(VELOCITY_SWEEPS):
         momenta(model, t, stages.q_end, stages.v_end, work.f, work.s_end)
         body, now = 0, 0.0
         for i in range(n):
@@ -198,8 +197,7 @@ def finish(method, model, t, h, state, stages, work, d):
                 stages.v_end[k], work.f[k] = new, new_lo
             if not off <= now * size:
                 body, now = i, off / size
-        # The first change is that of s in a step, and says nothing about the rate of convergence.
-        if now == 0.0 or (now <= SETTLED and (now >= last or (sweep > 0 and now * now <= VANISHING * last))):
+        if now == 0.0 or (now <= SETTLED and now >= last):
             break
         last = now
     for k in range(d):

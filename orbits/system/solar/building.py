@@ -45,6 +45,7 @@ def full(cls: type[System], day: float, small: tuple[Floats, Floats]) -> System:
 
 def relativistic_terms(names: Sequence[str], day: float) -> list[Term]:
     """Return the terms of the model "relativistic" for some of its bodies at a Julian date."""
+    from orbits.lagrangians.terms.degree_two import DegreeTwo
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
 
@@ -60,11 +61,10 @@ def relativistic_terms(names: Sequence[str], day: float) -> list[Term]:
         pole = constants.earth_pole(day)
         terms.append(ZonalHarmonics("Earth", J2=J2, J3=J3, J4=J4, radius=constant("RE") * km, pole=pole))
     if "Moon" in names:
-        # C22 of a Moon that always faces the Earth pulls it as 6 C22 more of J2 do: V = -(GM R^2 / r^3) (J2/2 + 3 C22).
-        # Its axis is that of the ecliptic, to 1.5 degrees.
-        J2 = constant("J2M") + 6.0 * constant("C22M")
-        pole = tuple(kepler.from_frame(np.array([0.0, 0.0, 1.0]), "ecliptic"))
-        terms.append(ZonalHarmonics("Moon", J2=J2, radius=constant("AM") * km, pole=pole))
+        J2, C22, pole = constant("J2M"), constant("C22M"), constants.MOON_POLE * u.deg
+        terms.append(
+            DegreeTwo("Moon", J2=J2, C22=C22, radius=constant("AM") * km, pole=pole, attitude="Earth")
+        )
     return terms
 
 
