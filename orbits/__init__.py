@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
+    from orbits.lagrangians.terms.degree_two import DegreeTwo
     from orbits.lagrangians.terms.frame_dragging import FrameDragging
     from orbits.lagrangians.terms.minor_bodies import MinorBodies
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
@@ -109,6 +110,7 @@ __all__ = [
     "Conjunction",
     "ConvergenceError",
     "Damping",
+    "DegreeTwo",
     "DiscretePath",
     "Drag",
     "Ejection",
@@ -238,6 +240,7 @@ _HOME = {
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
+    "lagrangians.terms.degree_two": ["DegreeTwo"],
     "lagrangians.terms.frame_dragging": ["FrameDragging"],
     "lagrangians.terms.minor_bodies": ["MinorBodies"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],

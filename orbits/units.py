@@ -109,6 +109,11 @@ class UnitSystem:
         return self.length / self.time
 
     @cached_property
+    def rate(self) -> u.UnitBase:
+        """The unit of an angle per time."""
+        return u.rad / self.time
+
+    @cached_property
     def acceleration(self) -> u.UnitBase:
         """The unit of acceleration, length/time^2."""
         return self.length / self.time**2

@@ -16,8 +16,10 @@ from astropy import units as u
 import orbits
 from orbits.regression.of_ephemeris import Residuals
 from orbits.scenario import Check, Study, StudyResult, Table
-from orbits.system.solar import small_bodies
-from orbits.system.solar.models import LARGEST
+from orbits.system.solar.building import LARGEST
+from orbits.system.solar.small_bodies import small_bodies
+from orbits.system.solar.small_body_states import DAYS as TABLE
+from orbits.system.solar.small_body_states import states
 
 EPOCH, DAYS = "2000-01-01", 10958.0
 METHOD, DT = orbits.Gauss(stages=8), 3 * u.day
@@ -26,6 +28,7 @@ EVERY = 21.0
 YEARS = DAYS / 365.25
 
 SHOWN = ("Mercury", "Venus", "Earth-Moon barycenter", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune", "Pluto")
+FIELDS = ("PostNewtonian", "ZonalHarmonics", "DegreeTwo")
 NEWTON, FIGURES, FULL = "Newton", "+ figures", "+ 30 TNOs"
 
 WORDS = (
@@ -41,18 +44,18 @@ ASTEROIDS_KM = 1.0
 def ladder():
     """Return the systems by name, each with one thing more than the one before."""
     full = orbits.System.solar_system(epoch=EPOCH, model="full")
-    known = small_bodies.small_bodies()
+    known = small_bodies()
     asteroids, objects = known.names[: known.asteroids], known.names[known.asteroids :]
     ring = [name for name in full.names if name.startswith("ring ")]
     lighter = [name for name, gm in zip(asteroids, known.gm, strict=False) if gm < LARGEST]
     steps = [
         (NEWTON, [*asteroids, *objects, *ring], ()),
         ("+ relativity", [*asteroids, *objects, *ring], ("PostNewtonian",)),
-        ("+ Sun's J2", [*asteroids, *objects, *ring], ("PostNewtonian", "Sun")),
-        (FIGURES, [*asteroids, *objects, *ring], ("PostNewtonian", "ZonalHarmonics")),
-        ("+ 16 asteroids", [*lighter, *objects, *ring], ("PostNewtonian", "ZonalHarmonics", "MinorBodies")),
-        ("+ 343 asteroids", [*objects, *ring], ("PostNewtonian", "ZonalHarmonics", "MinorBodies")),
-        ("+ mass loss", [*objects, *ring], ("PostNewtonian", "ZonalHarmonics", "MinorBodies", "MassLoss")),
+        ("+ Sun's J2", [*asteroids, *objects, *ring], ("PostNewtonian", "ZonalHarmonics of Sun")),
+        (FIGURES, [*asteroids, *objects, *ring], FIELDS),
+        ("+ 16 asteroids", [*lighter, *objects, *ring], (*FIELDS, "MinorBodies")),
+        ("+ 343 asteroids", [*objects, *ring], (*FIELDS, "MinorBodies")),
+        ("+ mass loss", [*objects, *ring], (*FIELDS, "MinorBodies", "MassLoss")),
         ("+ dragging", [*objects, *ring], None),
         ("+ ring", objects, None),
         (FULL, (), None),
@@ -61,10 +64,11 @@ def ladder():
 
 
 def having(system, kinds):
-    """Return a system with its terms and forces of some kinds, or of some bodies, only; None for all."""
+    """Return a system with its terms and forces of some kinds only, or those of a body; None for all."""
     if kinds is None:
         return system
-    terms = [x for x in system.terms if type(x).__name__ in kinds or x.body in kinds]
+    names = {x: type(x).__name__ for x in system.terms}
+    terms = [x for x, name in names.items() if name in kinds or f"{name} of {x.body}" in kinds]
     return system.replaced(terms=terms, forces=[x for x in system.forces if type(x).__name__ in kinds])
 
 
@@ -76,10 +80,9 @@ def run_of(system):
 
 def asteroids_off(run):
     """Return the distances of the largest asteroids from JPL's own integration at the end [km], by name."""
-    known = small_bodies.small_bodies()
+    known = small_bodies()
     q = np.asarray(run.q[-1].to_value(u.km))
-    day = float(small_bodies.DAYS[-1])
-    real = dict(zip(known.names, small_bodies.states(day, 0.0)[0], strict=True))
+    real = dict(zip(known.names, states(orbits.System, float(TABLE[-1]), 0.0)[0], strict=True))
     sun = q[run.system.index("Sun")]
     largest = [name for name, gm in zip(known.names[: known.asteroids], known.gm, strict=False) if gm >= LARGEST]
     return {name: float(np.linalg.norm(q[run.system.index(name)] - sun - (real[name] * u.au).to_value(u.km)))

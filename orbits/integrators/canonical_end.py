@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from orbits.integrators.canonical import combine
-from orbits.integrators.canonical_room import INVERSE, MU, SETTLED, VANISHING, VELOCITY_SWEEPS
+from orbits.integrators.canonical_room import INVERSE, MU, SETTLED, VELOCITY_SWEEPS
 from orbits.integrators.collocation_end import COARSE, Sums, add_kick, add_up, moved_by
 from orbits.integrators.collocation_rows import HB, HC, HC_LO, REST, WEIGHTS
 from orbits.kernels.acting import add_acting, add_momenta, add_terms
@@ -43,7 +43,7 @@ def settle(model, t, state, stages, work, d):
     v, v_lo = state.p, state.p_lo
     strength, n = model.parameters[0], d // 3
     body, last = 0, math.inf
-    for sweep in range(VELOCITY_SWEEPS):
+    for _ in range(VELOCITY_SWEEPS):
         momenta(model, t, stages.q_end, stages.v_end, work.f, work.s_end)
         body, now = 0, 0.0
         for i in range(n):
@@ -55,8 +55,7 @@ def settle(model, t, state, stages, work, d):
                 stages.v_end[k], work.f[k] = new, new_lo
             if not off <= now * size:
                 body, now = i, off / size
-        # The first change is that of s in a step, and says nothing about the rate of convergence.
-        if now == 0.0 or (now <= SETTLED and (now >= last or (sweep > 0 and now * now <= VANISHING * last))):
+        if now == 0.0 or (now <= SETTLED and now >= last):
             break
         last = now
     for k in range(d):

@@ -22,9 +22,6 @@ VELOCITY_SWEEPS = 50
 SETTLED = 2.0**-46
 """Velocities at the end of a step have converged if their change is below this fraction and no longer falls."""
 
-VANISHING = 2.0**-60
-"""Or if, at the rate of the last two changes, the next one will be below this fraction: no bit of theirs changes."""
-
 
 class Stages(NamedTuple):
     """The stages of a step, from which massless particles are accelerated.

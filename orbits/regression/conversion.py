@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     import rebound
     from astropy.time import Time
 
+    from orbits.lagrangians.terms.base import Term
+
 T = TypeVar("T")
 
 GRAVITIES = ("basic", "compensated", "tree", "mercurius", "jacobi")
@@ -191,14 +193,14 @@ def from_rebound(
     synchronized on a copy, and not changed.
 
     Test particles (beyond `N_active`) of type 0 attract nothing: they become massless, and an OrbitsWarning names those
-    with a mass. Those of type 1 attract active particles but not each other. A System can represent this only if they
-    have no mass, or if there is a single one, which is then like any other body. Collisions are not detected here, and
-    functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
+    with a mass. Those of type 1 attract active particles but not each other: several of them, all with mass, become
+    `MinorBodies`; a single one is like any other body; without mass they are massless. Collisions are not detected
+    here, and functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
 
     Raises InputError for simulations that a System cannot represent: forces, gravity or boundaries other than Newton's
-    in open space, variational particles, several test particles of type 1 with mass, and everything that `System`
-    refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or lacks the
-    snapshot. Files are opened in a separate process, as a damaged one may crash it.
+    in open space, variational particles, test particles of type 1 with mass beside massless ones, and everything that
+    `System` refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or
+    lacks the snapshot. Files are opened in a separate process, as a damaged one may crash it.
     """
     return _system(_particles(source, snapshot, time), units, epoch, zero)
 
@@ -250,11 +252,13 @@ def _system(found: Particles, units: UnitSystem | None, epoch: Any, zero: Any) -
     _refuse(found)
     attracting = found.m.copy()
     attracting[_massless(found, names) :] = 0.0
+    terms = _rule(found, names)
     if units is None:
         units = _units_of(found)
     when, radii = _epoch(found, units, epoch, zero), found.r if np.any(found.r) else None
     gm = found.G * attracting
-    return FromRebound.of(attracting, found.t, tuple(names), gm, found.q, found.v, when, units, radii, found.softening)
+    state = tuple(names), gm, found.q, found.v, when, units, radii, found.softening, terms
+    return FromRebound.of(attracting, found.t, *state)
 
 
 def _particles(source: Any, index: int, time: float | None) -> Particles:
@@ -327,14 +331,23 @@ def _massless(found: Particles, names: list[str]) -> int:
                 "they are massless (gm = 0)."
             )
         return found.active
-    if heavy and n - found.active > 1:
+    if heavy and len(heavy) < n - found.active:
         i = heavy[0]
         raise InputError(
             f"{names[i]!r} is a test particle (index {i}, N_active = {found.active}) of type 1 with mass "
             f"{float(found.m[i])!r}: it attracts active particles but none of the other {n - found.active - 1} test "
-            "particles, which no System does. Set testparticle_type to 0, or raise N_active to let it attract all."
+            "particles, of which some are massless, and those of a System feel all masses. Set testparticle_type to 0, "
+            "or raise N_active to let it attract all."
         )
     return n
+
+
+def _rule(found: Particles, names: list[str]) -> tuple[Term, ...]:
+    """Return the term of several test particles of type 1 with mass, which do not attract each other."""
+    from orbits.lagrangians.terms.minor_bodies import MinorBodies
+
+    several = found.test_type == 1 and len(found.m) - found.active > 1 and np.any(found.m[found.active :])
+    return (MinorBodies(bodies=names[found.active :]),) if several else ()
 
 
 def _warn(message: str) -> None:

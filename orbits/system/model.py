@@ -318,6 +318,16 @@ def centre(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
     return np.asarray(newton + moved / (gm.sum() + more.sum(axis=-1))[..., None])
 
 
+def centre_velocity(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
+    """Return the velocity of the centre of mass: momentum over mass, with the energies in both. As `centre`."""
+    from orbits.diagnostics import centre_of_mass, linear_momentum
+
+    gm, more = system.values.gm[system.massive], inertia(system, q, v, t)
+    if more is None:
+        return centre_of_mass(gm, v)
+    return whole(system, MOMENTUM, linear_momentum(gm, v), q, v, t) / (gm.sum() + more.sum(axis=-1))[..., None]
+
+
 def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:
     """Return what massive bodies weigh in the centre of mass besides GM, (..., n); None for nothing. As `centre`."""
     if not system.terms:

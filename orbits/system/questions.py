@@ -8,7 +8,7 @@ from astropy import units as u
 
 from orbits import diagnostics
 from orbits.system import new_bodies
-from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, whole
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, centre, whole
 from orbits.system.orbital_elements import OrbitalElements, osculating
 
 if TYPE_CHECKING:
@@ -42,10 +42,10 @@ class Questions:
         return u.Quantity(value / system.units.G, system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
-        """Return the centre of mass of the massive bodies, shape (3,)."""
+        """Return the centre of mass of the massive bodies, shape (3,); see `Trajectory.centre_of_mass`."""
         system: System = self  # type: ignore[assignment]
-        gm, q, _, _ = system.values
-        return u.Quantity(diagnostics.centre_of_mass(gm, q), system.units.length)
+        _, q, v, _ = system.values
+        return u.Quantity(centre(system, q[system.massive], v[system.massive]), system.units.length)
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies; see `OrbitalElements`.

@@ -9,7 +9,6 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits import diagnostics
 from orbits.body_names import checked_names, few, index_of, place_of
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import Labelled, Tabular
@@ -17,7 +16,7 @@ from orbits.point_masses import PointMasses
 from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
-from orbits.system.model import Modelled, seen_from, together, without
+from orbits.system.model import Modelled, centre, centre_velocity, seen_from, together, without
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.system.solar import models
@@ -295,10 +294,12 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         """Return this system with the centre of mass of its massive bodies at the origin and at rest.
 
         What acts is seen from there too, such as the medium of `Drag`: the motion of bodies relative to each other
-        stays the same.
+        stays the same. With `PostNewtonian` of several bodies, energies weigh in the centre of mass, and a change of
+        velocity by w, which is Galileo's, changes their relative motion by about (w/c)^2 of itself.
         """
-        gm, q, v, _ = self.values
-        place, velocity = diagnostics.centre_of_mass(gm, q), diagnostics.centre_of_mass(gm, v)
+        _, q, v, _ = self.values
+        there = q[self.massive], v[self.massive]
+        place, velocity = centre(self, *there), centre_velocity(self, *there)
         return self.replaced(q=q - place, v=v - velocity, **seen_from(self, place, velocity))
 
     # -------------------------------------------------------------------------------------------------------- values

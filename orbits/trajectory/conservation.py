@@ -23,6 +23,7 @@ from orbits.system.model import (
     acts_on_massive,
     axis,
     centre,
+    centre_velocity,
     depends_on_time,
     given_bodies,
     inertia,
@@ -47,7 +48,7 @@ GIVEN = "the massive bodies are read from an ephemeris: nothing of theirs is int
 
 NO_CENTRE = "the centre of mass was set in motion, or moved, by a change of the bodies"
 
-NOT_KEPT = "angular momentum is not conserved: terms have different poles"
+NOT_KEPT = "angular momentum is not conserved: terms have different poles, or turn about one"
 
 BLOCK_BYTES = 32 * 1024 * 1024
 """The part of a run that is in memory at a time while a quantity of all samples is computed."""
@@ -222,20 +223,17 @@ class Conservation:
             energy=NONE if timed else self._drift(energy, lambda gm, q, v: kinetic_energies(gm, v)),
             angular_momentum=NONE if lost else self._drift(angular, moments),
             linear_momentum=self._drift(linear, lambda gm, q, v: momenta(gm, v), first=0.0),
-            centre_of_mass=NONE if forces or self._kicked() else self._uniform_motion(q, v, linear[0]),
+            centre_of_mass=NONE if forces or self._kicked() else self._uniform_motion(q, v),
             massive=tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass),
             particles=int(np.count_nonzero(~massive)),
             pole=pole,
             forces=forces,
         )
 
-    def _uniform_motion(self, q: Array, v: Array, momentum: Array) -> diagnostics.Drift:
-        """The drift of the centre of mass from uniform motion; q, v : (n, 3) and the momentum at the start."""
-        gm, more = gm_of(self.system), inertia(self.system, q, v)
-        velocity = diagnostics.centre_of_mass(gm, v)
-        if more is not None:
-            velocity = momentum * self.system.units.G / (gm.sum() + more.sum())
-        return uniform_motion_drift(gm, self.times, self.centre_of_mass().value, q, velocity)
+    def _uniform_motion(self, q: Array, v: Array) -> diagnostics.Drift:
+        """The drift of the centre of mass from uniform motion; q, v : (n, 3) at the start."""
+        velocity = centre_velocity(self.system, q, v, self.times[0])
+        return uniform_motion_drift(gm_of(self.system), self.times, self.centre_of_mass().value, q, velocity)
 
     def energy_lost(self) -> u.Quantity:
         """Return the energy that the massive bodies lost in mergers and bounces up to each sample, shape (n,).

@@ -15,6 +15,7 @@ from orbits.kernels.lanes import WIDTH, load, store
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
 from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.terms.charges import charges
+from orbits.lagrangians.terms.degree_two import degree_two
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
 from orbits.lagrangians.terms.frame_dragging import frame_dragging
 from orbits.lagrangians.terms.minor_bodies import minor_bodies
@@ -40,6 +41,10 @@ def relativity(row=0):
     return post_newtonian(row, 3.0)
 
 
+def figure(row=1, towards=2):
+    return degree_two(row, 0.2 * RADIUS**2, 0.1 * RADIUS**2, POLE, towards=towards)
+
+
 # Functions of the number of massive bodies, of which a sum of relativity by several bodies has a list.
 SUMS = {
     "zonals": lambda bodies: [zonal()],
@@ -49,6 +54,7 @@ SUMS = {
     "relativity by all": lambda bodies: [einstein_infeld_hoffmann(range(bodies), bodies, 3.0)],
     "relativity by two": lambda bodies: [einstein_infeld_hoffmann([2, 0], bodies, 3.0)],
     "minor bodies": lambda bodies: [minor_bodies({1, 2}, bodies)],
+    "figure": lambda bodies: [figure()],
     "relativity by all, zonals": lambda bodies: [einstein_infeld_hoffmann(range(bodies), bodies, 3.0), zonal()],
 }
 
@@ -101,6 +107,42 @@ def test_zonal_harmonics_are_those_of_the_textbook_in_thirty_digits():
     assert L.value(q, v) - without.value(q, v) == pytest.approx(expected, abs=8 * EPS)
     found = (L.gradients(q, v)[0] - without.gradients(q, v)[0]).reshape(2, 3)
     assert np.max(np.abs(found - [np.negative(force), force])) < 32 * EPS
+
+
+def test_the_figure_of_degree_two_is_that_of_the_textbook():
+    """J2 P_2(sin phi) - C22 P_22(sin phi) cos 2 lambda, P_22 = 3 cos^2, with longitudes from the axis to body 2."""
+    L, without = n_body(GM, 0.0, [figure()]), n_body(GM)
+    q, v = state(9)
+    pole, d = np.array(POLE), q - q[1]
+    first = d[2] - (d[2] @ pole) * pole
+    first /= np.linalg.norm(first)
+    expected = 0.0
+    for i in (0, 2):
+        r = np.linalg.norm(d[i])
+        sine, longitude = d[i] @ pole / r, np.arctan2(d[i] @ np.cross(pole, first), d[i] @ first)
+        legendre = 0.2 * (1.5 * sine**2 - 0.5) - 0.1 * 3 * (1 - sine**2) * np.cos(2 * longitude)
+        expected -= GM[i] * GM[1] / r * (RADIUS / r) ** 2 * legendre
+    assert L.value(q, v) - without.value(q, v) == pytest.approx(expected, abs=8 * EPS)
+
+
+def test_a_figure_that_turns_has_at_each_time_the_field_of_one_that_points_there():
+    """Angles are counted from the node of the equator on the xy-plane; forces are the derivatives of the value."""
+    rate, t = 1.3, 0.7
+    L = n_body(GM, 0.1, [degree_two(1, 0.02, 0.01, POLE, turning=(0.4, rate))])
+    q, v = (x.ravel() for x in state(9))
+    pole = np.array(POLE)
+    node = np.cross([0, 0, 1], pole)
+    node /= np.linalg.norm(node)
+    axis = np.cos(0.4 + rate * t) * node + np.sin(0.4 + rate * t) * np.cross(pole, node)
+    # A fourth body far away in that direction, of no weight, to which the axis of another figure points.
+    gm = (*GM, 1e-30)
+    pointing = n_body(gm, 0.1, [degree_two(1, 0.02, 0.01, POLE, towards=3)])
+    more = np.concatenate([q, q[3:6] + 1e13 * axis]), np.concatenate([v, np.zeros(3)])
+    assert L.value(q, v, t) == pytest.approx(pointing.value(*more), abs=16 * EPS)
+    assert np.max(np.abs(L.gradients(q, v, t)[0] - pointing.gradients(*more)[0][:9])) < 64 * EPS
+    found = derivative(lambda x: L.gradients(x, v, t)[0], q) - L.hessians(q, v, t)[0]
+    assert np.max(np.abs(found)) < 5e-12
+    assert L.value(q, v, t) != pytest.approx(L.value(q, v, 0.0), rel=1e-6)
 
 
 def test_frame_dragging_accelerates_as_the_textbook_has_it():
@@ -231,8 +273,9 @@ def test_stages_in_lanes_and_vectors_give_the_same_numbers(terms):
         assert np.max(np.abs(hessian[:, lane].reshape(3, d, d) - blocks)) < 32 * EPS * np.max(np.abs(blocks))
 
 
-def test_accelerations_are_forces_over_masses_in_vectors_and_in_lanes():
-    L = n_body(GM, 0.0, [zonal(1)])
+@pytest.mark.parametrize("term", [zonal(1), figure()], ids=["zonals", "figure"])
+def test_accelerations_are_forces_over_masses_in_vectors_and_in_lanes(term):
+    L = n_body(GM, 0.0, [term])
     q, v = state()
     n = len(GM)
     padded, out = np.zeros(3 * n + 8), np.zeros(3 * n + 8)
@@ -246,10 +289,11 @@ def test_accelerations_are_forces_over_masses_in_vectors_and_in_lanes():
     assert np.max(np.abs(found - expected[:, None])) < 16 * EPS * np.max(np.abs(expected))
 
 
-def test_bodies_may_be_shared_out_among_threads_to_the_same_bits():
+@pytest.mark.parametrize("term", [zonal(9), figure(9, 3)], ids=["zonals", "figure"])
+def test_bodies_may_be_shared_out_among_threads_to_the_same_bits(term):
     bodies = 21
     rng = np.random.default_rng(5)
-    L = n_body(rng.uniform(0.1, 1.0, bodies), 0.0, [zonal(9)])
+    L = n_body(rng.uniform(0.1, 1.0, bodies), 0.0, [term])
     q, _ = state(3, bodies)
     padded, whole, parts = np.zeros(3 * bodies + 8), np.zeros(3 * bodies + 8), np.zeros(3 * bodies + 8)
     padded[: 3 * bodies] = q.T.ravel()
@@ -272,11 +316,12 @@ def field_in_lanes(tag, parameters, sources, points, out):
     store(out, 2, az)
 
 
-def test_a_particle_feels_what_a_body_of_vanishing_mass_does():
+@pytest.mark.parametrize("term", [zonal(), figure()], ids=["zonals", "figure"])
+def test_a_particle_feels_what_a_body_of_vanishing_mass_does(term):
     q, v = state(2, 4)
-    particle = n_body([*GM, 1e-30], 0.05, [zonal()])
+    particle = n_body([*GM, 1e-30], 0.05, [term])
     acceleration = particle.gradients(q, v)[0].reshape(4, 3)[3] / 1e-30
-    L = n_body(GM, 0.05, [zonal()])
+    L = n_body(GM, 0.05, [term])
     sources = q[:3].T.ravel().copy()
     found = field_at(L.tag, L.parameter_vector, sources, *q[3])
     assert np.max(np.abs(found - acceleration)) < 16 * EPS * np.max(np.abs(acceleration))

@@ -7,7 +7,7 @@ from astropy import units as u
 import orbits
 from orbits import ephemeris
 from orbits.errors import EpochError, InputError, UnknownNameError
-from orbits.system.solar import constants, models, small_bodies
+from orbits.system.solar import building, constants, models, small_bodies, small_body_states
 
 EPOCH = "2000-01-01"
 DAYS = 10958.0
@@ -28,7 +28,7 @@ def late(run, bodies):
 
 def test_the_relativistic_model_misses_de440_by_what_it_says():
     found = orbits.solar_model("relativistic").misses_km
-    missed = late(run_of("relativistic"), models.APART[1:])
+    missed = late(run_of("relativistic"), building.APART[1:])
     # The same samples as of the scenario de440, to the three digits that are written down.
     for body, km in found.items():
         assert missed[body] == pytest.approx(km, rel=0.02), body
@@ -39,15 +39,15 @@ def test_the_relativistic_model_misses_de440_by_what_it_says():
 @pytest.mark.slow
 def test_the_full_model_misses_de440_by_what_it_says():
     run = run_of("full")
-    missed = late(run, models.APART[1:])
+    missed = late(run, building.APART[1:])
     # A tenth of a metre of Mercury is rounding and the step.
     for body, km in orbits.solar_model("full").misses_km.items():
         assert missed[body] == pytest.approx(km, rel=0.05, abs=2e-4), body
     assert run.drift().energy.max_fraction < 2e-15
     known = small_bodies.small_bodies()
-    real = small_bodies.states(float(small_bodies.DAYS[-1]), 0.0)[0]
-    off = small_bodies.relative(run.system, run.q[-1].value) - real
-    largest = [i for i in range(known.asteroids) if known.gm[i] >= models.LARGEST]
+    real = small_body_states.states(orbits.System, float(small_body_states.DAYS[-1]), 0.0)[0]
+    off = small_body_states.relative(run.system, run.q[-1].value) - real
+    largest = [i for i in range(known.asteroids) if known.gm[i] >= building.LARGEST]
     assert np.median(np.linalg.norm(off[largest], axis=1)) * ephemeris.AU_KM < 1.0  # 0.42 km
 
 
@@ -68,11 +68,11 @@ def test_the_full_model_has_all_bodies_of_de440():
 def test_states_of_small_bodies_between_the_dates_of_the_table_are_those_of_a_run():
     system = orbits.System.solar_system(epoch=EPOCH, model="full")
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=2.0, duration=6.0, samples=2, progress=False)
-    q, _ = small_bodies.states(2451544.5, 6.0)
-    assert np.abs(small_bodies.relative(system, run.q[-1].value) - q).max() < 1e-13
+    q, _ = small_body_states.states(orbits.System, 2451544.5, 6.0)
+    assert np.abs(small_body_states.relative(system, run.q[-1].value) - q).max() < 1e-13
     later = orbits.System.solar_system(epoch="2000-01-07", model="full")
     # Sun and planets are those of DE440 again, which in six days are a millimetre from the run's; but for the Moon's.
-    off = small_bodies.relative(later, later.q.value) - q
+    off = small_body_states.relative(later, later.q.value) - q
     assert np.abs(off).max() < 1e-13
 
 

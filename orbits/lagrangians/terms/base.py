@@ -51,7 +51,8 @@ class Summand:
     name : for messages; formula : its part of L
     tag, parameters : its kernels and its vector
     traits : properties that methods may require, see `orbits.lagrangians.base`
-    axis : the axis of its rotational symmetry, a unit vector; None if it is invariant under all rotations
+    axis : the axis of its rotational symmetry, a unit vector, zeros if there is none; None if it is invariant under
+        all rotations
     galilean : whether boosts leave it unchanged, so that the centre of mass by GM moves uniformly
     beside_newton : for a term with the attraction of the bodies themselves, which Newton's is left out for: the
         parameters with which it is, added to Newton's of all pairs, the same Lagrangian
@@ -73,14 +74,17 @@ class Term:
 
     kind : its name in archives
     alone : whether a system can have only one of this kind
-    others : fields with names of further massive bodies: a name, a tuple of names, or None
     body : the name of the massive body to which the term belongs; None for the most massive one
     """
 
     kind: ClassVar[str]
     alone: ClassVar[bool] = False
-    others: ClassVar[tuple[str, ...]] = ()
     body: str | None = None
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """The fields with names of further massive bodies: a name, a tuple of names, or None."""
+        return ()
 
     @property
     def of_several(self) -> bool:
@@ -173,7 +177,7 @@ def axis_of(summands: Sequence[Summand]) -> Vector | None:
     axes = [summand.axis for summand in summands if summand.axis is not None]
     if not axes:
         return None
-    alike = all(float(np.linalg.norm(np.cross(axes[0], axis))) <= PARALLEL for axis in axes[1:])
+    alike = all(any(axis) and float(np.linalg.norm(np.cross(axes[0], axis))) <= PARALLEL for axis in axes)
     return axes[0] if alike else (0.0, 0.0, 0.0)
 
 

@@ -20,10 +20,10 @@ from orbits.checks import pole_direction
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put, rsqrt_cubed
+from orbits.kernels.lanes import get, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
 from orbits.lagrangians.terms.base import Summand, Term, Vector, number
-from orbits.lagrangians.terms.pairs import add_differences, difference
+from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
 
 
 @kernel(inline=True)
@@ -60,12 +60,9 @@ def gradients(strength, own, t, q, v, f, p):
     for i in range(n):
         if i != b:
             found = _derivatives(strength[0], own, difference(q, i, b, n), difference(v, i, b, n))
-            for a in range(3):
-                df, dp = strength[1 + i] * found[a], strength[1 + i] * found[3 + a]
-                put(f, a * n + i, get(f, a * n + i) + df)
-                put(f, a * n + b, get(f, a * n + b) - df)
-                put(p, a * n + i, get(p, a * n + i) + dp)
-                put(p, a * n + b, get(p, a * n + b) - dp)
+            gm = strength[1 + i]
+            add_with_reaction(f, (gm * found[0], gm * found[1], gm * found[2]), i, b, n)
+            add_with_reaction(p, (gm * found[3], gm * found[4], gm * found[5]), i, b, n)
 
 
 @kernel
@@ -106,9 +103,7 @@ def about(strength, own, gm, r, w):
 def particle_gradients(strength, own, t, sources, speeds, place, velocity):
     """Return the force and the momentum per unit mass."""
     n, b = strength.shape[0] - 1, int(own[0])
-    r = place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
-    w = velocity[0] - get(speeds, b), velocity[1] - get(speeds, n + b), velocity[2] - get(speeds, 2 * n + b)
-    return _derivatives(strength[0], own, r, w)
+    return _derivatives(strength[0], own, separation(place, sources, b, n), separation(velocity, speeds, b, n))
 
 
 TAG = Tag(

@@ -1,4 +1,4 @@
-"""What terms of one body b share whose part of L is a sum, over all others, of functions of q_i - q_b and v_i - v_b."""
+"""What terms share whose part of L is a sum of functions of q_i - q_b and v_i - v_b."""
 
 from __future__ import annotations
 
@@ -10,6 +10,18 @@ from orbits.kernels.lanes import get, put, sqrt
 def difference(q, i, b, n):
     """Return q_i - q_b, three numbers."""
     return get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+
+
+@kernel(inline=True)
+def separation(place, sources, b, n):
+    """Return a point minus q_b, three numbers; or a velocity minus v_b."""
+    return place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
+
+
+@kernel(inline=True)
+def dot(a, b):
+    """Return the scalar product of two vectors of three numbers."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel(inline=True)
@@ -51,3 +63,16 @@ def add_pair_tide(strength, sign, q, i, j, out):
             put(out, jj, get(out, jj) + tide)
             put(out, ij, get(out, ij) - tide)
             put(out, ji, get(out, ji) - tide)
+
+
+@kernel(inline=True)
+def add_between(out, value, a, c, i, b, other, n):
+    """Add a derivative by q_i - q_b, axis a, and by q_other - q_b, axis c, and its mirror image to the block at 0."""
+    d = 3 * n
+    rows, columns = (a * n + i, a * n + b), (c * n + other, c * n + b)
+    for x in range(2):
+        for y in range(2):
+            change = value if x == y else -value
+            at, mirrored = rows[x] * d + columns[y], columns[y] * d + rows[x]
+            put(out, at, get(out, at) + change)
+            put(out, mirrored, get(out, mirrored) + change)

@@ -1,7 +1,7 @@
 """Relativity to first post-Newtonian order: the term `PostNewtonian`, and its form for one central body.
 
-`orbits.lagrangians.terms.einstein_infeld_hoffmann` has the form for several bodies. By one it is Schwarzschild's field for
-all others:
+`orbits.lagrangians.terms.einstein_infeld_hoffmann` has the form for several bodies. By one it is Schwarzschild's field
+for all others:
 
     L = (1/c^2) sum_i m' [w^4/8 + 3/2 M w^2/r - M^2/(2 r^2)],     r = |q_i - q_s|,  w = v_i - v_s,
         M = G (m_i + m_s),  m' = m_i m_s / (m_i + m_s)
@@ -39,7 +39,7 @@ from orbits.kernels.lanes import get, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
 from orbits.lagrangians.terms.base import Summand, Term, number
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
-from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference
+from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
 
 TOO_STRONG = 1e-2
 """The largest (v/c)^2 for which the first order is taken."""
@@ -122,9 +122,7 @@ def hessians(strength, own, t, q, v, out):
 def particle_gradients(strength, own, t, sources, speeds, place, velocity):
     """Return the force and the momentum per unit mass."""
     n, b = strength.shape[0] - 1, int(own[0])
-    r = place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
-    w = velocity[0] - get(speeds, b), velocity[1] - get(speeds, n + b), velocity[2] - get(speeds, 2 * n + b)
-    return about(strength, own, 0.0, r, w)
+    return about(strength, own, 0.0, separation(place, sources, b, n), separation(velocity, speeds, b, n))
 
 
 TAG = Tag(
@@ -170,7 +168,6 @@ class PostNewtonian(Term):
 
     kind: ClassVar[str] = "post-newtonian"
     alone: ClassVar[bool] = True
-    others: ClassVar[tuple[str, ...]] = ("sources",)
     sources: Any = None
     c: Any = None
 
@@ -194,6 +191,11 @@ class PostNewtonian(Term):
             )
         object.__setattr__(self, "sources", tuple(named))
         object.__setattr__(self, "body", named[0] if len(named) == 1 else None)
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """The sources."""
+        return ("sources",)
 
     @property
     def of_several(self) -> bool:
@@ -237,9 +239,9 @@ class PostNewtonian(Term):
             if strength.size and not strength.max() <= TOO_STRONG:
                 body, most = system.names[int(np.flatnonzero(others)[strength.argmax()])], float(strength.max())
                 raise InputError(
-                    f"{body!r} moves about {system.names[source]!r} with {100 * most**0.5:.3g} % of the speed of light, or "
-                    f"would by falling there from far away: (v/c)^2 = {most:.3g}, and PostNewtonian leaves out its "
-                    f"square. Expected at most {TOO_STRONG:g}; nothing here takes stronger fields."
+                    f"{body!r} moves about {system.names[source]!r} with {100 * most**0.5:.3g} % of the speed of "
+                    f"light, or would by falling there from far away: (v/c)^2 = {most:.3g}, and PostNewtonian leaves "
+                    f"out its square. Expected at most {TOO_STRONG:g}; nothing here takes stronger fields."
                 )
         speeds = np.linalg.norm(v, axis=1)
         if self.of_several and not (speeds.max() / c) ** 2 <= TOO_STRONG:

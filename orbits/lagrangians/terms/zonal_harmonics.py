@@ -27,6 +27,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
 from orbits.lagrangians.terms.base import Summand, Term, Vector, number
+from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
 
 HARMONICS = 4
 """The index of J_2 R^2 in the parameters."""
@@ -77,7 +78,7 @@ def value(strength, own, t, q, v):
     total = get(q, 0) * 0.0
     for i in range(n):
         if i != b:
-            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            x, y, z = difference(q, i, b, n)
             r2 = strength[0] + x * x + y * y + z * z
             along = own[1] * x + own[2] * y + own[3] * z
             total = total - strength[1 + i] * _potential(own, strength[1 + b], r2, along)
@@ -90,15 +91,10 @@ def gradients(strength, own, t, q, v, f, p):
     n, b = strength.shape[0] - 1, int(own[0])
     for i in range(n):
         if i != b:
-            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            x, y, z = difference(q, i, b, n)
             ax, ay, az = _acceleration(own, strength[1 + b], strength[0] + x * x + y * y + z * z, x, y, z)
             gm = strength[1 + i]
-            put(f, i, get(f, i) + gm * ax)
-            put(f, n + i, get(f, n + i) + gm * ay)
-            put(f, 2 * n + i, get(f, 2 * n + i) + gm * az)
-            put(f, b, get(f, b) - gm * ax)
-            put(f, n + b, get(f, n + b) - gm * ay)
-            put(f, 2 * n + b, get(f, 2 * n + b) - gm * az)
+            add_with_reaction(f, (gm * ax, gm * ay, gm * az), i, b, n)
 
 
 @kernel
@@ -109,7 +105,7 @@ def accelerate_some(strength, own, q, out, start, stop):
     bx, by, bz = get(q, 0) * 0.0, get(q, 0) * 0.0, get(q, 0) * 0.0
     for i in range(0 if whole else start, n if whole else stop):
         if i != b:
-            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            x, y, z = difference(q, i, b, n)
             ax, ay, az = _acceleration(own, strength[1 + b], strength[0] + x * x + y * y + z * z, x, y, z)
             bx, by, bz = bx + strength[1 + i] * ax, by + strength[1 + i] * ay, bz + strength[1 + i] * az
             if start <= i < stop:
@@ -127,7 +123,7 @@ def accelerate_some(strength, own, q, out, start, stop):
 def field(strength, own, sources, x, y, z):
     """Return the acceleration of a massless particle at (x, y, z)."""
     n, b = strength.shape[0] - 1, int(own[0])
-    dx, dy, dz = x - get(sources, b), y - get(sources, n + b), z - get(sources, 2 * n + b)
+    dx, dy, dz = separation((x, y, z), sources, b, n)
     return _acceleration(own, strength[1 + b], strength[0] + dx * dx + dy * dy + dz * dz, dx, dy, dz)
 
 
@@ -152,11 +148,10 @@ def particle_gradients(strength, own, t, sources, speeds, place, velocity):
 def hessians(strength, own, t, q, v, out):
     """Add the tidal matrices -GM_i d2V/dd dd of each body and the flattened one."""
     n, b = strength.shape[0] - 1, int(own[0])
-    d = 3 * n
     mu = strength[1 + b]
     for i in range(n):
         if i != b:
-            x, y, z = get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
+            x, y, z = difference(q, i, b, n)
             r2 = strength[0] + x * x + y * y + z * z
             near = rsqrt_cubed(r2) * r2
             s = (own[1] * x + own[2] * y + own[3] * z) * near
@@ -190,13 +185,7 @@ def hessians(strength, own, t, q, v, out):
                     same = 1.0 if a == c else 0.0
                     bent = vrr * ea * ec + vrs * (ea * wc + ec * wa) + vss * wa * wc + vr * (same - ea * ec)
                     bent = bent + vs * (3.0 * s * ea * ec - s * same - own[1 + a] * ec - own[1 + c] * ea)
-                    tide = scale * bent
-                    ii, bb = (a * n + i) * d + c * n + i, (a * n + b) * d + c * n + b
-                    ib, bi = (a * n + i) * d + c * n + b, (a * n + b) * d + c * n + i
-                    put(out, ii, get(out, ii) - tide)
-                    put(out, bb, get(out, bb) - tide)
-                    put(out, ib, get(out, ib) + tide)
-                    put(out, bi, get(out, bi) + tide)
+                    add_differences(out, 0, -(scale * bent), a, c, i, b, n)
 
 
 TAG = Tag(

@@ -16,6 +16,9 @@ from orbits.resources import data_path
 SUN_POLE = (286.13, 63.87)
 """The pole of the Sun, right ascension and declination in the ICRF, degrees: Archinal et al. (2018), CMDA 130, 22."""
 
+MOON_POLE = (269.9949, 66.5392)
+"""The mean pole of the Moon, as above: that of the ecliptic, about which its own moves at 1.5 degrees in 18.6 years."""
+
 J2000 = 2451545.0
 JULIAN_YEAR = 365.25
 

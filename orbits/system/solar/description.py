@@ -31,8 +31,8 @@ BEYOND = (
         "DE440; Capitaine et al. (2003)",
     ),
     (
-        "figure of the Moon (ZonalHarmonics)",
-        "J2 = 2.0321e-4, C22 = 2.2381e-5 of a Moon that always faces the Earth, R = 1738 km; pole of the ecliptic",
+        "figure of the Moon (DegreeTwo)",
+        "J2 = 2.0321e-4, C22 = 2.2381e-5, R = 1738 km; pole 269.9949, 66.5392 degrees, fixed, long axis to the Earth",
         "DE440",
     ),
 )
