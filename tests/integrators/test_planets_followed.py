@@ -212,12 +212,12 @@ def test_lists_of_systems_and_terms_of_positions_go_through_encounters():
 
 
 def test_a_condition_ends_a_run_within_an_encounter():
-    stop, options = orbits.CloserThan(0.9 * u.au, "c", "d"), {"duration": 200 * u.yr, "samples": 3, "progress": False}
+    stop, options = orbits.CloserThan(0.9 * u.au, "b", "c"), {"duration": 200 * u.yr, "samples": 3, "progress": False}
     followed = orbits.propagate(planets(), FOLLOW, dt="100 d", stop=stop, **options)
     exact = orbits.propagate(planets(), stop=stop, **options)
     assert followed.excursions[-1].returned is None
     assert abs(followed.stopped.time - exact.stopped.time) < 400 * u.day  # after a chosen step of either
-    assert followed.stopped.reason.startswith("d came closer than 0.9 AU to c")
+    assert followed.stopped.reason.startswith("c came closer than 0.9 AU to b")
 
 
 @pytest.mark.filterwarnings("ignore::orbits.StepWarning")
