@@ -119,11 +119,6 @@ class UnitSystem:
         return self.length / self.time**2
 
     @cached_property
-    def rate(self) -> u.UnitBase:
-        """The unit of angles per time, rad/time."""
-        return u.rad / self.time
-
-    @cached_property
     def gm(self) -> u.UnitBase:
         """The unit of GM, length^3/time^2."""
         return self.length**3 / self.time**2

@@ -223,6 +223,8 @@ class SABA(Integrator):
         of n kicks that Laskar and Robutel call SABA_n, n = 1 ... 10. Also as one value: SABA("10-6-4"), SABA((8, 2))
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
+    planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
+        it; or "follow" these encounters by steps chosen one by one, of all bodies, as with `WisdomHolman`
 
     For systems of the kind that `WisdomHolman` is for, under Newton's gravity alone, in the same Jacobi coordinates;
     see there for encounters and for the places of massless particles. It has no corrector, so that the states between
@@ -239,6 +241,7 @@ class SABA(Integrator):
     second: Any = None
     third: Any = None
     encounters: str = option("warn")
+    planets: str = option("warn")
 
     name: ClassVar[str] = "saba"
     summary: ClassVar[str] = "SABA(10,6,4) and others: bodies about a dominant one, several Kepler orbits and kicks"
@@ -253,6 +256,8 @@ class SABA(Integrator):
             object.__setattr__(self, name, value)
         if self.encounters not in ("warn", "retire"):
             raise InputError(f"encounters is {shown(self.encounters)}; expected 'warn' or 'retire'")
+        if self.planets not in ("warn", "follow"):
+            raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'follow'")
 
     @property
     def orders(self) -> tuple[int, ...]:
@@ -262,8 +267,13 @@ class SABA(Integrator):
     @property
     def label(self) -> str:
         """The name with the generalized order: "SABA(10, 6, 4)"."""
-        more = {name: value for name, value in self.parameters().items() if name == "encounters"}
+        more = {name: value for name, value in self.parameters().items() if name in ("encounters", "planets")}
         return f"SABA({', '.join([*map(str, self.orders), *(f'{name}={value!r}' for name, value in more.items())])})"
+
+    @property
+    def follows_meetings(self) -> bool:
+        """Whether all bodies take steps of another method in encounters of planets."""
+        return self.planets == "follow"
 
     @property
     def retires_in_encounters(self) -> bool:

@@ -104,8 +104,20 @@ class WisdomHolman(Integrator):
     enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
     others do not change. One that comes within the radius of a body, if the system has radii, is retired where it does.
 
+    The last bits of a particle that is followed depend on the order in which the massive bodies are given.
+
+    With `planets="follow"` all bodies leave the map, in both coordinates, at the beginning of the step in which two
+    planets come within four mutual Hill radii of each other, or within the way that they make relative to each other in
+    a step, or in which a planet comes to a pericentre that the step does not resolve, as above; the states at both ends
+    of the step tell. By steps of Gauss(stages=8), chosen as in runs without dt, they then go on until the planets are
+    1.1 times as far apart, and enter the map again at the next multiple of the step, with planets that are numbered
+    anew. `run.excursions` lists when they left and returned. That is neither reversible in time nor symplectic; without
+    encounters, all bits are those of the map. A planet that stays near another one, as in a pair of them, keeps all
+    bodies away from the map for good. There is no dense output; terms must be of positions alone.
+
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
-    pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow".
+    pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow", or
+    planets="follow" for those of massive bodies.
 
     Raises InputError for other coordinates, kernels, correctors and answers to encounters, and for a modified or lazy
     kick without a corrector.

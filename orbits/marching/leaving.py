@@ -85,8 +85,9 @@ class LeavingMarcher(Marcher):
             self._own = Marcher(lagrangian, METHOD, parameters, massive, q, v, steps, **known)
         except InputError as error:
             raise InputError(
-                f"planets='follow' lets all bodies take steps that are chosen one by one in encounters, and these "
-                f"cannot be taken here: {error}"
+                "planets='follow' lets all bodies take steps that are chosen one by one in encounters, which is not "
+                f"possible so far with '{lagrangian.name}'. Use planets='warn' or 'refuse', or Gauss(stages=8) with "
+                "dt=..."
             ) from error
         fresh = ("memory", "particle_memory", "particle_clock", "clock")
         self._fresh = {name: self._own._state[name].copy() for name in fresh if name in self._own._state}

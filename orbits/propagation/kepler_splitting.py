@@ -143,8 +143,6 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
 def _remedy_for_planets(integrator: Integrator) -> str:
     """Return the advice for massive bodies that the method cannot follow."""
     gauss = "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
-    if not isinstance(integrator, WisdomHolman):
-        return f"Use {gauss}"
     return f'Let all bodies take steps that are chosen one by one there, with planets="follow"; or use {gauss}'
 
 

@@ -26,7 +26,6 @@ from orbits.system.model import (
     centre_velocity,
     depends_on_time,
     given_bodies,
-    inertia,
     whole,
 )
 from orbits.trajectory.changes import Changes, of_bodies
