@@ -19,7 +19,7 @@ from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.hand_over import MORE_ROWS
-from orbits.marching.handing_over import OwnSteps, HandOver
+from orbits.marching.handing_over import HandOver, OwnSteps
 from orbits.marching.own_clocks import COLUMNS, march_own_clocks
 from orbits.marching.own_memory import OwnClocks
 from orbits.marching.parallel import Parallel, shares

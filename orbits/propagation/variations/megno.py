@@ -281,8 +281,11 @@ def _with_passages(
         np.full(len(particles), np.nan),
     )
     judge(system, integrator, grid, out, passages_of_run(system, integrator, grid, threads))
-    times = [None if np.isnan(time) else time * unit for time in out.passage.tolist()]
-    return [replace(one, passage=time) for one, time in zip(particles, times, strict=True)]
+    times, rates = [None if np.isnan(time) else time * unit for time in out.passage.tolist()], out.lyapunov / unit
+    return [
+        replace(one, megno=out.megno[:, k], spread=out.spread[:, k], lyapunov=rates[:, k], passage=times[k])
+        for k, one in enumerate(particles)
+    ]
 
 
 def _together(
