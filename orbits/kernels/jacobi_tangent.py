@@ -28,7 +28,7 @@ from orbits.kernels.interaction import (
 )
 from orbits.kernels.kepler_tangent import pull_bend, pull_change
 from orbits.kernels.lanes import WIDTH, fma, full, load, store
-from orbits.kernels.stages_of_maps import LAZY, STANDARD
+from orbits.kernels.stages_of_maps import LAZY, MODIFIED, STANDARD
 from orbits.kernels.terms_tangent import add_static
 from orbits.kernels.vector_parts import ALONG, HERE, MOVED, constant, to_places
 
@@ -64,7 +64,7 @@ def change_of_kick(model, kick, shift, d, out, room):
     """
     scratch, count, places = room.scratch, room.mass.shape[0], room.places
     _change(scratch, count, places[HERE], places[HERE], False, d, out, room)
-    if kick == STANDARD or kick == LAZY:
+    if kick != MODIFIED:
         add_static(model, HERE, d, out, room)
     if kick == STANDARD:
         return

@@ -3,9 +3,9 @@
 A step of every such map is a sequence of stages, rows (kind, length) that its form gives (`stages_of`): Kepler motions,
 kicks, flows of terms. The map is marched by its own kernels, to the same bits. On a copy of its state the stages of the
 step are taken one by one, and the vectors with them, each by the derivative of the stage where the copy stands:
-`orbits.kernels.kepler_tangent`, `jacobi_tangent`, `heliocentric_tangent`, `terms_tangent`. As the derivative of each stage
-is symplectic wherever it is taken, that of the step is so to round-off. A new method is a new sequence; a new stage a
-kind, a motion of the copy and one of the vectors.
+`orbits.kernels.kepler_tangent`, `jacobi_tangent`, `heliocentric_tangent`, `terms_tangent`. As the derivative of each
+stage is symplectic wherever it is taken, that of the step is so to round-off. A new method is a new sequence; a new
+stage a kind, a motion of the copy and one of the vectors.
 
 What leads from the states that are seen to those that are marched, such as a corrector, is a sequence of stages too,
 taken when a march is entered, and backwards when it is left.
@@ -116,7 +116,7 @@ def follow_map(
 
 @kernel(inline=True)
 def _is_kick(kind):
-    return kind == STANDARD or kind == MODIFIED or kind == LAZY
+    return kind in (STANDARD, MODIFIED, LAZY)
 
 
 @kernel(inline=True)
@@ -218,7 +218,7 @@ def _take(model, kind, length, kicked, shift, vectors, room):
     kicked : whether it is known before
     """
     planets, scratch, count = room.planets, room.scratch, room.mass.shape[0]
-    if kind == DRIFT or kind == HELIOCENTRIC_DRIFT:
+    if kind in (DRIFT, HELIOCENTRIC_DRIFT):
         write_flows(planets, room.gm, length, room.flows)
         if kind == DRIFT:
             move_planets(planets, scratch, length, 0.0)

@@ -30,7 +30,7 @@ PAIR = 6
 """Coordinates of a pair of bodies."""
 
 BENDS, PAIR_NUMBERS = 27, 3 * PAIR * PAIR + 2 * PAIR
-"""Numbers of the second derivatives of a planet; and of the workspace: those of a pair, its positions and velocities."""
+"""Numbers of the second derivatives of a planet; and of the workspace: those of a pair, its places and velocities."""
 
 
 def _bending(static):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError, SingularityError
 from orbits.integrators.base import Integrator
+from orbits.integrators.dominant import registers_for
 from orbits.integrators.forms import Array, coefficients_of, padded
 from orbits.integrators.on_kepler_orbits import OnKeplerOrbits
 from orbits.kernels.interaction import STATE_ROWS
@@ -46,6 +48,29 @@ def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None
             f"tangent vectors follow all bodies wherever they go, but {integrator.label} asks for an end; leave out "
             "planets='refuse', ejected_beyond and lost_within."
         )
+
+
+def marched_in_blocks(
+    label: str, h: float, done: int, steps: int, most: int, march: Callable[[int], bool]
+) -> Iterator[int]:
+    """March a map from `done` steps to `steps`, at most `most` at a time, and yield how many are done each time.
+
+    march : takes a number of steps, and returns whether the massive bodies are finite after them
+
+    Raises SingularityError if they are not.
+    """
+    while done < steps:
+        count = min(most, steps - done)
+        finite = march(count)
+        done += count
+        if not finite:
+            raise SingularityError(
+                f"{label}: massive bodies meet by step {done} (t = {h * done:.10g}), where their states are no longer "
+                "finite. Use a smaller dt, or end the run before.",
+                step=done,
+                time=h * done,
+            )
+        yield done
 
 
 class MapTangents:
@@ -97,11 +122,11 @@ class MapTangents:
         )
         wide = (rows, WIDTH)
         carry = self._state["carry"].shape
-        self._room = VectorRoom(
-            *aligned(carry, form.room_shape(3 * n), (n - 1,), (n - 1,), (n - 1, NUMBERS_OF_A_FLOW), (3, n - 1, 6)),
-            *aligned((3, n - 1, BENDS)), _pair_of(strength, own),
-            *aligned((PAIR_NUMBERS,), (groups, *wide), wide, wide, wide, wide, (2 * rows, WIDTH)),
-        )  # fmt: skip
+        of_planets = (n - 1,), (n - 1,), (n - 1, NUMBERS_OF_A_FLOW), (3, n - 1, 6), (3, n - 1, BENDS)
+        of_vectors = (PAIR_NUMBERS,), (groups, *wide), wide, wide, wide, wide, (2 * rows, WIDTH)
+        self._room = VectorRoom._make(
+            [*aligned(carry, form.room_shape(3 * n), *of_planets), _pair_of(strength, own), *aligned(*of_vectors)]
+        )
         given = np.zeros((groups * WIDTH, 2, n, 3))
         given[: self._count, :, self._bodies] = vectors
         given[self._count :] = given[:1]  # lanes that are not used move like the first one
@@ -118,8 +143,9 @@ class MapTangents:
         Raises SingularityError if bodies meet, InputError if the vectors become too large.
         """
         _, program = self._form.stages_of(self._h)
-        while self._steps < place.steps:
-            count = min(BLOCK, place.steps - self._steps)
+        carry, planets = self._state["carry"], STATE_ROWS * registers_for(3 * len(self._gm))
+
+        def march(count: int) -> bool:
             state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages")]
             follow_map(
                 self._form.tag, coefficients_of(self._form, self._h), self._lagrangian.tag, self._parameters,
@@ -127,14 +153,9 @@ class MapTangents:
                 self._vectors, self._growth, self._room,
             )  # fmt: skip
             self._steps += count
-            n = len(self._gm)
-            if not np.isfinite(self._state["carry"][: STATE_ROWS * ((n + WIDTH - 2) // WIDTH)]).all():
-                raise SingularityError(
-                    f"{self._integrator.label}: bodies meet by step {self._steps} (t = {self.time:.10g}), where their "
-                    "states are no longer finite. Use a smaller dt, or end the run before.",
-                    step=self._steps,
-                    time=self.time,
-                )
+            return bool(np.isfinite(carry[:planets]).all())
+
+        for _ in marched_in_blocks(self._integrator.label, self._h, self._steps, place.steps, BLOCK, march):
             if not np.isfinite(self._vectors).all():
                 raise InputError(
                     f"tangent vectors exceed 1e308, the range of numbers, by t = {self.time:.10g}; expected a shorter "

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import SingularityError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.kepler_map import KeplerSplitting, outwards
@@ -24,7 +23,7 @@ from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.choice import form_for, form_of_bodies
 from orbits.marching.clocks import ConstantSteps, Place
 from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS
-from orbits.marching.map_tangents import require_map_tangents
+from orbits.marching.map_tangents import marched_in_blocks, require_map_tangents
 
 
 def march_together(integrator: Integrator, lagrangian: Lagrangian) -> bool:
@@ -98,22 +97,21 @@ class ParticleTangents(BoundLoops):
 
     def advance(self, place: Place) -> None:
         """Follow the map up to the last whole step before a place. Raises SingularityError if massive bodies meet."""
-        while self._done < place.steps:
-            count = min(self.steps, place.steps - self._done)
+
+        def march(count: int) -> bool:
             if len(self._path) < count + 1:
                 self._path = np.zeros((count + 1, 2, padded(3 * self._n)))
             now, _ = numbers_of(self._steps, self.state, 0.0, self._done)
             self.march(self.state, self.bound(self._steps, now), self._path.reshape(-1), count)
             self._path[count] = self.state["q"], self.state["v"]
-            if not np.isfinite(self._path[count]).all():
-                raise SingularityError(
-                    f"{self._label}: massive bodies meet by step {self._done + count} (t = "
-                    f"{self._h * (self._done + count):.10g}), where their states are no longer finite.",
-                    step=self._done,
-                    time=self.time,
-                )
-            self._follow(count)
-            self._done += count
+            finite = bool(np.isfinite(self._path[count]).all())
+            if finite:
+                self._follow(count)
+                self._done += count
+            return finite
+
+        for _ in marched_in_blocks(self._label, self._h, self._done, place.steps, self.steps, march):
+            pass
 
     def _follow(self, count: int) -> None:
         """March the particles through the `count` steps that the bodies have just taken, with their vectors."""

@@ -325,7 +325,8 @@ def centre_velocity(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
     gm, more = system.values.gm[system.massive], inertia(system, q, v, t)
     if more is None:
         return centre_of_mass(gm, v)
-    return whole(system, MOMENTUM, linear_momentum(gm, v), q, v, t) / (gm.sum() + more.sum(axis=-1))[..., None]
+    momentum = whole(system, MOMENTUM, linear_momentum(gm, v), q, v, t)
+    return np.asarray(momentum / (gm.sum() + more.sum(axis=-1))[..., None])
 
 
 def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:

@@ -133,7 +133,7 @@ def test_crossers_are_followed_by_the_terms_of_the_run_too():
 
 
 def test_crossers_are_followed_in_democratic_heliocentric_coordinates_too():
-    """As well as its steps do without encounters, which is the error of particles that have none; see the last three."""
+    """With the error that its steps have without encounters: that of the last three particles, which have none."""
     start, coordinates = system([*CROSSERS[:16], *QUIET]), {"coordinates": "democratic-heliocentric"}
     exact = ends(start)
     off, left = (
@@ -257,7 +257,7 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(orbits.InputError, match="expected 'warn', 'follow' or 'refuse'"):
         orbits.WisdomHolman(planets="leave")
     term = orbits.PostNewtonian(sources=["Sun"])
-    with pytest.raises(orbits.InputError, match="positions alone.*PostNewtonian.*Use encounters='warn' or 'retire'"):
+    with pytest.raises(orbits.InputError, match=r"positions alone.*PostNewtonian.*Use encounters='warn' or 'retire'"):
         orbits.propagate(system(CROSSERS[:1]).with_terms(term), FOLLOW, dt=DT * u.day, duration=1 * u.yr)
     with pytest.raises(orbits.InputError, match="ejected_beyond is -3; expected a distance above 0"):
         orbits.WisdomHolman(ejected_beyond=-3)

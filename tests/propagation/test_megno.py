@@ -219,6 +219,13 @@ def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
         assert m["calm"].passage is None
         assert np.nanmax(m["wild"].megno) > 4.0  # then it is thrown out
         assert 0.0 < m["wild"].passage.value < 300 * YEAR
+    with pytest.warns(RetiredWarning, match="retires them"):
+        m = orbits.megno(
+            system, orbits.SABA(encounters="retire"), dt=0.05, duration=300 * YEAR, samples=31, check_step=False
+        )
+    after = m.t >= m["wild"].passage
+    assert np.isnan(m["wild"].megno[after]).all()
+    assert np.isfinite(m["wild"].megno[~after][1:]).all()
 
 
 def test_the_number_of_vectors_is_a_choice_and_the_first_ones_are_the_same():

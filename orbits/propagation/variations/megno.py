@@ -279,11 +279,18 @@ def _with_passages(
 ) -> list[TangentGrowth]:
     """Return the growth of particles with the first passages that the method cannot follow; warns of these."""
     unit = system.units.time
-    numbers = (np.array([getattr(one, name) for one in particles]).T for name in ("megno", "spread", "lyapunov"))
-    out = Growths(*numbers, np.full(len(particles), np.nan))
+    out = Growths(
+        np.array([one.megno for one in particles]).T,
+        np.array([one.spread for one in particles]).T,
+        np.array([one.lyapunov.value for one in particles]).T,
+        np.full(len(particles), np.nan),
+    )
     judge(system, integrator, grid, out, passages_of_run(system, integrator, grid, threads))
-    times = [None if np.isnan(time) else time * unit for time in out.passage.tolist()]
-    return [replace(one, passage=time) for one, time in zip(particles, times, strict=True)]
+    times, rates = [None if np.isnan(time) else time * unit for time in out.passage.tolist()], out.lyapunov / unit
+    return [
+        replace(one, megno=out.megno[:, k], spread=out.spread[:, k], lyapunov=rates[:, k], passage=times[k])
+        for k, one in enumerate(particles)
+    ]
 
 
 def _together(

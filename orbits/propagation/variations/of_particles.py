@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -71,9 +72,12 @@ def growths_of_particles(
 
 
 def passages_of_run(system: System, integrator: Integrator, grid: TimeGrid, threads: int | None) -> Passages:
-    """Return the first passages of massless particles that a map on Kepler orbits cannot follow, from a run."""
+    """Return the first passages of massless particles that a map on Kepler orbits cannot follow, from a run in which
+    none is retired.
+    """
     end = TimeGrid(grid.clock, grid.times[-1:])
-    run = propagated(system, integrator, end, check_step=False, progress=False, threads=threads)
+    method = replace(integrator, encounters="warn")  # type: ignore[call-arg]
+    run = propagated(system, method, end, check_step=False, progress=False, threads=threads)
     light = [name for name, massive in zip(system.names, system.massive, strict=True) if not massive]
     heavy = [name for name, massive in zip(system.names, system.massive, strict=True) if massive]
     dominant = system.names[int(np.argmax(system.values.gm))]
