@@ -207,13 +207,9 @@ def shrinking(panel, run, years, a, e):
         radius = a[k, row] * (1.0 - e[k, row] ** 2) / (1.0 + e[k, row] * np.cos(f))
         shade = shades(0.3 + 0.65 * j / max(1, len(rows) - 1))
         panel.plot(radius * np.cos(f + turn), radius * np.sin(f + turn), color=shade, lw=2.0)
-    for which, row in ((0, rows[0]), (1, rows[-1])):
-        turn = np.arctan2(towards[row, 1], towards[row, 0])
-        far = a[k, row] * (1.0 + e[k, row])
+    for height, row, depth in ((0.95, rows[0], 0.45), (0.9, rows[-1], 0.95)):
         words = f"{years[row]:,.0f} yr: a = {a[k, row]:.2f} au, e = {e[k, row]:.2f}"
-        place = {"xytext": ((0, 14), (0, -46))[which], "textcoords": "offset points", "ha": "center", "fontsize": 15}
-        text = panel.annotate(words, (-far * np.cos(turn), -far * np.sin(turn)), **place)
-        plotting.halo(text)
+        panel.text(0.97, height, words, transform=panel.transAxes, ha="right", fontsize=16, color=shades(depth))
     panel.plot(0.0, 0.0, "o", ms=13, color=style.ORANGE, mec="white", zorder=5)
     panel.set_title(f"orbits of the grain with β = {max(BETAS):g} and e = {max(ECCENTRICITIES):g}", fontsize=16)
     panel.set(xlabel="au", ylabel="au")
