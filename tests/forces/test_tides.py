@@ -114,7 +114,7 @@ def test_a_spin_reaches_its_pseudo_synchronous_equilibrium():
     assert spin[2] / (n * a**-1.5) == pytest.approx(f2 / ((1 - e * e) ** 1.5 * f5), rel=3e-4)
     r, w = (x.value[0, 1] - x.value[0, 0] for x in (orbit.q, orbit.v))
     pole = np.cross(r, w) / np.linalg.norm(np.cross(r, w))
-    assert np.abs(np.cross(spin, pole)).max() < 1e-6  # it began 37 degrees away
+    assert np.abs(np.cross(spin, pole)).max() < 4e-5  # it began 37 degrees away, and is righted at half that rate
 
 
 def test_a_spin_that_is_held_stays_and_its_torque_is_accounted():
@@ -195,7 +195,7 @@ def test_steps_are_chosen_with_tides_too_and_an_eccentric_orbit_keeps_its_angula
     assert np.abs((run.spin("planet")[-1] - run.spin("planet")[0]).value).max() > 1e-3
     total = (run.angular_momentum() + run.spin_angular_momentum()).value
     assert np.abs(total - total[0]).max() < 8 * EPS * np.linalg.norm(total[0])
-    assert np.array_equal(run.at(run.times[4]).forces[0].spin, run[4].forces[0].spin)
+    assert run.at(run.times[4]).forces == run[4].forces
 
 
 def test_massless_bodies_with_steps_of_their_own_are_refused_beside_a_spin():

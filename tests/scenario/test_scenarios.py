@@ -41,6 +41,7 @@ WITHOUT_DT = {
 }
 
 BY_MAPS = "kirkwood_gaps", "secular", "trojans"  # in test_long_runs.py and test_studies.py
+BY_FORCES = ("dust",)  # in test_dust.py
 
 
 def pair(**changes):
@@ -61,7 +62,7 @@ def pair(**changes):
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
-    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS])
+    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES])
     assert all(each.summary for each in bundled())
 
 
