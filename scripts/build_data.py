@@ -7,7 +7,7 @@
     python scripts/build_data.py constants                # DE440's constants, from the excerpt's comments
     python scripts/build_data.py small-bodies asteroids.dat  # GM and elements of DE440's asteroids and TNOs
     python scripts/build_data.py small-body-states        # integrates those to dates from 2000 to 2030
-    python scripts/build_data.py horizons P.parquet       # small bodies, from the wheel of adam-core 0.6.1; needs pyarrow
+    python scripts/build_data.py horizons P.parquet       # small bodies, from adam-core 0.6.1 on PyPI; needs pyarrow
     python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
 
 The second to eighth write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the

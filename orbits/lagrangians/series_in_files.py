@@ -131,8 +131,8 @@ def _covering(
     names = " and ".join(os.path.basename(path) for path in files)
     if target not in found:
         raise InputError(
-            f"{names} {'have' if len(files) > 1 else 'has'} no body with NAIF's number {target}; expected a kernel with "
-            "all bodies asked for."
+            f"{names} {'have' if len(files) > 1 else 'has'} no body with NAIF's number {target}; expected a kernel "
+            "with all bodies asked for."
         )
     there = [s for s in found[target] if (jd1 - s.start) + jd2 >= 0.0 >= (jd1 - s.end) + jd2]
     if not there:

@@ -49,8 +49,8 @@ ALONE = 64.0
 """The longest step of a massive body alone, whose motion sets none, in units of time."""
 
 LONGEST_OF_GIVEN = 8.0
-"""The longest step of bodies whose motion is given, in days, at whose ends observers see them. Particles take this one, or
-steps of their own within it: those of the asteroid belt would be resolved by 16 days too, in half the time, but an
+"""The longest step of bodies whose motion is given, in days, at whose ends observers see them. Particles take this one,
+or steps of their own within it: those of the asteroid belt would be resolved by 16 days too, in half the time, but an
 observer that sees the Moon every 16 days does not know where it is in between."""
 
 FIRST_THETA = 0.2

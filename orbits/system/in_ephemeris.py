@@ -61,8 +61,8 @@ FIGURES = {
     "Sun": Figure(2.1961391516529825e-7, 0.0, 0.0, 696000.0, (286.13, 63.87)),
     "Earth": Figure(1.08262539e-3, -2.53241e-6, -1.619898e-6, 6378.1366, (0.0, 90.0)),
 }
-"""The pole of the Earth is that of J2000, as in JPL's integrations of small bodies, which orbits in catalogues come from.
-Source: the comments of DE440; Park, Folkner, Williams & Boggs (2021), AJ 161, 105."""
+"""The pole of the Earth is that of J2000, as in JPL's integrations of small bodies, from which the orbits of catalogues
+come. Source: the comments of DE440; Park, Folkner, Williams & Boggs (2021), AJ 161, 105."""
 
 
 def arguments(
@@ -101,9 +101,9 @@ def _second(asteroids: Any) -> str | None:
         return asteroids
     if isinstance(asteroids, bool) or not isinstance(asteroids, int) or asteroids not in (0, len(SIXTEEN)):
         raise InputError(
-            f"asteroids is {shown(asteroids)}; expected 0, 16 (those of JPL's {ASTEROIDS_16}), or the path of an SPK file "
-            "with these 16. There is no file of more to read: add others with a mass, system.add(name, gm=...), and they "
-            "are integrated along."
+            f"asteroids is {shown(asteroids)}; expected 0, 16 (those of JPL's {ASTEROIDS_16}), or the path of an SPK "
+            "file with these 16. There is no file of more to read: add others with a mass, system.add(name, gm=...), "
+            "and they are integrated along."
         )
     return ASTEROIDS_16 if asteroids else None
 

@@ -40,6 +40,8 @@ WITHOUT_DT = {
     "close_encounter": {"duration": 205 * u.day, "samples": 21},
 }
 
+IN_EPHEMERIS = ("apophis",)  # in tests/ephemeris/test_in_ephemeris.py
+
 BY_MAPS = "kirkwood_gaps", "secular", "trojans"  # in test_long_runs.py and test_studies.py
 BY_FORCES = ("dust",)  # in test_dust.py
 
@@ -62,7 +64,7 @@ def pair(**changes):
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
-    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES])
+    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES, *IN_EPHEMERIS])
     assert all(each.summary for each in bundled())
 
 

