@@ -31,6 +31,7 @@ SHOWN = ("Mercury", "Venus", "Earth-Moon barycenter", "Moon", "Mars", "Jupiter",
 FIELDS = ("PostNewtonian", "ZonalHarmonics", "DegreeTwo")
 NEWTON, FIGURES, FULL = "Newton", "+ figures", "+ 30 TNOs"
 
+COLUMNS = ("Mer", "Ven", "EMB", "Moon", "Mars", "Jup", "Sat", "Ura", "Nep", "Plu")
 WORDS = (
     *("Newtonian\npoint masses", "+ relativity", "+ J2\nof the Sun", "+ figures of\nEarth and Moon", "+ 16\nasteroids"),
     *("+ 343\nasteroids", "+ loss of mass\nby the Sun", "+ frame\ndragging", "+ ring", "+ 30 trans-\nNeptunians"),
@@ -119,7 +120,7 @@ def experiment(say):
         Check(f"the 16 largest asteroids: median within {ASTEROIDS_KM:g} km of JPL's integration",
               median <= ASTEROIDS_KM, f"{median:.2f} km")
     )  # fmt: skip
-    columns = ["each row adds", *("EMB" if body == SHOWN[2] else body[:4] for body in SHOWN)]
+    columns = ["each row adds", *COLUMNS]
     return StudyResult(
         tables=[
             Table(f"Largest distance from DE440 [km], years {0.9 * YEARS:.0f} to {YEARS:.0f}", columns, rows),

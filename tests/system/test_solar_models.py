@@ -1,5 +1,8 @@
 """The models of the Solar System: what they contain, and how far they are from DE440."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from astropy import units as u
@@ -120,6 +123,15 @@ def test_the_pole_of_the_earth_is_that_of_astropy():
 def test_what_no_model_is_is_refused(arguments, error, message):
     with pytest.raises(error, match=message):
         orbits.System.solar_system(**arguments)
+
+
+def test_the_page_about_the_model_has_the_same_figures():
+    page = (Path(__file__).parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
+    rows = {"newtonian": "Newtonian point masses", "relativistic": "relativistic", "full": "full"}
+    for name, head in rows.items():
+        cells = re.search(rf"^\|[^|]*{head}[^|]*\|(.*)\|$", page, re.MULTILINE).group(1).split("|")
+        km = list(orbits.solar_model(name).misses_km.values())
+        assert [float(cell) for cell in cells] == pytest.approx(km, rel=0.05, abs=5e-5), name
 
 
 def test_each_model_says_what_it_contains():
