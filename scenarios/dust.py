@@ -31,8 +31,8 @@ FINE = 20_001
 """Points of the secular solution between which it is interpolated; its error is of their number to the power -2."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 BOUND_A, BOUND_E, ROUND = 2e-5, 4e-6, 6e-4
-"""The most that a, as a part of itself, and e may be off, by the square of what changes in a revolution: 7e-6 and 1.3e-6
-were reached. The most that e of a round orbit may be: falling inwards gives it 2 beta v / c."""
+"""The most that a, as a part of itself, and e may be off, by the square of what changes in a revolution: 7e-6 and
+1.3e-6 were reached. The most that e of a round orbit may be: falling inwards gives it 2 beta v / c."""
 
 
 def drag(beta, gm, c):
@@ -150,7 +150,7 @@ def draw(outcome):
     from orbits import plotting
 
     run, style = outcome.run, plotting.style
-    (years, a, e), (known_a, known_e) = measured(run), expected(run)
+    (years, a, e), (known_a, _) = measured(run), expected(run)
     colours, lines = looks()
     figure = plotting.figure(18, 12.5)
     rows = [["orbits", "fall"], ["orbits", "round"], ["orbits", "left"]]
