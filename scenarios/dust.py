@@ -1,4 +1,4 @@
-"""Dust spirals into the Sun: Poynting–Robertson drag on nine grains for two thousand years, against the secular formula.
+"""Dust spirals into the Sun: Poynting–Robertson drag on nine grains for 2,000 years, against the secular formula.
 
 Sunlight pushes a grain outwards with beta times the Sun's gravity, and drags it along: it meets the light aberrated, a
 little from ahead. Orbits about the remaining 1 - beta of the mass shrink and become round; averaged over a revolution,
@@ -6,9 +6,9 @@ with eta = beta G M / c,
 
     da/dt = -(eta / a) (2 + 3 e^2) / (1 - e^2)^(3/2),   de/dt = -(5 eta / 2 a^2) e / (1 - e^2)^(1/2),
 
-so that a (1 - e^2) / e^(4/5) is constant, and a circular orbit takes 400 yr (a / au)^2 / beta to fall into the Sun. Each
-grain starts on that orbit of its eccentricity from which it comes to 0.25 au in the time of the run. Grains take steps
-of their own, which become shorter as their orbits shrink.
+so that a (1 - e^2) / e^(4/5) is constant, and a circular orbit takes 400 yr (a / au)^2 / beta to fall into the Sun.
+Each grain starts on that orbit of its eccentricity from which it comes to 0.25 au in the time of the run. Grains take
+steps of their own, which become shorter as their orbits shrink.
 
 Source: Wyatt & Whipple (1950), ApJ 111, 134; Burns, Lamy & Soter (1979), Icarus 40, 1.
 """
