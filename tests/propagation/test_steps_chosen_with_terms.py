@@ -10,10 +10,12 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.errors import InputError, SingularityError
+from orbits.errors import InputError
+from orbits.kernels.steps import TOO_SHORT
+from orbits.marching.failures import failure_of_bodies
 
 from .. import extrapolated
-from ..acting import Heavy, Swaying
+from ..acting import Swaying
 from .test_all_terms_and_forces import DRAG, FLAT, PARTICLE, SPIN, three
 
 C, J2, R, BETA = 1000.0, 1e-3, 0.005, 0.1
@@ -56,7 +58,6 @@ def test_an_orbit_of_e_099_with_relativity_flattening_and_light_comes_out_to_rou
     end = 2 * np.pi
     found = propagate(start, end, samples=[end])
     x, w = extrapolated.motion(extrapolated.acceleration(1.0, C, J2, R, BETA), 1.0, q, v, end, 0.2)
-    print(np.abs(found.q[-1, 1] - x).max(), np.abs(found.v[-1, 1] - w).max())
     assert np.abs(found.q[-1, 1] - x).max() < 1e-12
     assert np.abs(found.v[-1, 1] - w).max() < 1e-12
 
@@ -70,7 +71,6 @@ def test_mercury_with_relativity_goes_as_with_a_short_dt():
     chosen = propagate(start, 1 * u.yr, samples=5)
     fixed = propagate(start, 1 * u.yr, samples=5, dt=0.5 * u.day, integrator=orbits.Gauss(stages=8))
     off = np.abs((chosen.q - fixed.q).to_value(u.m))[-1]
-    print(off.max(axis=1), chosen.statistics.steps)
     assert off.max() < 1e-3
 
 
@@ -83,7 +83,6 @@ def test_the_error_signal_is_of_the_order_of_the_last_coefficient(stages):
         for t in (loose, loose / factor)
     ]
     steps = [run.statistics.steps for run in runs]
-    print(steps)
     assert steps[1] == pytest.approx(3.0 * steps[0], rel=0.06)
 
 
@@ -91,19 +90,18 @@ def test_bodies_and_particles_go_as_with_a_short_dt():
     chosen = propagate(swayed(**GRAINS), 10.0)
     fixed = propagate(swayed(**GRAINS), 10.0, dt=1 / 256, integrator=orbits.Gauss(stages=8))
     off = np.abs(chosen.q[-1] - fixed.q[-1]).max(axis=1)
-    print(off)
     assert off[:3].max() < 2e-15
-    assert off[3:].max() < 5e-14
+    assert off[3:].max() < 3e-13
     tiny = propagate(swayed(**{name: (1e-22, *state[1:]) for name, state in GRAINS.items()}), 10.0)
-    print(np.abs(chosen.q[-1] - tiny.q[-1]).max(axis=1))
-    assert np.abs(chosen.q[-1] - tiny.q[-1]).max() < 5e-14
+    off = np.abs(chosen.q[-1] - tiny.q[-1]).max(axis=1)
+    assert off[:3].max() < 3e-15
+    assert off[3:].max() < 3e-13
 
 
 def test_particles_are_retired_and_the_others_change_no_bit():
     falls = {"falls": (0.0, [0.5, 0.5, 0.0], [0.0, 0.0, 0.0])}
     start = three(**PARTICLE, **falls).with_terms(SPIN, FLAT, SWAY).with_forces(DRAG)
     run = propagate(start, 10.0, samples=3)
-    print(run.retired)
     without = propagate(swayed(**PARTICLE), 10.0, samples=3)
     assert np.array_equal(run.q[:, :4], without.q)
 
@@ -112,15 +110,11 @@ def test_work_torque_and_impulse_are_those_of_the_steps_that_were_taken():
     """At every sample, within steps too, through steps that were repeated."""
     start, _, _ = eccentric(1e-3, beta=1e-3)
     run = propagate(start, 15.0, samples=40)
-    given = run.work()[0]
-    energy = run.drift()
-    print(energy)
-    system = [run[k] for k in range(len(run))]
-    spent = np.array([one.energy().value for one in system])
-    off = (spent - spent[0]) - (given.work - given.work[0])
-    print(np.abs(off).max(), np.abs(spent - spent[0]).max())
+    work = run.work()[0].work.value
+    spent = np.array([run[k].energy().value for k in range(len(run))])
+    off = (spent - spent[0]) - (work - work[0])
     assert np.abs(spent - spent[0]).max() > 1e-7
-    assert np.abs(off).max() < 1e-15
+    assert np.abs(off).max() < 1e-17  # 7e-19 is reached, of an energy of 5e-4
 
 
 def test_samples_blocks_and_threads_change_no_bit():
@@ -151,7 +145,6 @@ def test_a_run_backwards_leads_back():
     start = swayed(**GRAINS)
     end = propagate(start, 5.0, samples=[5.0])
     back = propagate(end[-1], -5.0, samples=[-5.0])
-    print(np.abs(back.q[-1] - start.values.q).max())
     assert np.abs(back.q[-1] - start.values.q).max() < 1e-13
 
 
@@ -163,7 +156,6 @@ def test_states_between_samples_are_those_of_the_motion(dense):
     times = [1.3, 3.7, 7.9]
     direct = propagate(start, 8.0, samples=times)
     found = run.at(times)
-    print(np.abs(found.q - direct.q).max())
     assert np.abs(found.q - direct.q).max() < 3e-14
     assert np.abs(found.v - direct.v).max() < 1e-13
 
@@ -172,27 +164,55 @@ def test_events_are_found_on_the_motion_of_bodies_and_particles():
     start = swayed(**GRAINS)
     events = [orbits.Pericentre("inner", "planet"), orbits.Pericentre("grain", "planet")]
     run = propagate(start, 8.0, samples=5, events=events)
-    print(run.events)
     assert len(run.events) > 4
     for event in run.events:
         state = propagate(start, float(event.time), samples=[float(event.time)])
         body = run.names.index(event.body)
         q, v = state.q[-1, body] - state.q[-1, 0], state.v[-1, body] - state.v[-1, 0]
-        print(q @ v)
         assert abs(q @ v) < 1e-12
 
 
-def test_a_body_alone_under_a_force_takes_steps_that_resolve_it():
-    start = orbits.System(["body"], [1.0], [[0.0, 0, 0]], [[1.0, 0, 0]], units=orbits.DIMENSIONLESS)
-    run = propagate(start.with_forces(orbits.Drag(rate=0.1)), 300.0, samples=[50.0, 300.0])
-    times = np.array([50.0, 300.0])
-    np.testing.assert_allclose(run.v[:, 0, 0], np.exp(-0.1 * times), rtol=1e-12)
-    np.testing.assert_allclose(run.q[:, 0, 0], 10 * (1 - np.exp(-0.1 * times)), rtol=1e-12)
+@pytest.mark.parametrize("particles", [{}, {"grain": GRAINS["grain"]}], ids=["bodies", "particles"])
+def test_after_a_merger_terms_see_the_time_of_the_run(particles):
+    """Two bodies merge at about 1.3; run.at marches through that from the sample before."""
+    meeting = {"one": (1e-3, [2.0, 2.0, 0.0], [0.1, 0.3, 0.0]), "two": (1e-3, [2.0, 2.6, 0.0], [0.1, -0.1, 0.0])}
+    bare = swayed(**meeting, **particles)
+    radii = [0.0 if name not in meeting else 0.05 for name in bare.names]
+    start, events = bare.replaced(radii=radii), orbits.Collision(then=orbits.Merge())
+    options = {"events": events, "samples": [4.0]}
+    chosen = propagate(start, 4.0, **options)
+    fixed = propagate(start, 4.0, dt=1 / 128, integrator=orbits.Gauss(stages=8), **options)
+    assert len(chosen.events) == len(fixed.events) == 1
+    assert float(chosen.events[0].time) == pytest.approx(float(fixed.events[0].time), rel=1e-13)
+    there = ~np.isnan(chosen.q.value[-1])
+    np.testing.assert_allclose(chosen.q.value[-1][there], fixed.q.value[-1][there], rtol=0, atol=1e-13)
+    direct = propagate(start, 4.0, events=events, samples=[3.0])
+    np.testing.assert_allclose(chosen.at([3.0]).q.value[-1], direct.q.value[-1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(chosen.work()[0].work[-1], fixed.work()[0].work[-1], rtol=1e-11)
 
 
-def test_velocities_that_momenta_do_not_determine_end_the_run_with_the_reason():
-    with pytest.raises(SingularityError, match="adds as much as m v to the momenta"):
-        propagate(three().with_terms(SPIN, FLAT, Heavy(excess=30.0)).with_forces(DRAG), 5.0)
+def test_a_body_alone_under_forces_takes_steps_that_resolve_them():
+    """No body sets a time scale: steps as long as the limit are repeated until they resolve v' = -k (v - u) + sway."""
+    begun, times = np.array([1.0, 0.2, -0.3]), np.array([50.0, 300.0])
+    start = orbits.System(["planet"], [1.0], np.zeros((1, 3)), [begun], units=orbits.DIMENSIONLESS)
+    run = propagate(start.with_terms(SPIN, FLAT, SWAY).with_forces(DRAG), 300.0, samples=times)
+    k, wind, turn = DRAG.rate, np.array(DRAG.velocity), 1j * SWAY.rate
+    forced = (np.array(SWAY.A) - SWAY.rate * np.array(SWAY.C)) / (k + turn)
+    left, waves = begun - wind - forced.real, np.exp(turn * times)[:, None] * forced
+    fading = np.exp(-k * times)[:, None]
+    np.testing.assert_allclose(run.v.value[:, 0], wind + waves.real + left * fading, rtol=0, atol=1e-13)
+    way = wind * times[:, None] + ((waves - forced) / turn).real + left * (1 - fading) / k
+    np.testing.assert_allclose(run.q.value[:, 0], way, rtol=0, atol=1e-11)
+
+
+def test_the_message_of_a_step_that_cannot_be_taken_names_terms_and_forces():
+    said = [
+        str(failure_of_bodies(TOO_SHORT, 3, 1.5, orbits.Adaptive(), orbits.Gauss(), ["a", "b"], momenta=m, forces=f))
+        for m, f in ((True, False), (False, True), (False, False))
+    ]
+    assert "adds as much as m v to the momenta there, which needs orbits.march" in said[0]
+    assert "a force jumps there" in said[1]
+    assert said[2].endswith("events=orbits.Collision(...).")
 
 
 def test_transformed_time_is_still_for_attractions_alone():
@@ -200,6 +220,6 @@ def test_transformed_time_is_still_for_attractions_alone():
         propagate(swayed(), 1.0, dt=orbits.TimeTransformed(0.3))
 
 
-def test_the_error_bars_of_a_run_are_those_of_round_off():
-    run = propagate(swayed(**GRAINS), 5.0, samples=3)
-    print(run.error_estimate())
+def test_error_bars_come_from_companions_with_other_tolerances():
+    bars = propagate(swayed(**GRAINS), 5.0, samples=3).error_estimate()
+    assert 1e-17 < bars.position.value[-1, 0] < 1e-14
