@@ -1,4 +1,4 @@
-"""Dust spirals into the Sun: Poynting–Robertson drag on nine grains for two thousand years, against the secular formula.
+"""Dust spirals into the Sun: Poynting–Robertson drag on nine grains for 2,000 years, against the secular formula.
 
 Sunlight pushes a grain outwards with beta times the Sun's gravity, and drags it along: it meets the light aberrated, a
 little from ahead. Orbits about the remaining 1 - beta of the mass shrink and become round; averaged over a revolution,
@@ -6,9 +6,9 @@ with eta = beta G M / c,
 
     da/dt = -(eta / a) (2 + 3 e^2) / (1 - e^2)^(3/2),   de/dt = -(5 eta / 2 a^2) e / (1 - e^2)^(1/2),
 
-so that a (1 - e^2) / e^(4/5) is constant, and a circular orbit takes 400 yr (a / au)^2 / beta to fall into the Sun. Each
-grain starts on that orbit of its eccentricity from which it comes to 0.25 au in the time of the run. Grains take steps
-of their own, which become shorter as their orbits shrink.
+so that a (1 - e^2) / e^(4/5) is constant, and a circular orbit takes 400 yr (a / au)^2 / beta to fall into the Sun.
+Each grain starts on that orbit of its eccentricity from which it comes to 0.25 au in the time of the run. Grains take
+steps of their own, which become shorter as their orbits shrink.
 
 Source: Wyatt & Whipple (1950), ApJ 111, 134; Burns, Lamy & Soter (1979), Icarus 40, 1.
 """
@@ -31,8 +31,8 @@ FINE = 20_001
 """Points of the secular solution between which it is interpolated; its error is of their number to the power -2."""
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 BOUND_A, BOUND_E, ROUND = 2e-5, 4e-6, 6e-4
-"""The most that a, as a part of itself, and e may be off, by the square of what changes in a revolution: 7e-6 and 1.3e-6
-were reached. The most that e of a round orbit may be: falling inwards gives it 2 beta v / c."""
+"""The most that a, as a part of itself, and e may be off, by the square of what changes in a revolution: 7e-6 and
+1.3e-6 were reached. The most that e of a round orbit may be: falling inwards gives it 2 beta v / c."""
 
 
 def drag(beta, gm, c):
@@ -150,7 +150,7 @@ def draw(outcome):
     from orbits import plotting
 
     run, style = outcome.run, plotting.style
-    (years, a, e), (known_a, known_e) = measured(run), expected(run)
+    (years, a, e), (known_a, _) = measured(run), expected(run)
     colours, lines = looks()
     figure = plotting.figure(18, 12.5)
     rows = [["orbits", "fall"], ["orbits", "round"], ["orbits", "left"]]
