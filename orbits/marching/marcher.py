@@ -115,8 +115,8 @@ class Marcher(Blocks):
         self._form = form_of_bodies(integrator, lagrangian, self.clock, with_particles=m > 0, forces=forces)
         if isinstance(self._form, GivenBodies) and self.clock.changes and m and self._form.held(parameters) < n:
             raise InputError(
-                "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass are "
-                "integrated along: give dt=..., or set the GM of these to 0."
+                "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass "
+                "are integrated along: give dt=..., or set the GM of these to 0."
             )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)

@@ -64,7 +64,8 @@ def pair(**changes):
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
-    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES, *IN_EPHEMERIS])
+    named = [*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES, *IN_EPHEMERIS]
+    assert [each.name for each in bundled()] == sorted(named)
     assert all(each.summary for each in bundled())
 
 
