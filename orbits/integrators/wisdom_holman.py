@@ -99,7 +99,8 @@ class WisdomHolman(Integrator):
     dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
     of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
     enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
-    others do not change. Terms of positions alone act on it there too; with others it is refused. One that comes within the radius of a body, if the system has radii, is retired where it does.
+    others do not change. Terms of positions alone act on it there too; with others it is refused. One that comes within
+    the radius of a body, if the system has radii, is retired where it does.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow".
