@@ -70,7 +70,7 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
     if run.clock.changes:
         return []
     if run.integrator.follows_kepler:
-        return [(k, math.nan) for k in encounters(run, seen)]
+        return [(k, math.nan) for k in encounters(run.system, run.integrator, run.step, seen, run.excursions)]
     end = _end(run, seen)
     bounds = {k: bound for k in range(len(seen.passages)) if (bound := _most(run, seen, seen.passages[k], end)) > 0.0}
     judged: dict[frozenset[int], list[tuple[int, Effect]]] = {}

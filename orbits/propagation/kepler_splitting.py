@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Seen
     from orbits.system import System
     from orbits.trajectory import Trajectory
+    from orbits.trajectory.excursions import Excursions
 
 POINTS = 180
 """Points on each orbit at which the distance of two orbits is looked for."""
@@ -226,22 +227,25 @@ def _following(system: System, integrator: Integrator) -> str:
     return 'encounters="follow"' if isinstance(integrator, WisdomHolman) else 'WisdomHolman(encounters="follow")'
 
 
-def encounters(run: Trajectory, seen: Seen) -> list[int]:
-    """Return the numbers of the passages that the method could not follow, the worst first: within `HILL_RADII` of a
-    planet, and at a pericentre that the step did not resolve.
+def encounters(
+    system: System, integrator: Integrator, h: float, seen: Seen, away: Excursions | None = None
+) -> list[int]:
+    """Return the numbers of the passages that the method could not follow in steps of h, the worst first: within
+    `HILL_RADII` of a planet, and at a pericentre that the step did not resolve; but for those on excursions, `away`.
     """
-    gm, massive, found = run.system.values.gm, run.system.massive, []
-    perturbed = massive.sum() > 2 or bool(run.system.terms) or not run.integrator.exact_for_two
-    followed, together = run.integrator.follows_encounters, run.integrator.follows_meetings
+    gm, massive, found = system.values.gm, system.massive, []
+    perturbed = massive.sum() > 2 or bool(system.terms) or not integrator.exact_for_two
+    followed, together = integrator.follows_encounters, integrator.follows_meetings
     for k, passage in enumerate(seen.passages):
         both = bool(massive[passage.body] and massive[passage.other])
-        if passage.about is None or (together if both else followed) or run.excursions.include(passage.steps):
+        gone = away is not None and away.include(passage.steps)
+        if passage.about is None or (together if both else followed) or gone:
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body
-            resolved = not is_unresolved(run.step, passage.distance, passage.speed, run.integrator.least_steps)
+            resolved = not is_unresolved(h, passage.distance, passage.speed, integrator.least_steps)
             if (perturbed or not massive[lighter]) and not resolved and massive.sum() > 1:
-                found.append((passage.distance / abs(run.step * passage.speed), k))
+                found.append((passage.distance / abs(h * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
         if passage.distance < near:
@@ -251,7 +255,7 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
 
 def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
     """Warn, with `StepWarning`, about the passages in a run that its method did not follow."""
-    found = encounters(run, seen)
+    found = encounters(run.system, run.integrator, run.step, seen, run.excursions)
     central = [k for k in found if seen.dominant in (seen.passages[k].body, seen.passages[k].other)]
     flybys = [k for k in found if k not in set(central)]
     some = "at least " * (seen.left_out > 0)

@@ -15,7 +15,9 @@ from orbits.integrators.base import Integrator
 from orbits.marching.kepler_passages import HILL_RADII, near_a_planet
 from orbits.marching.marcher import available_threads
 from orbits.marching.particle_tangents import ParticleTangents, Passages
-from orbits.propagation.run import propagated
+from orbits.propagation.kepler_splitting import encounters
+from orbits.propagation.marchers import bound
+from orbits.propagation.passages_seen import Record, Seen
 from orbits.system import System
 from orbits.system.model import model
 from orbits.time_grid import TimeGrid
@@ -72,23 +74,26 @@ def growths_of_particles(
 
 
 def passages_of_run(system: System, integrator: Integrator, grid: TimeGrid, threads: int | None) -> Passages:
-    """Return the first passages of massless particles that a map on Kepler orbits cannot follow, from a run in which
-    none is retired.
+    """Return the first passages of massless particles that a map on Kepler orbits cannot follow, from a march in
+    which none is retired in encounters.
     """
-    end = TimeGrid(grid.clock, grid.times[-1:])
     method = replace(integrator, encounters="warn")  # type: ignore[call-arg]
-    run = propagated(system, method, end, check_step=False, progress=False, threads=threads)
-    light = [name for name, massive in zip(system.names, system.massive, strict=True) if not massive]
-    heavy = [name for name, massive in zip(system.names, system.massive, strict=True) if massive]
-    dominant = system.names[int(np.argmax(system.values.gm))]
+    march = bound(system, method, grid.clock, threads=threads)
+    try:
+        march.advance_to(grid.place(len(grid) - 1))
+        seen = Seen(system, Record.of(march, float(grid.times[-1])), grid.clock)
+    finally:
+        march.close()
+    light, heavy = np.flatnonzero(~system.massive).tolist(), np.flatnonzero(system.massive).tolist()
     near, planet, sharp = np.full(len(light), np.nan), np.full(len(light), -1), np.full(len(light), np.nan)
-    for passage in sorted(run.unresolved(), key=lambda one: -abs(one.time.value)):  # the first one last
-        if passage.body in light:
-            k = light.index(passage.body)
-            if passage.other == dominant:
-                sharp[k] = passage.time.value
-            else:
-                near[k], planet[k] = passage.time.value, heavy.index(passage.other)
+    found = [seen.passages[k] for k in encounters(system, method, grid.h, seen)]
+    for passage in sorted(found, key=lambda one: -one.steps):  # the first one last
+        body, other = sorted((passage.body, passage.other), key=lambda one: float(system.values.gm[one]))
+        time = float(grid.clock.time(passage.steps))
+        if body in light and other == seen.dominant:
+            sharp[light.index(body)] = time
+        elif body in light:
+            near[light.index(body)], planet[light.index(body)] = time, heavy.index(other)
     return Passages(near, planet, sharp)
 
 
