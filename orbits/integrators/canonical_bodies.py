@@ -307,7 +307,7 @@ class CanonicalBodies(Form):
         "stretch": stretch,
     }
 
-    kernels_of_lengths: ClassVar[Mapping[str, Any]] = {
+    more_kernels: ClassVar[Mapping[str, Any]] = {
         "prepare": prepare,
         "end_late": end_late,
         "signal": signal,
@@ -321,7 +321,7 @@ class CanonicalBodies(Form):
         own = {**self.kernels, "registers": 1, "close": int(self.close)}
         if self.close:
             del own["begin"]
-            own |= self.kernels_of_lengths
+            own |= self.more_kernels
         return own
 
     @property

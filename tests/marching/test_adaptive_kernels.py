@@ -8,9 +8,12 @@ import pytest
 from numpy.polynomial import legendre
 
 import orbits
+from orbits.integrators.canonical_bodies import CanonicalBodies
+from orbits.integrators.canonical_room import CONTINUATION, HOURS
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.collocation_lengths import prepare, signal
 from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST
+from orbits.kernels import steps
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import close_pair_accelerations, dynamical_rate, pair_accelerations
 from orbits.kernels.lanes import WIDTH
@@ -24,6 +27,12 @@ from ..problems import three_bodies
 def prepared(form, coefficients, h, before, scratch):
     """Call `prepare` from Python."""
     prepare(Method(form, coefficients), h, before, Storage(scratch, scratch, scratch, None))
+
+
+@kernel
+def prepared_by_its_form(form, coefficients, h, before, scratch):
+    """Call `prepare` of a form from Python."""
+    steps.prepare(Method(form, coefficients), h, before, Storage(scratch, scratch, scratch, None))
 
 
 @kernel
@@ -47,6 +56,24 @@ def test_prepared_coefficients_are_those_made_in_many_digits(stages, ratio):
     start = slice(ETA + WIDTH, ETA + WIDTH + stages)
     largest = np.abs(expected[0, start]).max()
     np.testing.assert_allclose(found[0, start], expected[0, start], rtol=0, atol=2e-10 * largest)
+
+
+@pytest.mark.parametrize("stages", [3, 8])
+@pytest.mark.parametrize("ratio", [0.7, 2.0])
+def test_prepared_coefficients_of_bodies_with_terms_are_those_made_in_many_digits(stages, ratio):
+    form = CanonicalBodies(orbits.Gauss(stages=stages).tableau, close=True)
+    h = 0.37
+    expected, found = form.coefficients(h, h / ratio), form.coefficients(1.0, 1.0)
+    prepared_by_its_form(form.tag, found, h, h / ratio, np.zeros(form.scratch_shape(9)))
+    for row in (HC, HC_LO, HB, REST):
+        assert np.array_equal(found[0, row], expected[0, row])
+    assert np.array_equal(found[0, HOURS, :stages], expected[0, HOURS, :stages])
+    guess = slice(CONTINUATION, CONTINUATION + stages)
+    largest = np.abs(expected[0, guess]).max()
+    np.testing.assert_allclose(found[0, guess], expected[0, guess], rtol=0, atol=2e-10 * largest)
+    # What is guessed are velocities relative to those at the start, of a constant force: h c g.
+    constant = found[0, guess].T @ np.where(np.arange(WIDTH) < stages, found[0, HB] / ratio, 0.0)[:stages]
+    np.testing.assert_allclose(constant[:stages], h * form.tableau.nodes, rtol=0, atol=1e-12 * largest)
 
 
 @pytest.mark.parametrize("stages", [3, 8])
