@@ -117,8 +117,8 @@ class Marcher(Blocks):
         )
         if isinstance(self._form, GivenBodies) and self.clock.changes and m and self._form.held(parameters) < n:
             raise InputError(
-                "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass are "
-                "integrated along: give dt=..., or set the GM of these to 0."
+                "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass "
+                "are integrated along: give dt=..., or set the GM of these to 0."
             )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
