@@ -151,8 +151,8 @@ class InEphemeris(Term):
             held = [name for name in force.bodies or () if name in self.bodies]
             if held:
                 raise InputError(
-                    f"{type(force).__name__} names {few(held)}, whose motion is given by the ephemeris, whatever acts on "
-                    "it; expected small bodies."
+                    f"{type(force).__name__} names {few(held)}, whose motion is given by the ephemeris, whatever acts "
+                    "on it; expected small bodies."
                 )
         values, own = system.values, len(self.bodies)
         rows = np.flatnonzero(values.gm > 0.0)[:own]
