@@ -14,15 +14,17 @@ TWO_PI = 2.0 * math.pi
 
 
 @kernel
-def fastest_passage(gm, softening, q, v, massive, span):
+def fastest_passage(gm, softening, q, v, massive, given, span):
     """Return the fastest passage within the time `span`, whose sign is the direction: (row, partner, distance, speed,
     eccentricity, shortest period of any body); row -1 if there is no pair.
 
-    gm : (n,); q, v : (n, 3); massive : indices of the bodies with GM > 0
+    gm : (n,); q, v : (n, 3); massive : indices of the bodies with GM > 0; given : (n,) bool, those that are not marched
     """
     fastest, row, partner, distance, speed, eccentricity, period = -1.0, -1, -1, 0.0, 0.0, 0.0, math.inf
     forwards = 1.0 if span >= 0.0 else -1.0
     for i in range(q.shape[0]):
+        if given[i]:
+            continue
         centre, strongest = -1, -1.0
         x = y = z = 0.0
         xi, yi, zi = q[i, 0], q[i, 1], q[i, 2]

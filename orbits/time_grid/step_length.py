@@ -94,8 +94,9 @@ def fastest_passage_of(system: System, span: float) -> tuple[int, int, float, fl
     """
     from orbits.kernels.passages import fastest_passage
 
-    values = system.values
+    values, names = system.values, {name for term in system.terms for name in term.gives_bodies}
+    given = np.array([name in names for name in system.names], dtype=np.bool_)
     found: tuple[int, int, float, float, float, float] = fastest_passage(
-        values.gm, values.softening, values.q, values.v, (values.gm > 0.0).nonzero()[0], span
+        values.gm, values.softening, values.q, values.v, (values.gm > 0.0).nonzero()[0], given, span
     )
     return found

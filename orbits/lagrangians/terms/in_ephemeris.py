@@ -147,6 +147,13 @@ class InEphemeris(Term):
                 f"the epoch of the system is {system.epoch}, but that of its ephemeris JD {self.jd1 + self.jd2:.6f} "
                 "TDB; expected the same. Make the system for that epoch: System.in_ephemeris(epoch=...)."
             )
+        for force in system.forces:
+            held = [name for name in force.bodies or () if name in self.bodies]
+            if held:
+                raise InputError(
+                    f"{type(force).__name__} names {few(held)}, whose motion is given by the ephemeris, whatever acts "
+                    "on it; expected small bodies."
+                )
         values, own = system.values, len(self.bodies)
         rows = np.flatnonzero(values.gm > 0.0)[:own]
         for row in rows:
@@ -157,8 +164,8 @@ class InEphemeris(Term):
             if same.any():
                 name = system.names[int(same.argmax())]
                 raise InputError(
-                    f"{name!r} starts {apart[same][0] * KM_PER_AU:.3g} km from {system.names[row]!r}, which attracts it, "
-                    f"and does not move away: it is the same body. Expected it without itself: "
+                    f"{name!r} starts {apart[same][0] * KM_PER_AU:.3g} km from {system.names[row]!r}, which attracts "
+                    f"it, and does not move away: it is the same body. Expected it without itself: "
                     f"System.in_ephemeris(without=[{system.names[row]!r}])."
                 )
         q, v = self.states(np.zeros(1))
@@ -166,8 +173,8 @@ class InEphemeris(Term):
         if off.max() > FAR:
             raise InputError(
                 f"{self.bodies[int(off.argmax())]!r} is {off.max():.2g} au, or au/d, off its place in the ephemeris at "
-                "the start; expected the bodies where System.in_ephemeris puts them. Positions about another origin, or "
-                "changed ones, are for System.solar_system(...)."
+                "the start; expected the bodies where System.in_ephemeris puts them. Positions about another origin, "
+                "or changed ones, are for System.solar_system(...)."
             )
 
     def check_span(self, end: float, units: Any) -> None:
