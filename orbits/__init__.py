@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from orbits.forces.mass_loss import MassLoss
     from orbits.forces.non_gravitational import NonGravitational
     from orbits.forces.radiation_pressure import RadiationPressure
+    from orbits.forces.tides import Tides
     from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.gauss import Gauss
@@ -162,6 +163,7 @@ __all__ = [
     "System",
     "SystemsError",
     "Table",
+    "Tides",
     "TimeTransformed",
     "Trajectory",
     "Transit",
@@ -220,6 +222,7 @@ _HOME = {
     "forces.mass_loss": ["MassLoss"],
     "forces.non_gravitational": ["NonGravitational"],
     "forces.radiation_pressure": ["RadiationPressure"],
+    "forces.tides": ["Tides"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],

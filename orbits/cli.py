@@ -1,4 +1,4 @@
-"""The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `list`.
+"""The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `ephemeris`, `list`.
 
 Exit codes: 0 if all requirements hold, 1 if a check or a run fails, 2 for wrong use, 130 if stopped by Ctrl-C or
 SIGTERM.
@@ -196,6 +196,44 @@ def info(file: File, as_json: Json = False) -> None:
         from orbits.trajectory import Trajectory
 
         _show(file, Trajectory.open(file), as_json)
+
+
+@app.command()
+def ephemeris(
+    file: File,
+    body: Annotated[
+        list[str] | None, typer.Option(help="A body to look at, again for more; all by default.", metavar="NAME")
+    ] = None,
+    observer: Annotated[
+        str,
+        typer.Option(
+            help="A body, 'barycentre', or a place on the Earth: degrees east, degrees north, metres, with commas.",
+            metavar="WHERE",
+        ),
+    ] = "Earth",
+    start: Annotated[
+        str | None,
+        typer.Option("--from", help="First time: '2026-01-01' or '10 d'; by default the samples.", metavar="TIME"),
+    ] = None,
+    stop: Annotated[str | None, typer.Option("--to", help="Last time.", metavar="TIME")] = None,
+    step: Annotated[str | None, typer.Option(help="From time to time: '1 d'.", metavar="TIME")] = None,
+    utc: Annotated[bool, typer.Option("--utc", help="Dates are in UTC instead of TDB.", metavar="")] = False,
+    h: Annotated[float | None, typer.Option("--h", help="Absolute magnitude of the body.", metavar="NUMBER")] = None,
+    g: Annotated[float | None, typer.Option("--g", help="Its slope parameter G.", metavar="NUMBER")] = None,
+    as_json: Json = False,
+) -> None:
+    """Print what an observer sees of the bodies of an archive: places, distances, angles, magnitudes.
+
+    Example: orbits ephemeris run.h5 --body Mars --from 2026-01-01 --to 2026-02-01 --step '1 d'
+    """
+    with guarded():
+        from orbits.propagation import Trajectory
+        from orbits.scenario.ephemerides import record, typed_observer, typed_times
+
+        run = Trajectory.open(file)
+        times = typed_times(run, start, stop, step, utc=utc)
+        table = run.ephemeris(body or None, typed_observer(observer), times, H=h, G=g)
+        print(json.dumps(record(table), indent=1) if as_json else table.text())
 
 
 @app.command("list")

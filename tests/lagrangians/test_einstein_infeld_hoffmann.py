@@ -1,4 +1,4 @@
-"""Relativity by several bodies: the Lagrangian in forty digits, the accelerations of Newhall and Moyer, momenta alone."""
+"""Relativity by several bodies: the Lagrangian in forty digits, accelerations of ephemerides, momenta alone."""
 
 import mpmath
 import numpy as np
@@ -15,11 +15,11 @@ C = 3.0
 SOURCES = {"all": [0, 1, 2, 3], "two": [1, 3], "one": [2]}
 
 
-def term(sources, bodies=len(GM), c=C):
+def term(sources, bodies=4, c=C):
     return einstein_infeld_hoffmann(sources, bodies, c)
 
 
-def state(seed=1, bodies=len(GM)):
+def state(seed=1, bodies=4):
     rng = np.random.default_rng(seed)
     return rng.normal(size=(bodies, 3)), rng.normal(size=(bodies, 3))
 

@@ -40,7 +40,10 @@ WITHOUT_DT = {
     "close_encounter": {"duration": 205 * u.day, "samples": 21},
 }
 
+IN_EPHEMERIS = ("apophis",)  # in tests/ephemeris/test_in_ephemeris.py
+
 BY_MAPS = "kirkwood_gaps", "secular", "trojans"  # in test_long_runs.py and test_studies.py
+BY_FORCES = ("dust",)  # in test_dust.py
 
 
 def pair(**changes):
@@ -61,7 +64,8 @@ def pair(**changes):
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
-    assert [each.name for each in bundled()] == sorted([*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS])
+    named = [*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES, *IN_EPHEMERIS]
+    assert [each.name for each in bundled()] == sorted(named)
     assert all(each.summary for each in bundled())
 
 

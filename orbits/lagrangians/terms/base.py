@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.kernels.binding import SumTag, Tag
-from orbits.lagrangians.base import TIME_DEPENDENT, Compiled, Lagrangian
+from orbits.lagrangians.base import GIVEN, TIME_DEPENDENT, Compiled, Lagrangian
 from orbits.lagrangians.symmetry import Symmetry, rotation
 
 Array = NDArray[np.float64]
@@ -107,6 +107,17 @@ class Term:
         """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
 
+    @property
+    def gives_bodies(self) -> tuple[str, ...]:
+        """The names of the massive bodies, the first ones of a system, of which it says where they are at all times."""
+        return ()
+
+    def check_bodies(self, names: Sequence[str], gm: Array) -> None:
+        """Raise InputError if this term does not go with these bodies of a system; gm : (n,)."""
+
+    def check_span(self, end: float, units: Any) -> None:
+        """Raise EpochError if this term does not describe the motion until `end`, the time since the epoch."""
+
     def among(self, row: Callable[[str], int], bodies: int, units: Any) -> Summand:
         """Return this term bound to the massive bodies of a system.
 
@@ -151,10 +162,13 @@ class SumOfTerms(Lagrangian):
 
 
 def compiled_sum(newton: Compiled, summands: Sequence[Summand]) -> Compiled:
-    """Return the compiled sum: it has the common traits of all its terms, and depends on time if one does."""
+    """Return the compiled sum: it has the common traits of all its terms, depends on time if one does, and has given
+    bodies if one gives them.
+    """
     traits = newton.traits.intersection(*(summand.traits for summand in summands))
-    if any(TIME_DEPENDENT in summand.traits for summand in summands):
-        traits |= {TIME_DEPENDENT}
+    for trait in (TIME_DEPENDENT, GIVEN):
+        if any(trait in summand.traits for summand in summands):
+            traits |= {trait}
     return Compiled(SumTag((newton.tag, *(summand.tag for summand in summands))), traits)
 
 
