@@ -23,8 +23,8 @@ from orbits.system.solar.constants import constant
 
 EPOCH = "2000-01-01"
 CENTURIES = 2.0
-SAMPLES = 16_001
-DT = 4 * u.day
+DAYS = 4.0
+"""The step, and the time from sample to sample."""
 METHOD = orbits.Gauss(stages=8)
 PLANETS = ("Venus", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 ORDER = ("Venus", "Jupiter", "Earth-Moon barycenter")
@@ -40,9 +40,9 @@ def bodies(*names):
 
 def turning(system):
     """Return centuries and the angle by which the perihelion has turned in the orbit's plane [arcseconds]."""
-    times = np.linspace(0.0, CENTURIES * 36525.0, SAMPLES)
+    times = np.arange(0.0, CENTURIES * 36525.0, DAYS)
     run = orbits.propagate(
-        system, METHOD, dt=DT, duration=times[-1], samples=times, progress=False, check_step=False
+        system, METHOD, dt=DAYS * u.day, duration=times[-1], samples=times, progress=False, check_step=False
     )
     gm = float((system.gm[0] + system.gm[1]).value)
     q, v = (np.asarray(x.value[:, 1] - x.value[:, 0]) for x in (run.q, run.v))
@@ -113,7 +113,7 @@ def experiment(say):
 
 def smooth(curve):
     """Means over a year and more, which hide what a revolution does."""
-    n = SAMPLES // 200
+    n = len(curve[0]) // 200
     count = len(curve[0]) // n
     return tuple(np.asarray(x)[: count * n].reshape(count, n).mean(axis=1) for x in curve)
 

@@ -100,6 +100,8 @@ class Residuals:
     def record(self) -> dict[str, Any]:
         """Return what the table has, by name."""
         return {
+            "format": "orbits-residuals",
+            "version": 1,
             "kernel": self.kernel,
             "method": self.method,
             "largest_km": self.largest(),

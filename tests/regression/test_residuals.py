@@ -110,6 +110,8 @@ def test_the_command_line_compares_with_de440(tmp_path):
     assert len(record["km"]["Mercury"]) == 21
     assert (tmp_path / "residuals-de440-gauss-stages-8.png").stat().st_size > 20_000
     assert not (tmp_path / "comparison.json").exists()
+    again = CliRunner().invoke(app, [*typed, "--samples", "21", "--out", str(tmp_path)])  # its own files are replaced
+    assert again.exit_code == 0, again.output
 
 
 def test_the_command_line_refuses_dates_that_no_kernel_has_before_the_run(tmp_path):
