@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from orbits.forces.mass_loss import MassLoss
     from orbits.forces.non_gravitational import NonGravitational
     from orbits.forces.radiation_pressure import RadiationPressure
+    from orbits.forces.tides import Tides
     from orbits.integrators.composition import Composition
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.gauss import Gauss
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.symmetry import Symmetry
     from orbits.lagrangians.terms.degree_two import DegreeTwo
     from orbits.lagrangians.terms.frame_dragging import FrameDragging
+    from orbits.lagrangians.terms.minor_bodies import MinorBodies
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
@@ -82,9 +84,10 @@ if TYPE_CHECKING:
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
-    from orbits.regression import compare, from_rebound, run_from_rebound, to_rebound
+    from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
+    from orbits.system.solar.description import solar_model
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
 
 __all__ = [
@@ -133,6 +136,7 @@ __all__ = [
     "LobattoIIIBA",
     "MassLoss",
     "Merge",
+    "MinorBodies",
     "MissingPackageError",
     "Motion",
     "NodeCrossing",
@@ -159,6 +163,7 @@ __all__ = [
     "System",
     "SystemsError",
     "Table",
+    "Tides",
     "TimeTransformed",
     "Trajectory",
     "Transit",
@@ -179,8 +184,10 @@ __all__ = [
     "propagate",
     "read_mpcorb",
     "read_sbdb",
+    "residuals",
     "resume",
     "run_from_rebound",
+    "solar_model",
     "state_transition",
     "to_rebound",
 ]
@@ -215,6 +222,7 @@ _HOME = {
     "forces.mass_loss": ["MassLoss"],
     "forces.non_gravitational": ["NonGravitational"],
     "forces.radiation_pressure": ["RadiationPressure"],
+    "forces.tides": ["Tides"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
     "marching.adaptive": ["Adaptive"],
@@ -234,6 +242,7 @@ _HOME = {
     "lagrangians.symmetry": ["Symmetry"],
     "lagrangians.terms.degree_two": ["DegreeTwo"],
     "lagrangians.terms.frame_dragging": ["FrameDragging"],
+    "lagrangians.terms.minor_bodies": ["MinorBodies"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
@@ -245,12 +254,13 @@ _HOME = {
     "propagation.events.own": ["Event"],
     "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
     "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
-    "regression": ["compare", "from_rebound", "run_from_rebound", "to_rebound"],
+    "regression": ["compare", "from_rebound", "residuals", "run_from_rebound", "to_rebound"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
+    "system.solar.description": ["solar_model"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

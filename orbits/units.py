@@ -298,6 +298,8 @@ DIMENSIONLESS = UnitSystem(
 
 # From 4713 BC to the end of AD 9999, which is the range that astropy can write as dates.
 JULIAN_DATES = (0.0, 5373484.5)
+# Within these, 270 million years, the Julian date of a long run is known to a thousandth of a second.
+FARTHEST_DATE = 1e11
 # A plain number below this (2026 BC) is more likely a modified Julian date, or a year.
 SMALLEST_PLAIN_JULIAN_DATE = 1e6
 YEARS_AS_TEXT = ("jyear_str", "byear_str")
@@ -315,6 +317,24 @@ def as_epoch(epoch: Any, what: str = "epoch") -> Time:
     if not time.isscalar:
         raise EpochError(f"{what} is {shown(epoch)}; {A_MOMENT} (got {time.size} times).")
     return time
+
+
+def date_text(time: Time, digits: int | None = None, between: str = " ") -> str:
+    """Return a date as ISO text, cut after some characters; outside the years that have one, the Julian year, as in
+    "J12345.678".
+
+    between : what stands between day and hour
+    """
+    if not JULIAN_DATES[0] <= time.jd <= JULIAN_DATES[1]:
+        return f"J{time.jyear:.3f}"
+    return str(time.isot)[:digits].replace("T", between)
+
+
+def written(times: Time) -> Time:
+    """Return dates in a format in which they can be written: Julian years, if some lie outside those of calendars."""
+    dates = times.jd
+    known = np.all((dates >= JULIAN_DATES[0]) & (dates <= JULIAN_DATES[1]))
+    return times if known else times.copy(format="jyear")
 
 
 def as_epochs(epochs: Any, what: str = "epoch") -> Time:
@@ -342,7 +362,9 @@ def as_epochs(epochs: Any, what: str = "epoch") -> Time:
             raise ValueError("masked times are undefined")
         date = time.jd
         if not np.all((date >= JULIAN_DATES[0]) & (date <= JULIAN_DATES[1])):
-            raise ValueError("before 4713 BC or after AD 9999, or not a number")
+            if not isinstance(epochs, Time) or not np.all(np.abs(date) <= FARTHEST_DATE):
+                raise ValueError("before 4713 BC or after AD 9999, or not a number")
+            return time.copy(format="jyear")
         # As a year, any time within nine hours would be printed as "J2000.000".
         return time.copy(format="isot") if time.format in YEARS_AS_TEXT else time
     # Astropy's errors for a date it cannot read have no common base class: ValueError, ErfaError, UnitsError, ...

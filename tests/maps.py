@@ -10,6 +10,13 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
 from orbits.resources import data_path
 
+KM = 149597870.7
+
+_BOUNDS = json.loads(data_path("rebound_test_bounds.json").read_text())
+BOUNDS = {row["name"]: row["asserts"] for row in _BOUNDS["tests"]}
+REACHED = _BOUNDS["reached"]
+"""What REBOUND's own tests assert, and what it reached in them."""
+
 EVERYWHERE = {  # semi-major axis, eccentricity: the number of planets inside it
     (1.3, 0.1): 3,
     (2.7, 0.15): 4,

@@ -25,6 +25,7 @@ from orbits.marching.clocks import ConstantSteps
 from orbits.marching.transformed import TimeTransformed
 from orbits.system.model import from_json, to_json
 from orbits.time_grid import MOST_STEPS, TimeGrid
+from orbits.units import FARTHEST_DATE, date_text
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -38,7 +39,6 @@ _CLOCKS: dict[str, tuple[Any, str]] = {
 """The clocks of steps that differ in length, by the names that archives have for them, each with its parameter."""
 
 _KINDS = {str: "a text", float: "a number", list: "a list of names", np.ndarray: "an array of numbers"}
-_MOST_DAYS = 1e9  # far beyond any ephemeris; a Time cannot have more days
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,9 @@ def to_items(header: Header) -> dict[str, Item]:
     if system.terms or system.forces:
         items["system@model"] = to_json(system)
     if system.epoch is not None:
-        items["system@epoch"] = system.epoch.copy(format="iso").to_value("iso", subfmt="date_hms") + " TDB"
+        epoch = system.epoch.copy(format="isot")
+        epoch.out_subfmt = "date_hms"
+        items["system@epoch"] = date_text(epoch) + " TDB"
         items["system@epoch_jd1"] = float(system.epoch.jd1)
         items["system@epoch_jd2"] = float(system.epoch.jd2)
     if header.certificate:
@@ -145,7 +147,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
     epoch = None
     if "system@epoch_jd1" in items:
         days = [_item(items, f"system@epoch_jd{part}", float) for part in (1, 2)]
-        if not all(abs(day) < _MOST_DAYS for day in days):
+        if not all(abs(day) < FARTHEST_DATE for day in days):
             raise ArchiveError(f"system@epoch_jd1 and system@epoch_jd2 are {days}; expected a Julian date.")
         epoch = Time(*days, format="jd", scale="tdb")
         epoch.format = "iso"

@@ -6,7 +6,7 @@
     asteroids(numbers=range(1, 11))
 
 It has 2,284 asteroids of the belt and 497 Trojans, all with absolute magnitude H < 12, with osculating elements at
-MJD 59800 TDB and no masses.
+MJD 59800 TDB and no masses. `.details["G"]` has the slope parameter of their brightness, nan if it is unknown.
 """
 
 from __future__ import annotations
@@ -87,6 +87,7 @@ def _table() -> tuple[Catalogue, dict[str, int]]:
         epoch=floats("epoch_mjd"),
         H=floats("H"),
         classes=columns["class"],
+        details={"G": np.array([x or "nan" for x in columns["G"]], dtype=np.float64)},
         source="all of the belt or Trojans, H < 12",
     )
     return table, rows_by_name(columns["full_name"], known)

@@ -111,7 +111,8 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
     step = float(units.time_value(dt, "dt"))
     nonzero_number(step, "dt")
     with_particles = not system.massive.all()
-    form_of_bodies(integrator, acting.lagrangian, ConstantSteps(step), with_particles=with_particles, forces=names)
+    what: dict[str, Any] = {"with_particles": with_particles, "forces": acting.forces}
+    form_of_bodies(integrator, acting.lagrangian, ConstantSteps(step), **what)
     massive = values.gm > 0.0
     lagrangian = lagrangian_of(system)
     q, v = values.q[massive].ravel(), values.v[massive].ravel()

@@ -7,32 +7,42 @@ A force is one file: kernels, and a frozen dataclass for users, with units. Its 
                                            returns the force per unit mass; `particle` is its number, or that of the
                                            first of eight in lanes: see `coefficient`
 
+A force with internal variables y, such as a spin, has their number as the kernel constant `inner`, and its forces are
+
+    force(strength, own, t, q, v, y, f, rates)   adds the forces, and writes y' to `rates`; vectors, or rows
+
 `strength` is the parameter vector of `newtonian`, `own` is that of the force; t is the time since the epoch of the
-system, in its unit. A method includes forces by the discrete Lagrange–d'Alembert principle: with f at the stages,
-P_i = p + h sum_j a_ij (dL/dq + f)_j.
+system, in its unit. One that comes from a body and acts on others relative to it has a single kernel instead of both,
+`acceleration`: see `orbits.kernels.central`. A method includes forces by the discrete Lagrange–d'Alembert principle:
+with f at the stages, P_i = p + h sum_j a_ij (dL/dq + f)_j.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from orbits.kernels.binding import OPTIONS, Tag
-from orbits.kernels.lanes import LanesType, load
+from orbits.body_names import few
+from orbits.kernels.binding import Tag
+from orbits.kernels.central import coefficient
+
+__all__ = ["BoundForce", "Force", "coefficient"]
 
 
 @dataclass(frozen=True, eq=False)
 class BoundForce:
-    """A force bound to the bodies of a system: its name for messages, its kernels and its parameter vector."""
+    """A force bound to the bodies of a system: its name for messages, its kernels, its parameter vector, and its
+    internal variables at the start, as many as its kernel `inner` says.
+    """
 
     name: str
     tag: Tag
     parameters: NDArray[np.float64]
+    inner: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -41,10 +51,24 @@ class Force:
 
     kind : its name in archives
     bodies : the names of the bodies that it acts on, massive or not; None for all
+    variables : the number of its internal variables
     """
 
     kind: ClassVar[str]
+    variables: ClassVar[int] = 0
     bodies: Sequence[str] | None = None
+
+    @property
+    def whom(self) -> str:
+        """What it acts on, in words."""
+        return f"on {'all' if self.bodies is None else few(self.bodies, 3)}"
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it, for tests: in dimensionless units with G = 1, for a "star" of the mass 1 and others
+        about 1 from it.
+        """
+        return ()
 
     def in_units(self, units: Any) -> Self:
         """Return this force with its numbers checked and in the units of a system.
@@ -70,6 +94,10 @@ class Force:
         """
         return self
 
+    def continued(self, inner: NDArray[np.float64], units: Any) -> Self:
+        """Return this force with these internal variables, (variables,), as a run has left them."""
+        raise NotImplementedError
+
     def seen_from(self, place: Any, velocity: Any) -> Self:
         """Return this force as seen from an origin at that place that moves with that velocity, (3,) quantities: one
         that depends on absolute positions or velocities has to shift its numbers. The default is for one that depends
@@ -78,20 +106,3 @@ class Force:
         Raises InputError, naming the force, if it cannot be seen from there.
         """
         return self
-
-
-def coefficient(own, offset, particle, sources, x):
-    """Return the coefficient of a particle, from the vector of a force, which has one for each particle from `offset`
-    on; or `Lanes` of eight coefficients for eight particles in lanes.
-
-    sources : the positions of the massive bodies, (3n,), or (3n, 8) at the stages of one particle
-    x : the x coordinate of the particles
-    """
-    raise NotImplementedError("coefficient() is for compiled code only")
-
-
-@overload(coefficient, jit_options=OPTIONS)
-def _coefficient(own, offset, particle, sources, x):
-    if isinstance(x, LanesType) and sources.ndim == 1:
-        return lambda own, offset, particle, sources, x: load(own, offset + particle)
-    return lambda own, offset, particle, sources, x: own[offset + particle]

@@ -1,8 +1,7 @@
-"""What forces that come from one body share: its row, relative places and velocities, numbers for each body.
+"""What forces that come from one body share: numbers for each body, and the vector of parameters.
 
-The parameters of such a force are: the row of the source; the length of a block of coefficients; the numbers of the
-force itself; then blocks of coefficients, each with one for every massive body, one for every massless particle and
-eight zeros. Bodies that the force does not act on have zeros.
+Of such a force only the kernel `acceleration` is written; see `orbits.kernels.central`, also for the parameters.
+Bodies that the force does not act on have coefficients of zero.
 """
 
 from __future__ import annotations
@@ -15,37 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, shown
-from orbits.forces.base import BoundForce, Force, coefficient
+from orbits.forces.base import BoundForce, Force
 from orbits.kernels.binding import Tag
-from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, get
-
-SOURCE, BLOCK, OWN = 0, 1, 2
-"""Indices of the row of the source, of the length of a block, and of the first number of the force itself."""
-
-
-@kernel(inline=True)
-def relative(x, i, b, n):
-    """Return the difference of the vectors of the bodies i and b, three numbers or lanes."""
-    return get(x, i) - get(x, b), get(x, n + i) - get(x, n + b), get(x, 2 * n + i) - get(x, 2 * n + b)
-
-
-@kernel(inline=True)
-def relative_to(place, sources, b, n):
-    """Return the difference of a vector of a particle and that of the body b."""
-    return place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
-
-
-@kernel(inline=True)
-def of_body(own, first, block, i):
-    """Return the coefficient of a massive body; first : the index of the first block; block : its number."""
-    return own[first + block * int(own[BLOCK]) + i]
-
-
-@kernel(inline=True)
-def of_particle(own, first, block, n, particle, sources, x):
-    """Return the coefficient of a massless particle, or of eight; see `coefficient`."""
-    return coefficient(own, first + block * int(own[BLOCK]) + n, particle, sources, x)
+from orbits.kernels.lanes import WIDTH
 
 
 @dataclass(frozen=True)
@@ -54,11 +25,15 @@ class CentralForce(Force):
 
     source : the massive body; by default the most massive one
     per_body : names of the fields that may have one number for each of `bodies`
+    of_source : whether it is a property of the source, which must then be named and has one such force
+    by_mass : whether it acts by the masses of the bodies, and on massive ones alone
     """
 
     source: str | None = None
 
     per_body: ClassVar[tuple[str, ...]] = ()
+    of_source: ClassVar[bool] = False
+    by_mass: ClassVar[bool] = False
     tag: ClassVar[Tag]
 
     def without(self, gone: Set[str]) -> Self | None:
@@ -104,7 +79,12 @@ class CentralForce(Force):
         """
         blocks = [self._block(x, row, massive, particles) for x in self.coefficients(units)]
         own = np.concatenate([[row, len(massive) + len(particles) + WIDTH], self.constants(row, units), *blocks])
-        return BoundForce(self.kind, self.tag, np.ascontiguousarray(own, dtype=np.float64))
+        inner = np.array(self.inner(units), dtype=np.float64)
+        return BoundForce(self.kind, self.tag, np.ascontiguousarray(own, dtype=np.float64), inner)
+
+    def inner(self, units: Any) -> Sequence[float]:
+        """Return the internal variables at the start of a run; by default there are none."""
+        return ()
 
     def constants(self, row: int, units: Any) -> Sequence[float]:
         """Return the numbers of the force itself, as its kernels expect them."""

@@ -20,23 +20,20 @@ from typing import Any, ClassVar, Self
 
 from orbits.checks import pole_direction
 from orbits.errors import InputError
-from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
+from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
+from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put
-
-FIRST = OWN + 3
-"""Index of the first block."""
 
 
 @kernel(inline=True)
-def _damping(strength, own, rates, r, w):
+def acceleration(strength, own, t, b, A, r, w):
     """Return the acceleration by the three rates."""
     x, y, z = r
     vx, vy, vz = w
-    along = 2.0 * rates[1] * (x * vx + y * vy + z * vz) / (strength[0] + x * x + y * y + z * z)
-    across = 2.0 * rates[2] * (vx * own[OWN] + vy * own[OWN + 1] + vz * own[OWN + 2])
-    slow = 0.5 * rates[0]
+    along = 2.0 * A[1] * (x * vx + y * vy + z * vz) / (strength[0] + x * x + y * y + z * z)
+    across = 2.0 * A[2] * (vx * own[OWN] + vy * own[OWN + 1] + vz * own[OWN + 2])
+    slow = 0.5 * A[0]
     return (
         -1.0 * (slow * vx + along * x + across * own[OWN]),
         -1.0 * (slow * vy + along * y + across * own[OWN + 1]),
@@ -44,30 +41,7 @@ def _damping(strength, own, rates, r, w):
     )
 
 
-@kernel
-def force(strength, own, t, q, v, f):
-    """Add the forces to f."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    for i in range(n):
-        if i != b:
-            rates = of_body(own, FIRST, 0, i), of_body(own, FIRST, 1, i), of_body(own, FIRST, 2, i)
-            found = _damping(strength, own, rates, relative(q, i, b, n), relative(v, i, b, n))
-            for a in range(3):
-                put(f, a * n + i, get(f, a * n + i) + strength[1 + i] * found[a])
-
-
-@kernel
-def particle_force(strength, own, t, particle, sources, speeds, place, velocity):
-    """Return the acceleration."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    slow = of_particle(own, FIRST, 0, n, particle, sources, place[0])
-    round_ = of_particle(own, FIRST, 1, n, particle, sources, place[0])
-    flat = of_particle(own, FIRST, 2, n, particle, sources, place[0])
-    r, w = relative_to(place, sources, b, n), relative_to(velocity, speeds, b, n)
-    return _damping(strength, own, (slow, round_, flat), r, w)
-
-
-TAG = Tag("damping", {"force": force, "particle_force": particle_force})
+TAG = Tag("damping", {"acceleration": acceleration, "numbers": 3, "coefficients": 3})
 
 
 @dataclass(frozen=True)
@@ -91,6 +65,11 @@ class Damping(CentralForce):
     tau_e: Any = None
     tau_i: Any = None
     pole: Any = (0.0, 0.0, 1.0)
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(tau_a=300.0, tau_e=50.0, tau_i=100.0, pole=(0.0, 0.6, 0.8)),)
 
     def in_units(self, units: Any) -> Self:
         """Return it with times in the system's unit, and a unit vector for the pole."""

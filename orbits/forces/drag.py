@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, with_unit
-from orbits.forces.base import BoundForce, Force, coefficient
+from orbits.forces.base import BoundForce, Force
 from orbits.kernels.binding import Tag
+from orbits.kernels.central import coefficient, push
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, get, put
+from orbits.kernels.lanes import WIDTH, get
 
 RATES = 3
 """The index of the first k in the parameters."""
@@ -27,10 +28,9 @@ RATES = 3
 def force(strength, own, t, q, v, f):
     """Add -k GM (v - u) to f."""
     n = strength.shape[0] - 1
-    for a in range(3):
-        for i in range(n):
-            weight = own[RATES + i] * strength[1 + i]
-            put(f, a * n + i, get(f, a * n + i) - weight * (get(v, a * n + i) - own[a]))
+    for i in range(n):
+        behind = own[0] - get(v, i), own[1] - get(v, n + i), own[2] - get(v, 2 * n + i)
+        push(f, i, n, own[RATES + i] * strength[1 + i], behind)
 
 
 @kernel
@@ -57,6 +57,11 @@ class Drag(Force):
     kind: ClassVar[str] = "drag"
     rate: Any = None
     velocity: Any = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(rate=1e-3, velocity=(0.1, 0.0, -0.1)),)
 
     def in_units(self, units: Any) -> Self:
         """Return it with rate and velocity in the system's units."""

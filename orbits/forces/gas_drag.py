@@ -19,20 +19,18 @@ import numpy as np
 
 from orbits.checks import pole_direction
 from orbits.errors import InputError, shown
-from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
+from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
+from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put, rsqrt_cubed, sqrt
+from orbits.kernels.lanes import rsqrt_cubed, sqrt
 from orbits.kernels.lanes.functions import power
 
 NEAR, SLOPE, SUPPORT = OWN + 3, OWN + 4, OWN + 5
 
-FIRST = OWN + 6
-"""Index of the first block."""
-
 
 @kernel(inline=True)
-def _drag(strength, own, b, r, w):
+def acceleration(strength, own, t, b, A, r, w):
     """Return the acceleration for k = 1."""
     x, y, z = r
     tx, ty, tz = own[OWN + 1] * z - own[OWN + 2] * y, own[OWN + 2] * x - own[OWN] * z, own[OWN] * y - own[OWN + 1] * x
@@ -46,28 +44,7 @@ def _drag(strength, own, b, r, w):
     return size * x, size * y, size * z
 
 
-@kernel
-def force(strength, own, t, q, v, f):
-    """Add the forces to f."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    for i in range(n):
-        if i != b:
-            weight = strength[1 + i] * of_body(own, FIRST, 0, i)
-            found = _drag(strength, own, b, relative(q, i, b, n), relative(v, i, b, n))
-            for a in range(3):
-                put(f, a * n + i, get(f, a * n + i) + weight * found[a])
-
-
-@kernel
-def particle_force(strength, own, t, particle, sources, speeds, place, velocity):
-    """Return the acceleration."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    k = of_particle(own, FIRST, 0, n, particle, sources, place[0])
-    found = _drag(strength, own, b, relative_to(place, sources, b, n), relative_to(velocity, speeds, b, n))
-    return k * found[0], k * found[1], k * found[2]
-
-
-TAG = Tag("gas-drag", {"force": force, "particle_force": particle_force})
+TAG = Tag("gas-drag", {"acceleration": acceleration, "numbers": 6, "coefficients": 1})
 
 
 @dataclass(frozen=True)
@@ -93,6 +70,11 @@ class GasDrag(CentralForce):
     slope: Any = 0.0
     eta: Any = 0.0
     pole: Any = (0.0, 0.0, 1.0)
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(per_length=1e-3, r0=1.0, slope=2.5, eta=0.01, pole=(0.0, 0.6, 0.8)),)
 
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units, with a unit vector for the pole."""

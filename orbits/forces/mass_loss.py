@@ -18,47 +18,24 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from orbits.errors import InputError, shown
-from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
+from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
+from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put, rsqrt_cubed
+from orbits.kernels.lanes import rsqrt_cubed
 
 RATE, NOMINAL = OWN, OWN + 1
 
-FIRST = OWN + 2
-"""Index of the first block."""
-
 
 @kernel(inline=True)
-def _missing(strength, own, gm, t, r):
+def acceleration(strength, own, t, b, A, r, w):
     """Return the acceleration by the mass that is gone."""
     x, y, z = r
-    size = -1.0 * (gm * own[RATE] * (t - own[NOMINAL])) * rsqrt_cubed(strength[0] + x * x + y * y + z * z)
+    size = -1.0 * (strength[1 + b] * own[RATE] * (t - own[NOMINAL])) * rsqrt_cubed(strength[0] + x * x + y * y + z * z)
     return size * x, size * y, size * z
 
 
-@kernel
-def force(strength, own, t, q, v, f):
-    """Add the forces to f."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    for i in range(n):
-        if i != b:
-            weight = strength[1 + i] * of_body(own, FIRST, 0, i)
-            found = _missing(strength, own, strength[1 + b], t, relative(q, i, b, n))
-            for a in range(3):
-                put(f, a * n + i, get(f, a * n + i) + weight * found[a])
-
-
-@kernel
-def particle_force(strength, own, t, particle, sources, speeds, place, velocity):
-    """Return the acceleration."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    found = _missing(strength, own, strength[1 + b], t, relative_to(place, sources, b, n))
-    here = of_particle(own, FIRST, 0, n, particle, sources, place[0])
-    return here * found[0], here * found[1], here * found[2]
-
-
-TAG = Tag("mass-loss", {"force": force, "particle_force": particle_force})
+TAG = Tag("mass-loss", {"acceleration": acceleration, "numbers": 2, "coefficients": 1})
 
 
 @dataclass(frozen=True)
@@ -77,6 +54,11 @@ class MassLoss(CentralForce):
     tag: ClassVar[Tag] = TAG
     fraction: Any = None
     since: Any = 0.0
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(fraction=-1e-3, since=-2.0),)
 
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units."""

@@ -17,10 +17,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from orbits.errors import InputError, shown
-from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
+from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
+from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put, rsqrt_cubed
+from orbits.kernels.lanes import rsqrt_cubed
 from orbits.kernels.lanes.functions import power
 
 ALPHA, NEAR, M, N, K = range(OWN, OWN + 5)
@@ -28,12 +29,9 @@ ALPHA, NEAR, M, N, K = range(OWN, OWN + 5)
 ICE = 2.808
 """r0 of water ice in au, beyond which its sublimation falls steeply."""
 
-FIRST = OWN + 5
-"""Index of the first block."""
-
 
 @kernel(inline=True)
-def _acceleration(strength, own, A, r, w):
+def acceleration(strength, own, t, b, A, r, w):
     """Return the acceleration by A1, A2, A3."""
     x, y, z = r
     vx, vy, vz = w
@@ -59,31 +57,7 @@ def _acceleration(strength, own, A, r, w):
     )
 
 
-@kernel
-def force(strength, own, t, q, v, f):
-    """Add the forces to f."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    for i in range(n):
-        if i != b:
-            A = of_body(own, FIRST, 0, i), of_body(own, FIRST, 1, i), of_body(own, FIRST, 2, i)
-            if A[0] != 0.0 or A[1] != 0.0 or A[2] != 0.0:
-                found = _acceleration(strength, own, A, relative(q, i, b, n), relative(v, i, b, n))
-                for a in range(3):
-                    put(f, a * n + i, get(f, a * n + i) + strength[1 + i] * found[a])
-
-
-@kernel
-def particle_force(strength, own, t, particle, sources, speeds, place, velocity):
-    """Return the acceleration."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    A1 = of_particle(own, FIRST, 0, n, particle, sources, place[0])
-    A2 = of_particle(own, FIRST, 1, n, particle, sources, place[0])
-    A3 = of_particle(own, FIRST, 2, n, particle, sources, place[0])
-    r, w = relative_to(place, sources, b, n), relative_to(velocity, speeds, b, n)
-    return _acceleration(strength, own, (A1, A2, A3), r, w)
-
-
-TAG = Tag("non-gravitational", {"force": force, "particle_force": particle_force})
+TAG = Tag("non-gravitational", {"acceleration": acceleration, "numbers": 5, "coefficients": 3})
 
 
 @dataclass(frozen=True)
@@ -120,6 +94,11 @@ class NonGravitational(CentralForce):
         A2 : an acceleration, or one for each of `bodies`; more : other fields, such as A1 of radiation pressure, or r0
         """
         return cls(bodies=bodies, A2=A2, **{"alpha": 1.0, "m": 2.0, "n": 1.0, "k": 0.0, **more})
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return cls(A1=1e-3, A2=-1e-3, A3=1e-3, r0=1.0), cls.yarkovsky(1e-3, r0=1.0)
 
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units."""

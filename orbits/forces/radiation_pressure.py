@@ -19,13 +19,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from orbits.errors import InputError, shown
-from orbits.forces.central import OWN, SOURCE, CentralForce, of_body, of_particle, relative, relative_to
+from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
+from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put, rsqrt_cubed
-
-FIRST = OWN + 1
-"""Index of the first block."""
+from orbits.kernels.lanes import rsqrt_cubed
 
 SUNLIGHT = 3 * 3.828e26 / (16 * np.pi * 1.3271244e20 * 299792458.0)
 """3 L / (16 pi GM c) of the Sun, with the nominal values of the IAU (2015, resolution B3), in kg/m2: beta of a sphere
@@ -33,7 +31,7 @@ times its radius and density."""
 
 
 @kernel(inline=True)
-def _push(strength, own, b, r, w):
+def acceleration(strength, own, t, b, A, r, w):
     """Return the acceleration for beta = 1."""
     x, y, z = r
     vx, vy, vz = w
@@ -46,28 +44,7 @@ def _push(strength, own, b, r, w):
     return size * (shade * x - far * vx), size * (shade * y - far * vy), size * (shade * z - far * vz)
 
 
-@kernel
-def force(strength, own, t, q, v, f):
-    """Add the forces to f."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    for i in range(n):
-        if i != b:
-            weight = strength[1 + i] * of_body(own, FIRST, 0, i)
-            push = _push(strength, own, b, relative(q, i, b, n), relative(v, i, b, n))
-            for a in range(3):
-                put(f, a * n + i, get(f, a * n + i) + weight * push[a])
-
-
-@kernel
-def particle_force(strength, own, t, particle, sources, speeds, place, velocity):
-    """Return the acceleration."""
-    n, b = strength.shape[0] - 1, int(own[SOURCE])
-    push = _push(strength, own, b, relative_to(place, sources, b, n), relative_to(velocity, speeds, b, n))
-    beta = of_particle(own, FIRST, 0, n, particle, sources, place[0])
-    return beta * push[0], beta * push[1], beta * push[2]
-
-
-TAG = Tag("radiation-pressure", {"force": force, "particle_force": particle_force})
+TAG = Tag("radiation-pressure", {"acceleration": acceleration, "numbers": 1, "coefficients": 1})
 
 
 @dataclass(frozen=True)
@@ -110,6 +87,11 @@ class RadiationPressure(CentralForce):
                 "radius and density > 0 and efficiency >= 0."
             )
         return efficiency * SUNLIGHT / surface
+
+    @classmethod
+    def examples(cls) -> tuple[Self, ...]:
+        """Return examples of it; see `Force`."""
+        return (cls(beta=0.01, c=10.0),)
 
     def in_units(self, units: Any) -> Self:
         """Return it with floats for beta, and c in the system's unit."""

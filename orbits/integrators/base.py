@@ -96,6 +96,11 @@ class Integrator:
         return False
 
     @property
+    def follows_meetings(self) -> bool:
+        """Whether all bodies take steps of another method in encounters of massive ones that this one cannot follow."""
+        return False
+
+    @property
     def follows_encounters(self) -> bool:
         """Whether massless particles take steps of their own in encounters that the method cannot follow."""
         return False
@@ -115,9 +120,9 @@ class Integrator:
         """The form for any regular Lagrangian, or None."""
         return None
 
-    def form_with(self, forces: int) -> Form | None:
+    def form_with(self, forces: int, inner: int = 0) -> Form | None:
         """Return the form, in positions and velocities, for bodies with terms of any kind and `forces` forces without a
-        Lagrangian, or None.
+        Lagrangian, which have so many internal variables together, or None.
         """
         return None
 

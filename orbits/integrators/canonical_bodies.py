@@ -9,7 +9,8 @@ contribution of terms to the momenta, G_j = h b_j (dL/dq + f) / m at the stages 
 This is the canonical form (`orbits.integrators.canonical`) with momenta p = m v + s, written in velocities: p is
 computed from (q, v) to the last bit where it is needed, so that observers see the marched variables. s+ depends on v+
 and is iterated until v+ has converged; the next step begins with the same bits of s. Forces enter by the discrete
-Lagrange–d'Alembert principle, and their work, torque and impulse are summed with the same quadrature.
+Lagrange–d'Alembert principle, and their work, torque and impulse are summed with the same quadrature. Their internal
+variables, if any, are stepped like momenta: Y_i = y + sum_j mu_bar_ij h b_j Y'_j, y+ = y + sum_i h b_i Y'_i.
 
 The stages are iterated to the round-off floor by fixed-point iteration, as in `orbits.integrators.collocation`. It does
 not converge for a term whose contribution to the momentum depends on v as strongly as m v itself.
@@ -19,33 +20,38 @@ Source: Marsden & West (2001), sec. 2.6, 3.2; Hairer, Lubich & Wanner (2006), se
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
+from numba.extending import overload
 
 from orbits.integrators.canonical import combine
+from orbits.integrators.canonical_end import finish, finish_finely, momenta
+from orbits.integrators.canonical_lengths import end_late, prepare, stretch
 from orbits.integrators.canonical_particles import step_particles
 from orbits.integrators.canonical_room import (
     CONTINUATION,
-    HB,
-    HC,
-    HC_LO,
     HOURS,
+    INVERSE,
+    LATE,
     MU,
     MU_BAR,
     ROWS,
     SETTLED,
-    VELOCITY_SWEEPS,
+    inner_rows,
     stages_in,
     work_in,
 )
+from orbits.integrators.collocation import Collocation
+from orbits.integrators.collocation_dense import dense, resolves
+from orbits.integrators.collocation_lengths import signal
+from orbits.integrators.collocation_rows import HB, HC, HC_LO, is_close
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.acting import FIGURES, account, add_acting, add_momenta, add_terms
-from orbits.kernels.binding import accelerate, dimension, first_term
+from orbits.kernels.acting import FIGURES, Moment, account, add_acting, add_terms, inner_variables
+from orbits.kernels.binding import OPTIONS, accelerate, accelerate_close, dimension, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
@@ -55,46 +61,146 @@ from orbits.kernels.iteration import (
     judged,
     settled,
     unsettled_body,
+    unsettled_part,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, fma, full, load, row_sums, store
-from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
-from orbits.kernels.summation import add_compensated, compensated_row_sums, moved, two_sum
+from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, store
+from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_FINITE, OK
+from orbits.kernels.summation import two_sum
 from orbits.tableaux import SymplecticTableau
 
 
-@kernel
-def momenta(model, t, q, v, f, s):
-    """Write the contribution of terms to the momenta into s; f is workspace."""
-    for k in range(dimension(model.tag, model.parameters)):
-        f[k] = s[k] = 0.0
-    add_momenta(model.tag, model.parameters, t, q, v, f, s)
+def guess(method, table, carry, k, v):
+    """Return the velocities of the stages of coordinate k, relative to v, as the step before lets expect them."""
+    raise NotImplementedError("guess() is for compiled code only")
+
+
+@overload(guess, jit_options=OPTIONS)
+def _guess(method, table, carry, k, v):
+    if is_close(method):
+        return lambda method, table, carry, k, v: combine(table, CONTINUATION, carry, k)
+    return lambda method, table, carry, k, v: combine(table, CONTINUATION, carry, k) - v
+
+
+def put(method, stages, k, x, increment):
+    """Write the positions x + increment of the stages of coordinate k, with low parts if the form has them."""
+    raise NotImplementedError("put() is for compiled code only")
+
+
+@overload(put, jit_options=OPTIONS)
+def _put(method, stages, k, x, increment):
+    if not is_close(method):
+        return lambda method, stages, k, x, increment: store(stages.Q, k, x + increment)
+
+    def with_low_part(method, stages, k, x, increment):
+        position, low = two_sum(full(x), increment)
+        store(stages.Q, k, position)
+        store(stages.Q_lo, k, low)
+
+    return with_low_part
+
+
+def attract(method, model, stages, out):
+    """Write the accelerations of the stages by Newton's attractions."""
+    raise NotImplementedError("attract() is for compiled code only")
+
+
+@overload(attract, jit_options=OPTIONS)
+def _attract(method, model, stages, out):
+    if is_close(method):
+        return lambda method, model, stages, out: accelerate_close(
+            first_term(model.tag), model.parameters[0], stages.Q, stages.Q_lo, out
+        )
+    return lambda method, model, stages, out: accelerate(first_term(model.tag), model.parameters[0], stages.Q, out)
+
+
+def parts(method, d):
+    """Return what is to converge: each coordinate, or with low parts each body."""
+    raise NotImplementedError("parts() is for compiled code only")
+
+
+@overload(parts, jit_options=OPTIONS)
+def _parts(method, d):
+    return (lambda method, d: d // 3) if is_close(method) else (lambda method, d: d)
+
+
+def end(method, model, t, h, state, stages, work, carry):
+    """Take the step from its stages, and write what is kept of them into the carry. Returns (status, body)."""
+    raise NotImplementedError("end() is for compiled code only")
+
+
+@overload(end, jit_options=OPTIONS)
+def _end(method, model, t, h, state, stages, work, carry):
+    if is_close(method):
+
+        def of_kicks(method, model, t, h, state, stages, work, carry):
+            times = load(method.coefficients[0], HOURS) + t, (t + h) + method.coefficients[0, LATE, 0]
+            return finish_finely(method, model, times, h, state, stages, work, carry)
+
+        return of_kicks
+
+    def of_velocities(method, model, t, h, state, stages, work, carry):
+        d = dimension(model.tag, model.parameters)
+        status, body = finish(method, model, t + h, h, state, stages, work, d)
+        if status == OK:
+            for k in range(d):
+                store(carry, k, load(stages.V, k))
+        return status, body
+
+    return of_velocities
 
 
 @kernel(inline=True)
 def place(method, q, V, work, stages, v, d):
     """Write positions and velocities of the stages."""
-    hb = load(method.coefficients, HB)
+    table = method.coefficients[0]
+    hb = load(table, HB)
     for k in range(d):
         W = load(work.W, k)
         store(work.change, k, hb * W)
         store(V, k, v[k] + W)
     for k in range(d):
-        store(stages.Q, k, q[k] + (load(work.base, k) + combine(method.coefficients, MU, work.change, k)))
+        put(method, stages, k, q[k], load(work.base, k) + combine(table, MU, work.change, k))
 
 
 @kernel(inline=True)
 def evaluate(method, model, times, stages, work, d):
     """Write h b times the accelerations of the stages, and the contributions of terms to their momenta."""
     strength, n = model.parameters[0], d // 3
-    accelerate(first_term(model.tag), strength, stages.Q, work.G)
+    attract(method, model, stages, work.G)
     for k in range(d):
         store(work.F, k, full(0.0))
         store(work.S, k, full(0.0))
+    clear(work.D)
     add_terms(model.tag, model.parameters, times, stages.Q, stages.V, work.F, work.S)
-    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, work.F)
-    hb = load(method.coefficients, HB)
+    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, work.Y, work.F, work.D)
+    hb = load(method.coefficients[0], HB)
+    for k in range(inner_variables(model.tag)):
+        store(work.D, k, hb * load(work.D, k))
     for k in range(d):
         store(work.G, k, hb * (load(work.G, k) + load(work.F, k) / strength[1 + k % n]))
+
+
+@kernel(inline=True)
+def clear(rows):
+    """Write zeros into rows."""
+    for k in range(rows.shape[0]):
+        store(rows, k, full(0.0))
+
+
+@kernel(inline=True)
+def place_inner(method, count, inner, work):
+    """Write the internal variables of forces at the stages, from their rates. Returns whether they have converged.
+
+    inner : rows of their values at the start of the step, eight in each, then of their low parts
+    """
+    half, converged = inner.shape[0] // 2, True
+    for k in range(count):
+        y, y_lo = inner[k // WIDTH, k % WIDTH], inner[half + k // WIDTH, k % WIDTH]
+        Y = y + (y_lo + combine(method.coefficients[0], MU_BAR, work.D, k))
+        change, scale = largest(abs(Y - load(work.Y, k))), largest(abs(load(work.D, k)))
+        converged &= change <= max(NEAR_FLOOR * scale, SETTLED * abs(y))
+        store(work.Y, k, Y)
+    return converged
 
 
 @kernel(inline=True)
@@ -111,50 +217,62 @@ def begin_stages(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
-    """Take one step; `storage.carry` holds the velocities of the stages of the previous step, then the accounts of
-    forces.
+    """Take one step; `storage.carry` holds the velocities of the stages of the previous step, or with low parts the
+    kicks by which they are a polynomial, then the accounts of forces.
     """
-    coefficients, strength = method.coefficients, model.parameters[0]
+    table, strength = method.coefficients[0], model.parameters[0]
     q, q_lo, v, v_lo = state
     d = dimension(model.tag, model.parameters)
-    n, blocks, rows = d // 3, (d + WIDTH - 1) // WIDTH, q.shape[0]
-    V, work, stages = storage.carry, work_in(storage.scratch, rows), stages_in(storage.stages, rows)
-    times = load(coefficients, HOURS) + t
-    hc, hc_lo = load(coefficients, HC), load(coefficients, HC_LO)
+    n, rows, each, count = d // 3, q.shape[0], parts(method, d), inner_variables(model.tag)
+    blocks = (each + WIDTH - 1) // WIDTH
+    work, stages = work_in(storage.scratch, rows, inner_rows(count)), stages_in(storage.stages, rows)
+    times = load(table, HOURS) + t
+    hc, hc_lo = load(table, HC), load(table, HC_LO)
     for k in range(d):
         stages.q[k], stages.v[k] = q[k], v[k]
         # Sum the increments first: q is O(30 au), dq is O(1e-3 au).
         store(work.base, k, fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k]))
-        store(work.W, k, combine(coefficients, CONTINUATION, V, k) - v[k])
+        store(work.W, k, guess(method, table, storage.carry, k, v[k]))
     momenta(model, t, stages.q, stages.v, work.f, work.s)
+    books = storage.carry[rows:]
+    inner = books[books.shape[0] - inner_rows(count) // WIDTH * 2 :]
+    clear(work.D)
     evaluations, patience, last = 0, PATIENCE, False
     while True:
         place(method, q, stages.V, work, stages, v, d)
+        inner_converged = place_inner(method, count, inner, work)
         evaluate(method, model, times, stages, work, d)
-        for k in range(d):
-            W = combine(coefficients, MU_BAR, work.G, k) - (load(work.S, k) - work.s[k]) / strength[1 + k % n]
-            store(work.change, k, abs(W) if evaluations == 0 else abs(W - load(work.W, k)))
-            store(work.W, k, W)
+        for i in range(each):
+            most = full(0.0)
+            for k in range(i, d, each):
+                W = combine(table, MU_BAR, work.G, k) - (load(work.S, k) - work.s[k]) / strength[1 + k % n]
+                most = maximum(most, abs(W) if evaluations == 0 else abs(W - load(work.W, k)))
+                store(work.W, k, W)
+            store(work.change, i, most)
+        for i in range(each, WIDTH * blocks):
+            store(work.change, i, full(0.0))
         evaluations += 1
-        if last:
+        if last and inner_converged:
             break
         patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
+    if not inner_converged:
+        return INNER_NOT_CONVERGED, 0, evaluations
     if not settled(work.history, blocks, CONVERGED):
-        body = unsettled_body(work.history, blocks, n, CONVERGED)
+        if each == n:
+            body = unsettled_part(work.history, blocks, n, CONVERGED)
+        else:
+            body = unsettled_body(work.history, blocks, n, CONVERGED)
         if body >= 0:
             return NOT_CONVERGED, body, evaluations
     if not finite(work.G, work.W, d):
         return NOT_FINITE, 0, evaluations
-    body = finish(method, model, t + h, h, state, stages, work, d)
-    if body >= 0:
-        return NOT_CONVERGED, body, evaluations
-    for k in range(d):
-        store(V, k, load(stages.V, k))
-    hb = load(coefficients, HB)
-    account(model.tag, model.parameters, times, hb, stages.Q, stages.V, work.F, storage.carry[rows:])
-    return OK, 0, evaluations
+    status, body = end(method, model, t, h, state, stages, work, storage.carry)
+    if status == OK:
+        at = Moment(times, stages.Q, stages.V, work.Y)
+        account(model.tag, model.parameters, load(table, HB), at, work.F, work.D, books)
+    return status, body, evaluations
 
 
 @kernel(inline=True)
@@ -166,66 +284,20 @@ def finite(G, W, d):
     return sound
 
 
-@kernel(inline=True)
-def finish(method, model, t, h, state, stages, work, d):
-    """Advance positions and velocities to the time t, the end of the step. Returns a body whose velocity does not
-    converge, or -1.
-    """
-    q, q_lo, v, v_lo = state
-    strength, n, hb = model.parameters[0], d // 3, load(method.coefficients, HB)
-    for k in range(d):
-        store(work.change, k, hb * load(work.W, k))
-    for k in range(0, d, WIDTH):
-        x, x_lo = moved(h, load(q, k), load(q_lo, k), load(v, k), load(v_lo, k), row_sums(work.change, k))
-        kick, kick_lo = compensated_row_sums(work.G, k)
-        store(q, k, x)
-        store(q_lo, k, x_lo)
-        store(stages.q_end, k, x)
-        store(stages.v_end, k, load(v, k) + kick)
-        store(work.kick, k, kick)
-        store(work.kick_lo, k, kick_lo)
-    body, last = 0, math.inf
-    for _ in range(VELOCITY_SWEEPS):
-        momenta(model, t, stages.q_end, stages.v_end, work.f, work.s_end)
-        body, now = 0, 0.0
-        for i in range(n):
-            off = size = 0.0
-            for k in range(i, d, n):
-                kick, lost = two_sum(work.kick[k], -(work.s_end[k] - work.s[k]) / strength[1 + i])
-                new, new_lo = add_compensated(v[k], v_lo[k] + (work.kick_lo[k] + lost), kick)
-                off, size = off + abs(new - stages.v_end[k]), size + abs(new)
-                stages.v_end[k], work.f[k] = new, new_lo
-            if not off <= now * size:
-                body, now = i, off / size
-        if now == 0.0 or (now <= SETTLED and now >= last):
-            break
-        last = now
-    for k in range(d):
-        v[k], v_lo[k] = stages.v_end[k], work.f[k]
-    return -1 if now <= SETTLED else body
-
-
-@kernel(inline=True)
-def stretch(method, unit, factor):
-    """Write the coefficients of steps `factor` times as long, for a cold start."""
-    table, base = method.coefficients, unit.coefficients
-    c, hc = load(base, HC), factor * load(base, HC)
-    store(table, HC, hc)
-    store(table, HC_LO, fma(c, full(factor), -hc) + factor * load(base, HC_LO))
-    store(table, HB, factor * load(base, HB))
-    store(table, HOURS, factor * load(base, HOURS))
-
-
 @dataclass(frozen=True)
 class CanonicalBodies(Form):
     """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies with terms of any kind
     and forces.
 
-    forces : the number of forces without a Lagrangian
+    forces : the number of forces without a Lagrangian; inner : that of their internal variables
+    close : whether the positions of the stages have low parts and the last sweep is in doubled precision; only then
+        can the length of steps change
     """
 
     tableau: SymplecticTableau
     forces: int = 0
+    inner: int = 0
+    close: bool = False
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "begin": begin_stages,
@@ -235,54 +307,97 @@ class CanonicalBodies(Form):
         "stretch": stretch,
     }
 
+    kernels_of_lengths: ClassVar[Mapping[str, Any]] = {
+        "prepare": prepare,
+        "end_late": end_late,
+        "signal": signal,
+        "dense": dense,
+        "resolves": resolves,
+        "speeds": 1,
+    }
+
+    def own_kernels(self) -> Mapping[str, Any]:
+        """Return the kernels of this instance."""
+        own = {**self.kernels, "registers": 1, "close": int(self.close)}
+        if self.close:
+            del own["begin"]
+            own |= self.kernels_of_lengths
+        return own
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether the carry holds kicks by which the velocities of the stages are a polynomial."""
+        return self.close and Collocation(self.tableau).is_dense
+
     def coefficients(self, h: float, before: float) -> Array:
-        """Return (ROWS, 8) for steps of h; lanes past the last stage repeat it with weight 0.
+        """Return (1, ROWS, 8) for steps of h; lanes past the last stage repeat it with weight 0.
 
         h c is a pair in doubled precision, computed from the rounded weights h b and mu_bar.
         """
         tableau, s = self.tableau, self.tableau.stages
         lane = np.minimum(np.arange(WIDTH), s - 1)
-        out = np.zeros((ROWS, WIDTH))
+        out = np.zeros((1, ROWS, WIDTH))
+        out[:, : MU] = Collocation(tableau).coefficients(h, before)
+        table = out[0]
+        for first, matrix in ((MU, tableau.mu), (MU_BAR, tableau.mu_bar)):
+            table[first : first + s] = matrix[lane].T
+        table[HOURS] = (h * tableau.nodes)[lane]
+        if self.close:
+            ratio = h / before
+            ahead = ratio * tableau.b[:, None] * tableau.continued(ratio) / tableau.b[None, :]
+            table[CONTINUATION : CONTINUATION + s] = (tableau.mu_bar @ ahead)[lane].T
+            table[INVERSE : INVERSE + s, :s] = np.linalg.inv(tableau.mu_bar).T
+            return out
         hb = _weights(tableau, h)
         hc = [
             Fraction(h) - sum(Fraction(hb[j]) * Fraction(tableau.mu_bar[j, i]) for j in range(s)) for i in range(s)
         ]
         high = np.array([float(x) for x in hc])
         low = np.array([float(x - Fraction(y)) for x, y in zip(hc, high, strict=True)])
-        out[HOURS], out[HC], out[HC_LO] = (h * tableau.nodes)[lane], high[lane], low[lane]
-        out[HB, :s] = hb
-        continuation = tableau.continued(h / before)
-        for first, matrix in ((MU, tableau.mu), (MU_BAR, tableau.mu_bar), (CONTINUATION, continuation)):
-            out[first : first + s] = matrix[lane].T
+        table[HC], table[HC_LO] = high[lane], low[lane]
+        table[HB, :s] = hb
+        table[CONTINUATION : CONTINUATION + s] = tableau.continued(h / before)[lane].T
         return out
 
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The size of `Stages`."""
         rows = padded(size)
-        return 2 * rows + 4 * rows // WIDTH, WIDTH
+        return (3 if self.close else 2) * rows + 4 * rows // WIDTH, WIDTH
 
     def carry_rows(self, size: int) -> int:
-        """The velocities of the stages of the previous step; two rows for the accounts of each force."""
-        return padded(size) + 2 * self.forces
+        """The velocities or kicks of the stages of the previous step; two rows for the accounts of each force; the
+        internal variables of forces, eight in a row, and their low parts.
+        """
+        return padded(size) + 2 * (self.forces + self._inner_rows)
 
     @property
     def particle_carry_rows(self) -> int:
-        """The velocities of the stages of the previous step, for each particle."""
+        """The same of the stages for each particle."""
         return 3
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The size of `Work`."""
         rows = padded(size)
-        return 6 * rows + 8 * rows // WIDTH, WIDTH
+        return (11 if self.close else 6) * rows + 8 * rows // WIDTH + 2 * WIDTH * self._inner_rows, WIDTH
+
+    @property
+    def _inner_rows(self) -> int:
+        return -(-self.inner // WIDTH)
 
     def forget(self, carry: Array) -> None:
-        """Delete the velocities of the stages; the accounts of forces remain."""
-        carry[: len(carry) - 2 * self.forces] = 0.0
+        """Delete the velocities of the stages; the accounts of forces and their internal variables remain."""
+        carry[: len(carry) - 2 * (self.forces + self._inner_rows)] = 0.0
 
     def accounts(self, carry: Array) -> Array:
         """Return the accounts of each force so far, (forces, 7): work, torque and impulse, times G."""
-        books = carry[len(carry) - 2 * self.forces :].reshape(self.forces, 2, WIDTH)
+        end = len(carry) - 2 * self._inner_rows
+        books = carry[end - 2 * self.forces : end].reshape(self.forces, 2, WIDTH)
         return np.asarray(books.sum(axis=1)[:, :FIGURES])
+
+    def inner_of(self, carry: Array) -> Array:
+        """Return a view of the internal variables of forces, (inner,)."""
+        end = len(carry) - self._inner_rows
+        return carry[end - self._inner_rows : end].reshape(-1)[: self.inner]
 
 
 def _weights(tableau: SymplecticTableau, h: float) -> Array:

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import math
 
+from numba.extending import overload
+
 from orbits.integrators.canonical import combine
 from orbits.integrators.canonical_room import (
     CONTINUATION,
-    HB,
-    HC,
-    HC_LO,
     HOURS,
+    INVERSE,
+    LATE,
     MU,
     MU_BAR,
     SETTLED,
@@ -20,8 +21,10 @@ from orbits.integrators.canonical_room import (
     padded_length,
     stages_in,
 )
-from orbits.kernels.acting import particle_acting, particle_terms
-from orbits.kernels.binding import dimension, field, first_term
+from orbits.integrators.collocation_particles import is_round_off
+from orbits.integrators.collocation_rows import HB, HC, HC_LO, is_close, place
+from orbits.kernels.acting import particle_acting, particle_momenta, particle_terms
+from orbits.kernels.binding import OPTIONS, dimension, field, field_close, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE
 from orbits.kernels.lanes import fma, full, largest, load, store, total
@@ -29,32 +32,112 @@ from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.summation import add_compensated, moved, two_sum
 
 
+def guess(method, table, carry, vx, vy, vz):
+    """Return the velocities of the stages relative to that of the particle, as the step before lets expect them."""
+    raise NotImplementedError("guess() is for compiled code only")
+
+
+@overload(guess, jit_options=OPTIONS)
+def _guess(method, table, carry, vx, vy, vz):
+    if is_close(method):
+        return lambda method, table, carry, vx, vy, vz: (
+            combine(table, CONTINUATION, carry, 0),
+            combine(table, CONTINUATION, carry, 1),
+            combine(table, CONTINUATION, carry, 2),
+        )
+
+    def of_velocities(method, table, carry, vx, vy, vz):
+        Wx, Wy, Wz = full(0.0), full(0.0), full(0.0)
+        if largest(abs(load(carry, 0)) + abs(load(carry, 1)) + abs(load(carry, 2))) > 0.0:
+            Wx = combine(table, CONTINUATION, carry, 0) - vx
+            Wy = combine(table, CONTINUATION, carry, 1) - vy
+            Wz = combine(table, CONTINUATION, carry, 2) - vz
+        return Wx, Wy, Wz
+
+    return of_velocities
+
+
+def pull(method, model, stages, places):
+    """Return the acceleration by Newton's attractions of a particle at its stages; with low parts, also write their
+    rates into the last row.
+
+    places : 7 rows, the positions of the stages, their low parts, if any, and the rates
+    """
+    raise NotImplementedError("pull() is for compiled code only")
+
+
+@overload(pull, jit_options=OPTIONS)
+def _pull(method, model, stages, places):
+    if not is_close(method):
+        return lambda method, model, stages, places: field(
+            first_term(model.tag), model.parameters[0], stages.Q, load(places, 0), load(places, 1), load(places, 2)
+        )
+
+    def with_low_parts(method, model, stages, places):
+        x, y, z, rate = field_close(
+            first_term(model.tag),
+            model.parameters[0],
+            stages.Q,
+            stages.Q_lo,
+            (load(places, 0), load(places, 1), load(places, 2)),
+            (load(places, 3), load(places, 4), load(places, 5)),
+        )
+        store(places, 6, rate)
+        return x, y, z
+
+    return with_low_parts
+
+
+def keep(method, table, room, v, W, G, D, carry):
+    """Write what is kept of the stages into the carry: their velocities, or with low parts the kicks by which these are
+    a polynomial.
+    """
+    raise NotImplementedError("keep() is for compiled code only")
+
+
+@overload(keep, jit_options=OPTIONS)
+def _keep(method, table, room, v, W, G, D, carry):
+    if is_close(method):
+
+        def kicks(method, table, room, v, W, G, D, carry):
+            for k in range(3):
+                store(room, k, D[k])
+                store(carry, k, G[k] - combine(table, INVERSE, room, k))
+
+        return kicks
+
+    def velocities(method, table, room, v, W, G, D, carry):
+        store(carry, 0, v[0] + W[0])
+        store(carry, 1, v[1] + W[1])
+        store(carry, 2, v[2] + W[2])
+
+    return velocities
+
+
 @kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of one particle through the stages of the massive bodies.
 
-    carry : (3, 8), the velocities of the stages of the previous step; `storage.share` begins with the number of the
-        particle. A step that fails returns the particle unchanged.
+    carry : (3, 8), the velocities of the stages of the previous step, or with low parts the kicks by which they are a
+        polynomial; `storage.share` begins with the number of the particle. A step that fails returns the particle
+        unchanged.
     """
-    coefficients, strength = method.coefficients, model.parameters[0]
+    coefficients = method.coefficients[0]
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
     d = dimension(model.tag, model.parameters)
-    number, stages = storage.share.start, stages_in(storage.stages, padded_length(d))
+    rows = padded_length(d)
+    number, stages = storage.share.start, stages_in(storage.stages, rows)
     hc, hc_lo, hb = load(coefficients, HC), load(coefficients, HC_LO), load(coefficients, HB)
     times = load(coefficients, HOURS) + t
     x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
     y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
     z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
-    _, _, _, sx, sy, sz = particle_terms(
+    sx, sy, sz = particle_momenta(
         model.tag, model.parameters, t, stages.q, stages.v, (x, y, z), (vx, vy, vz)
     )
-    Wx, Wy, Wz = full(0.0), full(0.0), full(0.0)
-    if largest(abs(load(carry, 0)) + abs(load(carry, 1)) + abs(load(carry, 2))) > 0.0:
-        Wx = combine(coefficients, CONTINUATION, carry, 0) - vx
-        Wy = combine(coefficients, CONTINUATION, carry, 1) - vy
-        Wz = combine(coefficients, CONTINUATION, carry, 2) - vz
-    room = storage.scratch
-    Gx = Gy = Gz = full(0.0)
+    Wx, Wy, Wz = guess(method, coefficients, carry, vx, vy, vz)
+    room, places = storage.scratch, storage.scratch[3:]
+    Gx = Gy = Gz = Sx = Sy = Sz = full(0.0)
     least = last_change = scale = 0.0
     patience, last, evaluations = PATIENCE, False, 0
     while True:
@@ -62,16 +145,16 @@ def step_particles(method, model, t, h, particles, carry, storage):
         store(room, 1, hb * Wy)
         store(room, 2, hb * Wz)
         Vx, Vy, Vz = vx + Wx, vy + Wy, vz + Wz
-        Qx = x + (x_base + combine(coefficients, MU, room, 0))
-        Qy = y + (y_base + combine(coefficients, MU, room, 1))
-        Qz = z + (z_base + combine(coefficients, MU, room, 2))
-        ax, ay, az = field(first_term(model.tag), strength, stages.Q, Qx, Qy, Qz)
-        place, velocity = (Qx, Qy, Qz), (Vx, Vy, Vz)
+        place(method, places, 0, 3, x, x_base + combine(coefficients, MU, room, 0))
+        place(method, places, 1, 3, y, y_base + combine(coefficients, MU, room, 1))
+        place(method, places, 2, 3, z, z_base + combine(coefficients, MU, room, 2))
+        ax, ay, az = pull(method, model, stages, places)
+        here, velocity = (load(places, 0), load(places, 1), load(places, 2)), (Vx, Vy, Vz)
         bx, by, bz, Sx, Sy, Sz = particle_terms(
-            model.tag, model.parameters, times, stages.Q, stages.V, place, velocity
+            model.tag, model.parameters, times, stages.Q, stages.V, here, velocity
         )
         cx, cy, cz = particle_acting(
-            model.tag, model.parameters, times, number, stages.Q, stages.V, place, velocity
+            model.tag, model.parameters, times, number, stages.Q, stages.V, here, velocity
         )
         Gx, Gy, Gz = hb * (ax + (bx + cx)), hb * (ay + (by + cy)), hb * (az + (bz + cz))
         store(room, 0, Gx)
@@ -95,23 +178,21 @@ def step_particles(method, model, t, h, particles, carry, storage):
         last_change = now
         if evaluations == LIMIT:
             break
-    if not least <= CONVERGED * scale:
+    if not (least <= CONVERGED * scale or is_round_off(method, model, h, storage.stages, rows, places, least)):
         return particles, carry, NOT_CONVERGED, evaluations
     kicks = total(Gx), total(Gy), total(Gz)
     if (kicks[0] + kicks[1] + kicks[2] + total(Wx + Wy + Wz)) * 0.0 != 0.0:
         return particles, carry, NOT_FINITE, evaluations
-    store(carry, 0, vx + Wx)
-    store(carry, 1, vy + Wy)
-    store(carry, 2, vz + Wz)
+    keep(method, coefficients, room, (vx, vy, vz), (Wx, Wy, Wz), (Gx, Gy, Gz), (Sx - sx, Sy - sy, Sz - sz), carry)
     x, x_lo = moved(h, x, x_lo, vx, vx_lo, total(hb * Wx))
     y, y_lo = moved(h, y, y_lo, vy, vy_lo, total(hb * Wy))
     z, z_lo = moved(h, z, z_lo, vz, vz_lo, total(hb * Wz))
     ux, uy, uz = vx + kicks[0], vy + kicks[1], vz + kicks[2]
     ux_lo = uy_lo = uz_lo = 0.0
-    last_change, off = math.inf, 0.0
+    last_change, off, end = math.inf, 0.0, (t + h) + coefficients[LATE, 0]
     for _ in range(VELOCITY_SWEEPS):
-        _, _, _, ex, ey, ez = particle_terms(
-            model.tag, model.parameters, t + h, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
+        ex, ey, ez = particle_momenta(
+            model.tag, model.parameters, end, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
         )
         before = ux, uy, uz
         ux, ux_lo = pushed(vx, vx_lo, kicks[0], sx - ex)

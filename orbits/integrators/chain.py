@@ -134,3 +134,7 @@ class Chain(Form):
     def accounts(self, carry: Array) -> Array:
         """As for the base."""
         return self.base.accounts(carry)
+
+    def inner_of(self, carry: Array) -> Array:
+        """As for the base."""
+        return self.base.inner_of(carry)

@@ -10,6 +10,8 @@ the kicks L, and the sums
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST, columns, combine, layers, registers
 from orbits.kernels.binding import accelerate_finely, bodies, dimension
 from orbits.kernels.compile import kernel
@@ -21,6 +23,17 @@ COARSE = 2.0**10
 """Kicks are split at the last bit of this many times the largest: their first parts, of some forty bits, add up without
 rounding errors, and the rounding errors of their rests do not matter.
 """
+
+
+class Sums(NamedTuple):
+    """Sums over the stages of each coordinate, (rows, 8), whose lanes are still to be added: of the kicks h b g, and of
+    (1 - c) h b g, the drifts by them; each in parts that add up without rounding errors, and their rests.
+    """
+
+    kicks: Any
+    kicks_lo: Any
+    drifts: Any
+    drifts_lo: Any
 
 
 @kernel(inline=True)
@@ -38,8 +51,8 @@ def finish(method, model, h, state, storage):
     block = Q.shape[0] // (R * layers(method))
     g, largest = scratch[:rows], scratch[2 * rows + 2 * groups : 2 * rows + 3 * groups]
     free = scratch[2 * rows + 3 * groups :]
-    g_lo, kicks, drifts, drifts_lo = free[:rows], free[rows : 2 * rows], free[2 * rows : 3 * rows], free[3 * rows :]
-    kicks_lo, Q_lo, close = scratch[rows : 2 * rows], free[4 * rows :], layers(method) > 1
+    sums = Sums(free[rows : 2 * rows], scratch[rows : 2 * rows], free[2 * rows : 3 * rows], free[3 * rows :])
+    g_lo, Q_lo, close = free[:rows], free[4 * rows :], layers(method) > 1
     for r in range(R):
         table = coefficients[r]
         hc, hc_lo, eta = load(table, HC), load(table, HC_LO), columns(method, table, ETA)
@@ -57,33 +70,13 @@ def finish(method, model, h, state, storage):
         for i in range(parts):
             splitter = full(COARSE * largest[i >> 3, i & 7])
             for k in range(i, size, parts):
-                own, lost = two_product(hb, load(g, k))
-                lost = fma(hb, load(g_lo, k), lost)
-                store(L, r * block + k, own)
-                _add_split(r, own, lost, splitter, kicks, kicks_lo, k)
-                moved, rest = two_product(remaining, own)
-                _add_split(r, moved, fma(remaining, lost, rest), splitter, drifts, drifts_lo, k)
-    for k in range(size, rows):
-        store(kicks, k, full(0.0))
-        store(kicks_lo, k, full(0.0))
-        store(drifts, k, full(0.0))
-        store(drifts_lo, k, full(0.0))
-    finite = True
-    for b in range(blocks):
-        k = WIDTH * b
-        kick, kick_lo = quick_two_sum(row_sums(kicks, k), row_sums(kicks_lo, k))
-        drift, drift_lo = quick_two_sum(row_sums(drifts, k), row_sums(drifts_lo, k))
-        store(g, b, kick)
-        store(g, blocks + b, kick_lo)
-        store(g, 2 * blocks + b, drift)
-        store(g, 3 * blocks + b, drift_lo)
-        finite &= not any_lane(1.0 - (kick * 0.0 == 0.0) * (drift * 0.0 == 0.0))
-    if not finite:
+                store(L, r * block + k, add_kick(r, (hb, remaining), g, g_lo, splitter, sums, k))
+    if not add_up(size, sums, g):
         return NOT_FINITE
     for b in range(blocks):
         k = WIDTH * b
         v_now, v_rest, kick_lo = load(v, k), load(v_lo, k), load(g, blocks + b)
-        x, x_rest = _moved(
+        x, x_rest = moved_by(
             h, load(q, k), load(q_lo, k), v_now, v_rest, load(g, 2 * blocks + b), load(g, 3 * blocks + b)
         )
         store(q, k, x)
@@ -92,6 +85,45 @@ def finish(method, model, h, state, storage):
         store(v, k, v_now)
         store(v_lo, k, v_rest)
     return OK
+
+
+@kernel(inline=True)
+def add_kick(r, weights, g, g_lo, splitter, sums, k):
+    """Add the kicks by the accelerations (g, g_lo) at the stages of register r, and the drifts by them, to row k of the
+    sums; return the kicks.
+
+    weights : h b and 1 - c of these stages
+    """
+    own, lost = two_product(weights[0], load(g, k))
+    lost = fma(weights[0], load(g_lo, k), lost)
+    _add_split(r, own, lost, splitter, sums.kicks, sums.kicks_lo, k)
+    moved, rest = two_product(weights[1], own)
+    _add_split(r, moved, fma(weights[1], lost, rest), splitter, sums.drifts, sums.drifts_lo, k)
+    return own
+
+
+@kernel(inline=True)
+def add_up(size, sums, out):
+    """Write the sums over stages as pairs in blocks of eight coordinates: kicks, their low parts, drifts, their low
+    parts. Return whether they are finite.
+    """
+    blocks = (size + WIDTH - 1) // WIDTH
+    for k in range(size, WIDTH * blocks):
+        store(sums.kicks, k, full(0.0))
+        store(sums.kicks_lo, k, full(0.0))
+        store(sums.drifts, k, full(0.0))
+        store(sums.drifts_lo, k, full(0.0))
+    finite = True
+    for b in range(blocks):
+        k = WIDTH * b
+        kick, kick_lo = quick_two_sum(row_sums(sums.kicks, k), row_sums(sums.kicks_lo, k))
+        drift, drift_lo = quick_two_sum(row_sums(sums.drifts, k), row_sums(sums.drifts_lo, k))
+        store(out, b, kick)
+        store(out, blocks + b, kick_lo)
+        store(out, 2 * blocks + b, drift)
+        store(out, 3 * blocks + b, drift_lo)
+        finite &= not any_lane(1.0 - (kick * 0.0 == 0.0) * (drift * 0.0 == 0.0))
+    return finite
 
 
 @kernel(inline=True, exact=True)
@@ -106,7 +138,7 @@ def _add_split(r, x, x_lo, splitter, rows, lows, k):
 
 
 @kernel(inline=True, exact=True)
-def _moved(h, q, q_lo, v, v_lo, drift, drift_lo):
+def moved_by(h, q, q_lo, v, v_lo, drift, drift_lo):
     """Return (q, q_lo) + h ((v, v_lo) + (drift, drift_lo))."""
     along, a = two_product(v, h)
     across, b = two_product(drift, h)

@@ -21,6 +21,17 @@ def prepare(method, h, before, storage):
     """Write `Collocation.coefficients` for a step of h that follows one of `before`; for one register."""
     table = method.coefficients[0]
     ells = storage.scratch[storage.scratch.shape[0] - WIDTH :]  # after the increments of the last coordinate
+    look_ahead(table, h, before, ells)
+    eta = columns(method, table, ETA)
+    for j in range(WIDTH):
+        store(table, ETA + WIDTH + j, combine(eta, 1, table, ells, 0, j))
+
+
+@kernel(inline=True)
+def look_ahead(table, h, before, ells):
+    """Write the coefficients that depend on h alone, and eight rows that lead from the kicks of the step before to
+    those at the stages that lie ahead, by the polynomial through their forces.
+    """
     nodes, weights = load(table, NODES), load(table, WEIGHTS)
     ratio = h / before
     hc = h * nodes
@@ -47,9 +58,6 @@ def prepare(method, h, before, storage):
         store(ells, 5, (table[BARYCENTRIC, 5] * scaled) * (f4 * rest2))
         store(ells, 6, (table[BARYCENTRIC, 6] * scaled) * (f7 * rest3))
         store(ells, 7, (table[BARYCENTRIC, 7] * scaled) * (f6 * rest3))
-    eta = columns(method, table, ETA)
-    for j in range(WIDTH):
-        store(table, ETA + WIDTH + j, combine(eta, 1, table, ells, 0, j))
 
 
 @kernel(inline=True)

@@ -139,9 +139,9 @@ class Composition(Integrator):
         base = self.base.canonical
         return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
-    def form_with(self, forces: int) -> Form | None:
+    def form_with(self, forces: int, inner: int = 0) -> Form | None:
         """The sequence of the base's steps, if it has such a form."""
-        base = self.base.form_with(forces)
+        base = self.base.form_with(forces, inner)
         return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
     def serves(self, lagrangian: Lagrangian) -> bool:

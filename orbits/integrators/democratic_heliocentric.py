@@ -14,9 +14,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.integrators.dominant import registers
+from orbits.integrators.dominant import registers_for
 from orbits.integrators.forms import Array, padded
-from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, rows_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.heliocentric import (
     ROWS,
@@ -36,8 +36,9 @@ from orbits.kernels.heliocentric_particles import (
     tabulate_planets,
     tabulate_the_rest,
 )
-from orbits.kernels.jacobi_stages import particles_at_the_end, registers_of
+from orbits.kernels.jacobi_stages import particles_at_the_end, registers_in
 from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.stages_of_maps import HELIOCENTRIC_DRIFT, HELIOCENTRIC_KICK
 from orbits.kernels.steps import OK, Particles
 
 STEP, HALF = 0, 1
@@ -47,7 +48,7 @@ STEP, HALF = 0, 1
 @kernel(inline=True)
 def _rooms(planets, scratch):
     """Return the parts of the scratch: the room of the planets, and that for a copy of them."""
-    rows = ROWS * registers_of(planets)
+    rows = ROWS * registers_in(planets)
     return scratch[:rows], scratch[rows:]
 
 
@@ -153,6 +154,7 @@ def stretch(method, unit, factor):
 class DemocraticHeliocentric(OnKeplerOrbits):
     """The steps of a Wisdom–Holman map in democratic heliocentric coordinates, which are marched in the carry."""
 
+    least_bodies: ClassVar[int] = 1
     kernels: ClassVar[Mapping[str, Any]] = {
         "enter": enter,
         "leave": leave,
@@ -176,13 +178,21 @@ class DemocraticHeliocentric(OnKeplerOrbits):
         row[0, [STEP, HALF]] = h, 0.5 * h
         return row
 
+    def stages_of(self, h: float) -> tuple[Array, Array]:
+        """Half of the Kepler motions, and the kick and these motions."""
+        return rows_of([(HELIOCENTRIC_DRIFT, h / 2)]), rows_of([(HELIOCENTRIC_KICK, h), (HELIOCENTRIC_DRIFT, h)])
+
+    def room_shape(self, size: int) -> tuple[int, int]:
+        """The rows of `orbits.kernels.heliocentric`."""
+        return ROWS * registers_for(size), WIDTH
+
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The table of a step; see `orbits.kernels.heliocentric_particles`. None is kept without particles."""
         return (PLANETS + size // 3 - 1, WIDTH) if self.among_particles else (1, padded(size))
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.heliocentric`, and a copy of the planets."""
-        return ROWS * registers(size) + self.carry_rows(size), WIDTH
+        return ROWS * registers_for(size) + self.carry_rows(size), WIDTH
 
 
 __all__ = ["DemocraticHeliocentric"]

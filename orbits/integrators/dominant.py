@@ -11,23 +11,31 @@ DOMINANT = 0.9
 """Fraction of the total mass that the dominant body must have."""
 
 
-def require_dominant(parameters: Any) -> None:
-    """Raise InputError for softened gravity, and if no body dominates the others; parameters : softening^2, GM1, ..."""
+def require_dominant(parameters: Any, least: int = 2) -> None:
+    """Raise InputError for softened gravity, for fewer than `least` bodies, and if none dominates the others.
+
+    parameters : softening^2, GM1, ...
+    """
     gm = parameters[1:]
     if parameters[0] > 0.0:
         raise InputError(
             "a Wisdom–Holman step moves the planets on Kepler orbits about point masses; got a softening. Use "
             "softening = 0, or a method such as Gauss(stages=8)."
         )
-    if len(gm) < 2 or not gm.max() > DOMINANT * gm.sum():
-        share = gm.max() / gm.sum()
-        got = "there is a single one" if len(gm) < 2 else f"the heaviest of these {len(gm)} has {100 * share:.3g} %"
+    if len(gm) < least:
+        raise InputError(
+            "a Wisdom–Holman step in Jacobi coordinates needs a planet beside the dominant body; there is a single "
+            "massive body. WisdomHolman(coordinates='democratic-heliocentric') moves massless particles about it "
+            "exactly, whatever the step; or use Gauss(stages=8)."
+        )
+    if not gm.max() > DOMINANT * gm.sum():
+        got = f"the heaviest of these {len(gm)} has {100 * gm.max() / gm.sum():.3g} %"
         raise InputError(
             "a Wisdom–Holman step needs massive bodies of which one dominates the others, with more than "
             f"{100 * DOMINANT:.0f} % of the mass; {got}. Use a method such as Gauss(stages=8)."
         )
 
 
-def registers(size: int) -> int:
+def registers_for(size: int) -> int:
     """Return the number of registers of eight planets of `size` coordinates of bodies."""
     return max(1, (size // 3 - 1 + WIDTH - 1) // WIDTH)

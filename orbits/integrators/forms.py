@@ -142,6 +142,10 @@ class Form:
         """
         return np.zeros((0, 7))
 
+    def inner_of(self, carry: Array) -> Array:
+        """Return a view of the internal variables of forces in the carry, those of one force after another."""
+        return carry[:0].reshape(-1)
+
 
 def coefficients_of(form: Form, h: float) -> Any:
     """Return the coefficients of steps of h, cached if the form can be hashed."""

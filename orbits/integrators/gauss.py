@@ -66,14 +66,14 @@ class Gauss(VariationalRungeKutta):
         """All stages at once, to the round-off floor."""
         return Collocation(self.tableau, close=self.close_pairs)
 
-    def form_with(self, forces: int) -> Form | None:
+    def form_with(self, forces: int, inner: int = 0) -> Form | None:
         """As for all methods of this family; with `close_pairs` there is none."""
         if self.close_pairs:
             raise InputError(
                 f"{self.label}: close_pairs=True is for forces that depend on positions alone, which is not so here; "
                 f"use Gauss(stages={self.stages})."
             )
-        return super().form_with(forces)
+        return super().form_with(forces, inner)
 
     @classmethod
     def examples(cls) -> tuple[Gauss, ...]:

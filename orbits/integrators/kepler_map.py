@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.integrators.dominant import registers, require_dominant
+from orbits.integrators.dominant import registers_for, require_dominant
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.kepler_map_particles import (
     begin_among_particles,
@@ -38,8 +38,8 @@ from orbits.integrators.kepler_map_steps import (
     stretch,
     trace,
 )
-from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, keep_particles
-from orbits.kernels.interaction import ROWS, STATE_ROWS
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, keep_particles, rows_of
+from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.jacobi import (
     TRACE_ROWS,
     number_planets,
@@ -48,6 +48,8 @@ from orbits.kernels.jacobi_particles import (
     table_rows,
 )
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.stages_of_maps import DRIFT, FLOW, MODIFIED, STANDARD
+from orbits.kernels.stages_of_maps import LAZY as LAZY_KICK
 from orbits.kernels.systems.approaches import ALL_ROWS
 from orbits.kernels.systems.planets import MOST_PLANETS
 from orbits.kernels.systems.planets_march import march_planets
@@ -113,6 +115,17 @@ class KeplerSplitting(OnKeplerOrbits):
         rows[1:, :2] = stages
         return rows
 
+    def stages_of(self, h: float) -> tuple[Array, Array]:
+        """The corrector, and kick, Kepler motions, kick, with the flow of terms in between."""
+        flow = [(FLOW, h / 2)] if self.with_terms else []
+        kick = {"standard": STANDARD, "modified-kick": MODIFIED, "lazy": LAZY_KICK}[self.kernel], h / 2
+        entry: list[tuple[int, float]] = []
+        for drift, length in self.coefficients(h, h)[1:, :2].tolist():
+            entry.append((DRIFT, drift))
+            if length != 0.0:
+                entry += [(FLOW, length), (STANDARD, length)] if self.with_terms else [(STANDARD, length)]
+        return rows_of(entry), rows_of([kick, *flow, (DRIFT, h), *flow, kick])
+
     def stages_shape(self, size: int) -> tuple[int, int]:
         """The tables before and after a step, and workspace; see `orbits.kernels.jacobi_particles`. None are kept
         without particles.
@@ -121,11 +134,11 @@ class KeplerSplitting(OnKeplerOrbits):
             return 1, padded(size)
         planets = size // 3 - 1
         flows = 6 * (planets + 1) if self.with_terms else 0
-        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers(size), WIDTH
+        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers_for(size), WIDTH
 
     def trace_rows(self, size: int) -> int:
         """Return the rows that `trace` writes: of planets in a single register, without particles."""
-        return TRACE_ROWS if registers(size) == 1 and not self.among_particles else 0
+        return TRACE_ROWS if registers_for(size) == 1 and not self.among_particles else 0
 
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""
@@ -134,7 +147,7 @@ class KeplerSplitting(OnKeplerOrbits):
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`."""
-        return ROWS * registers(size) + WIDTH, WIDTH
+        return self.room_shape(size)
 
     def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
         """The march of up to eight planets of each."""
@@ -163,7 +176,7 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
     form = KeplerSplitting("standard", 0)
     planets = np.zeros((form.carry_rows(q.size), WIDTH))
     number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
-    first = STATE_ROWS * registers(q.size)
+    first = STATE_ROWS * registers_for(q.size)
     return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
 
 

@@ -18,6 +18,7 @@ from orbits.kernels.jacobi import (
     step_lazy,
     step_modified,
     step_plain,
+    step_with_terms_in_a_register,
     trace_planets,
 )
 from orbits.kernels.lanes import WIDTH
@@ -139,6 +140,10 @@ def step_with_terms(method, model, t, h, state, storage):
     """As `step`, with half the flow of terms that depend on velocities before and after the Kepler motions."""
     coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
     half, whole = coefficients[0, HALF], coefficients[0, WHOLE]
+    if room.shape[0] < 2 * ROWS:
+        lazy = coefficients[0, LAZY] != 0.0
+        step_with_terms_in_a_register(model, planets, room, whole, coefficients[0, SHIFT], lazy)
+        return OK, 0, 1
     kick_planets(planets, room, half)
     flow(model, planets, room, half)
     advance_planets(planets, room, whole, 0.0)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
-from orbits.integrators.dominant import registers, require_dominant
+import numpy as np
+
+from orbits.integrators.dominant import registers_for, require_dominant
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import STATE_ROWS
+from orbits.kernels.interaction import ROWS, STATE_ROWS
 from orbits.kernels.jacobi_particles import MEMORY_ROWS, store_marched, take_particles
+from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import NOWHERE
 
 
@@ -42,17 +45,24 @@ def stretch_rows(own, unit, factor):
             own[row, k] = factor * unit[row, k]
 
 
+def rows_of(stages: Iterable[tuple[int, float]]) -> Array:
+    """Return stages (kind, length) as an array, (s, 2)."""
+    return np.array(list(stages), dtype=np.float64).reshape(-1, 2)
+
+
 @dataclass(frozen=True)
 class OnKeplerOrbits(Form):
     """Base of the forms of Wisdom–Holman maps.
 
     among_particles : whether the planets leave tables for massless particles
     more_kernels : what is then added to `kernels`
+    least_bodies : how many massive bodies the steps take
     """
 
     among_particles: bool = field(default=False, kw_only=True)
 
     more_kernels: ClassVar[Mapping[str, Any]]
+    least_bodies: ClassVar[int] = 2
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels of this instance."""
@@ -62,9 +72,19 @@ class OnKeplerOrbits(Form):
         """Return the form whose planets leave tables for massless particles."""
         return replace(self, among_particles=True)
 
+    def stages_of(self, h: float) -> tuple[Array, Array]:
+        """Return what leads from the states that are seen to those that are marched, and a step of h, as stages: rows
+        (kind, length) of `orbits.kernels.stages_of_maps`, for tangent vectors.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must define its stages")
+
+    def room_shape(self, size: int) -> tuple[int, int]:
+        """Return the shape of the part of the scratch that has the constants of the planets."""
+        return ROWS * registers_for(size) + WIDTH, WIDTH
+
     def carry_rows(self, size: int) -> int:
         """The planets, eight in a register, with low parts; their centre of mass; their order."""
-        return (STATE_ROWS + 1) * registers(size) + 2
+        return (STATE_ROWS + 1) * registers_for(size) + 2
 
     @property
     def particle_carry_rows(self) -> int:
@@ -75,5 +95,5 @@ class OnKeplerOrbits(Form):
         """Nothing in the carry depends on the length of the steps."""
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
-        """Raise InputError for softened gravity, and if no body dominates the others."""
-        require_dominant(parameters)
+        """Raise InputError for softened gravity, for too few bodies, and if none dominates the others."""
+        require_dominant(parameters, self.least_bodies)

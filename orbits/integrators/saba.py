@@ -26,9 +26,9 @@ import numpy as np
 from orbits.checks import is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.dominant import registers
+from orbits.integrators.dominant import registers_for
 from orbits.integrators.forms import Array, padded
-from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, stretch_rows
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, rows_of, stretch_rows
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import ROWS
 from orbits.kernels.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
@@ -37,7 +37,7 @@ from orbits.kernels.jacobi_particles_entering import enter_among, leave_among
 from orbits.kernels.jacobi_stages import (
     particles_at_the_end,
     particles_in_stages,
-    registers_of,
+    registers_in,
     room_rows,
     show_at_the_end,
     step_in_stages,
@@ -45,6 +45,7 @@ from orbits.kernels.jacobi_stages import (
     tabulate_the_end,
 )
 from orbits.kernels.lanes import WIDTH, full
+from orbits.kernels.stages_of_maps import DRIFT, STANDARD
 from orbits.kernels.steps import OK, Particles
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.near_integrable import KNOWN, REFINED, binary_splitting
@@ -63,7 +64,7 @@ km off after a thousand years."""
 @kernel(inline=True)
 def _rooms(planets, scratch):
     """Return the parts of the scratch: the room of the planets, and that for a copy of them."""
-    rows = room_rows(registers_of(planets))
+    rows = room_rows(registers_in(planets))
     return scratch[:rows], scratch[rows:]
 
 
@@ -193,6 +194,12 @@ class KeplerStages(OnKeplerOrbits):
         rows[STAGES:, 0], rows[STAGES:, 1] = kicks, [*drifts[1:-1], drifts[-1] + drifts[0]]
         return rows
 
+    def stages_of(self, h: float) -> tuple[Array, Array]:
+        """The motion to what is marched, and kicks and motions."""
+        rows = self.coefficients(h, h)
+        step = [pair for kick, drift in rows[STAGES:, :2].tolist() for pair in ((STANDARD, kick), (DRIFT, drift))]
+        return rows_of([(DRIFT, rows[ENTRY, 0])]), rows_of(step)
+
     def stages_shape(self, size: int) -> tuple[int, int]:
         """A table for each kick, and workspace; see `orbits.kernels.jacobi_particles`. None are kept without
         particles.
@@ -200,11 +207,11 @@ class KeplerStages(OnKeplerOrbits):
         if not self.among_particles:
             return 1, padded(size)
         planets, kicks = size // 3 - 1, len(binary_splitting(self.orders, 1.0)[1])
-        return kicks * (3 * (planets + 1) + planets) + 3 * registers(size), WIDTH
+        return kicks * (3 * (planets + 1) + planets) + 3 * registers_for(size), WIDTH
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.jacobi`, and a copy of the planets."""
-        return ROWS * registers(size) + WIDTH + self.carry_rows(size), WIDTH
+        return ROWS * registers_for(size) + WIDTH + self.carry_rows(size), WIDTH
 
 
 @dataclass(frozen=True)
@@ -216,6 +223,8 @@ class SABA(Integrator):
         of n kicks that Laskar and Robutel call SABA_n, n = 1 ... 10. Also as one value: SABA("10-6-4"), SABA((8, 2))
     encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
         step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
+    planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
+        it; or "follow" these encounters by steps chosen one by one, of all bodies, as with `WisdomHolman`
 
     For systems of the kind that `WisdomHolman` is for, under Newton's gravity alone, in the same Jacobi coordinates;
     see there for encounters and for the places of massless particles. It has no corrector, so that the states between
@@ -232,6 +241,7 @@ class SABA(Integrator):
     second: Any = None
     third: Any = None
     encounters: str = option("warn")
+    planets: str = option("warn")
 
     name: ClassVar[str] = "saba"
     summary: ClassVar[str] = "SABA(10,6,4) and others: bodies about a dominant one, several Kepler orbits and kicks"
@@ -246,6 +256,8 @@ class SABA(Integrator):
             object.__setattr__(self, name, value)
         if self.encounters not in ("warn", "retire"):
             raise InputError(f"encounters is {shown(self.encounters)}; expected 'warn' or 'retire'")
+        if self.planets not in ("warn", "follow"):
+            raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'follow'")
 
     @property
     def orders(self) -> tuple[int, ...]:
@@ -255,8 +267,13 @@ class SABA(Integrator):
     @property
     def label(self) -> str:
         """The name with the generalized order: "SABA(10, 6, 4)"."""
-        more = {name: value for name, value in self.parameters().items() if name == "encounters"}
+        more = {name: value for name, value in self.parameters().items() if name in ("encounters", "planets")}
         return f"SABA({', '.join([*map(str, self.orders), *(f'{name}={value!r}' for name, value in more.items())])})"
+
+    @property
+    def follows_meetings(self) -> bool:
+        """Whether all bodies take steps of another method in encounters of planets."""
+        return self.planets == "follow"
 
     @property
     def retires_in_encounters(self) -> bool:

@@ -43,9 +43,9 @@ class VariationalRungeKutta(Integrator):
         """The same in positions and momenta, for stages that fit into one register."""
         return Canonical(self.tableau) if self.tableau.stages <= WIDTH else None
 
-    def form_with(self, forces: int) -> Form | None:
+    def form_with(self, forces: int, inner: int = 0) -> Form | None:
         """The canonical form in velocities, for stages that fit into one register."""
-        return CanonicalBodies(self.tableau, forces) if self.tableau.stages <= WIDTH else None
+        return CanonicalBodies(self.tableau, forces, inner) if self.tableau.stages <= WIDTH else None
 
     @property
     def order(self) -> int:

@@ -41,6 +41,8 @@ COORDINATES = "jacobi", "democratic-heliocentric"
 
 ENCOUNTERS = "warn", "follow", "retire"
 
+PLANETS = "warn", "follow", "refuse"
+
 
 def _distance(value: Any, name: str) -> float:
     """Return a distance above 0. Raises InputError for anything else."""
@@ -73,7 +75,8 @@ class WisdomHolman(Integrator):
         step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
         step of that passage, with time and place
     planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
-        it, or "refuse" to go on, with a SingularityError before the step of that passage
+        it; "follow" these encounters by steps chosen one by one, of all bodies; or "refuse" to go on, with a
+        SingularityError before the step of that passage
     ejected_beyond, lost_within : the distance from the dominant body beyond which massless particles on open orbits are
         retired, and the pericentre distance below which any are, in the system's unit of length, whatever `encounters`
         is; looked for after every 64th step
@@ -99,10 +102,22 @@ class WisdomHolman(Integrator):
     dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
     of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
     enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
-    others do not change. One that comes within the radius of a body, if the system has radii, is retired where it does.
+    others do not change. Terms of positions alone act on it there too; with others it is refused. One that comes within the radius of a body, if the system has radii, is retired where it does.
+
+    The last bits of a particle that is followed depend on the order in which the massive bodies are given.
+
+    With `planets="follow"` all bodies leave the map, in both coordinates, at the beginning of the step in which two
+    planets come within four mutual Hill radii of each other, or within the way that they make relative to each other in
+    a step, or in which a planet comes to a pericentre that the step does not resolve, as above; the states at both ends
+    of the step tell. By steps of Gauss(stages=8), chosen as in runs without dt, they then go on until the planets are
+    1.1 times as far apart, and enter the map again at the next multiple of the step, with planets that are numbered
+    anew. `run.excursions` lists when they left and returned. That is neither reversible in time nor symplectic; without
+    encounters, all bits are those of the map. A planet that stays near another one, as in a pair of them, keeps all
+    bodies away from the map for good. There is no dense output; terms must be of positions alone.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
-    pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow".
+    pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow", or
+    planets="follow" for those of massive bodies.
 
     Raises InputError for other coordinates, kernels, correctors and answers to encounters, and for a modified or lazy
     kick without a corrector.
@@ -146,8 +161,8 @@ class WisdomHolman(Integrator):
             *others, last = map(repr, ENCOUNTERS)
             known = f"{', '.join(others)} or {last}"
             raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
-        if self.planets not in ("warn", "refuse"):
-            raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'refuse'")
+        if self.planets not in PLANETS:
+            raise InputError(f"planets is {shown(self.planets)}; expected 'warn', 'follow' or 'refuse'")
         for name in ("ejected_beyond", "lost_within"):
             value = getattr(self, name)
             if value is not None:
@@ -182,11 +197,6 @@ class WisdomHolman(Integrator):
                     f"coordinates='democratic-heliocentric', where kicks and motions of the dominant body are applied "
                     f"together; leave it out, or use coordinates='jacobi'"
                 )
-        if self.encounters == "follow":
-            raise InputError(
-                "encounters='follow' leaves and enters Jacobi coordinates, and does not fit "
-                "coordinates='democratic-heliocentric'; use encounters='warn' or 'retire', or coordinates='jacobi'"
-            )
 
     @property
     def departures(self) -> tuple[float | None, float | None]:
@@ -197,6 +207,11 @@ class WisdomHolman(Integrator):
     def refuses_meetings(self) -> bool:
         """Whether encounters of planets end a run."""
         return self.planets == "refuse"
+
+    @property
+    def follows_meetings(self) -> bool:
+        """Whether all bodies take steps of another method in encounters of planets."""
+        return self.planets == "follow"
 
     @property
     def follows_encounters(self) -> bool:
@@ -266,7 +281,7 @@ class WisdomHolman(Integrator):
             )
         if strange:
             raise InputError(
-                f"{self.label} takes terms of the dominant body such as PostNewtonian and ZonalHarmonics, each with a "
+                f"{self.label} takes terms of the dominant body such as PostNewtonian of one source, each with a "
                 f"motion of its own between Kepler motions, not {', '.join(strange)}. Use Gauss(stages=8)."
             )
         super().check(lagrangian, others)

@@ -1,12 +1,15 @@
 """The other terms of a sum, and forces without a Lagrangian.
 
 A `SumTag` can contain forces too; their parameter vectors then follow those of the terms. Missing parts add nothing.
+
+A force may have internal variables y, such as a spin, with rates of change y' that it computes along with the forces.
+Methods step them by the same rule as momenta, Y_i = y + h sum_j a_ij y'_j. Those of all forces stand in one array.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba.extending import intrinsic, overload
 
@@ -15,20 +18,30 @@ from orbits.kernels.binding import (
     SumTag,
     SumType,
     Tag,
-    add_forces,
     add_gradients,
     kernel_of,
     momenta_of_terms,
     other_terms,
-    total_particle_force,
+    plus,
     total_particle_gradients,
+    total_particle_momenta,
 )
+from orbits.kernels.central import add_central_force, central_particle_force
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import full, get, load, put, store, total
-from orbits.kernels.summation import add_compensated
+from orbits.kernels.lanes import WIDTH, full, get, load, put, store, total
+from orbits.kernels.summation import add_compensated, compensated_row_sums
 
 FIGURES = 7
 """The time integrals kept of a force: its work, its torque about the origin (3) and its impulse (3), times G."""
+
+
+class Moment(NamedTuple):
+    """Where forces are evaluated: the times, positions, velocities and internal variables of stages."""
+
+    t: Any
+    q: Any
+    v: Any
+    y: Any
 
 
 def acted_on(tag: Tag, parameters: Any, forces: Sequence[Any]) -> tuple[Tag, tuple[Any, ...]]:
@@ -80,21 +93,70 @@ def _add_momenta(lagrangian, parameters, t, q, v, f, p):
     return others
 
 
-def add_acting(lagrangian, parameters, t, q, v, f):
-    """Add the forces of a sum to f; vectors, or rows of eight stages with t in `Lanes`."""
+def inner_variables(lagrangian):
+    """Return the number of internal variables of the forces of a sum."""
+    raise NotImplementedError("inner_variables() is for compiled code only")
+
+
+@overload(inner_variables, jit_options=OPTIONS)
+def _inner_variables(lagrangian):
+    count = sum(kernel_of(force, "inner") or 0 for force in lagrangian.forces)
+    return lambda lagrangian: count
+
+
+def add_acting(lagrangian, parameters, t, q, v, y, f, rates):
+    """Add the forces of a sum to f, and write the rates of their internal variables y; vectors, or rows of eight stages
+    with t in `Lanes`.
+    """
     raise NotImplementedError("add_acting() is for compiled code only")
 
 
 @overload(add_acting, jit_options=OPTIONS)
-def _add_acting(lagrangian, parameters, t, q, v, f):
+def _add_acting(lagrangian, parameters, t, q, v, y, f, rates):
     count = len(lagrangian.terms)
     if not lagrangian.forces:
-        return lambda lagrangian, parameters, t, q, v, f: None
+        return lambda lagrangian, parameters, t, q, v, y, f, rates: None
 
-    def acting(lagrangian, parameters, t, q, v, f):
-        add_forces(forces_of(lagrangian), parameters[0], parameters[count:], t, q, v, f)
+    def acting(lagrangian, parameters, t, q, v, y, f, rates):
+        add_forces(forces_of(lagrangian), parameters[0], parameters[count:], t, q, v, y, f, rates)
 
     return acting
+
+
+def add_forces(tags, strength, parameters, t, q, v, y, f, rates):
+    """Add forces without a Lagrangian, times G like dL/dq, to f, and write the rates of their internal variables y;
+    vectors, or rows of eight stages.
+    """
+    raise NotImplementedError("add_forces() is for compiled code only")
+
+
+@overload(add_forces, jit_options=OPTIONS)
+def _add_forces(tags, strength, parameters, t, q, v, y, f, rates):
+    own, last = kernel_of(tags.terms[0], "inner") or 0, len(tags.terms) == 1
+
+    def one(tags, strength, parameters, t, q, v, y, f, rates):
+        add_force(tags, strength, parameters[0], t, q, v, y, f, rates)
+
+    def these(tags, strength, parameters, t, q, v, y, f, rates):
+        add_force(tags, strength, parameters[0], t, q, v, y, f, rates)
+        add_forces(other_terms(tags), strength, parameters[1:], t, q, v, y[own:], f, rates[own:])
+
+    return one if last else these
+
+
+def add_force(tags, strength, own, t, q, v, y, f, rates):
+    """Add the first of several forces, and write the rates of its internal variables, the first ones in y."""
+    raise NotImplementedError("add_force() is for compiled code only")
+
+
+@overload(add_force, jit_options=OPTIONS)
+def _add_force(tags, strength, own, t, q, v, y, f, rates):
+    force = kernel_of(tags.terms[0], "force")
+    if force is None:
+        return lambda tags, strength, own, t, q, v, y, f, rates: add_central_force(tags, strength, own, t, q, v, f)
+    if kernel_of(tags.terms[0], "inner"):
+        return lambda tags, strength, own, t, q, v, y, f, rates: force(strength, own, t, q, v, y, f, rates)
+    return lambda tags, strength, own, t, q, v, y, f, rates: force(strength, own, t, q, v, f)
 
 
 def particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity):
@@ -115,6 +177,28 @@ def _particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity)
     def others(lagrangian, parameters, t, sources, speeds, place, velocity):
         tags = other_terms(lagrangian)
         return total_particle_gradients(tags, parameters[0], parameters[1:], t, sources, speeds, place, velocity)
+
+    return others
+
+
+def particle_momenta(lagrangian, parameters, t, sources, speeds, place, velocity):
+    """Return the contributions of all terms except the first to dL/dv of a massless particle, three numbers."""
+    raise NotImplementedError("particle_momenta() is for compiled code only")
+
+
+@overload(particle_momenta, jit_options=OPTIONS)
+def _particle_momenta(lagrangian, parameters, t, sources, speeds, place, velocity):
+    if len(lagrangian.terms) == 1:
+
+        def nothing(lagrangian, parameters, t, sources, speeds, place, velocity):
+            zero = place[0] * 0.0
+            return zero, zero, zero
+
+        return nothing
+
+    def others(lagrangian, parameters, t, sources, speeds, place, velocity):
+        tags = other_terms(lagrangian)
+        return total_particle_momenta(tags, parameters[0], parameters[1:], t, sources, speeds, place, velocity)
 
     return others
 
@@ -142,52 +226,108 @@ def _particle_acting(lagrangian, parameters, t, particle, sources, speeds, place
     return acting
 
 
-def account(lagrangian, parameters, t, weights, Q, V, rows, books):
-    """Add the work, torque and impulse of each force of a sum on the massive bodies in a step to its two rows of
-    `books`.
+def total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
+    """Return the sum of forces per unit mass, three numbers, on massless particle number `particle`, or on eight from
+    that on in lanes.
+    """
+    raise NotImplementedError("total_particle_force() is for compiled code only")
 
-    t, weights : times of the stages and h b, `Lanes`; Q, V : (3n, 8) positions and velocities of the stages
-    rows : (3n, 8), workspace; books : (2 forces, 8), for each force its `FIGURES` and their low parts
+
+@overload(total_particle_force, jit_options=OPTIONS)
+def _total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
+    def one(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
+        return particle_force(tags, strength, parameters[0], t, particle, sources, speeds, place, velocity)
+
+    def these(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
+        found = particle_force(tags, strength, parameters[0], t, particle, sources, speeds, place, velocity)
+        rest, own = other_terms(tags), parameters[1:]
+        return plus(found, total_particle_force(rest, strength, own, t, particle, sources, speeds, place, velocity))
+
+    return one if len(tags.terms) == 1 else these
+
+
+def particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
+    """Return the first of several forces per unit mass on a massless particle, or on eight, three numbers."""
+    raise NotImplementedError("particle_force() is for compiled code only")
+
+
+@overload(particle_force, jit_options=OPTIONS)
+def _particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
+    force = kernel_of(tags.terms[0], "particle_force")
+
+    def central(tags, strength, own, t, particle, sources, speeds, place, velocity):
+        return central_particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity)
+
+    def given(tags, strength, own, t, particle, sources, speeds, place, velocity):
+        return force(strength, own, t, particle, sources, speeds, place, velocity)
+
+    return central if force is None else given
+
+
+def account(lagrangian, parameters, weights, at, rows, rates, books):
+    """Add the work, torque and impulse of each force of a sum on the massive bodies in a step to its two rows of
+    `books`, and the changes of the internal variables to the rows that follow.
+
+    weights : h b, `Lanes`; at : the `Moment` of the stages, of t in `Lanes` and rows of eight
+    rows : (3n, 8), workspace; rates : rows for those of the internal variables, a multiple of eight
+    books : (2 forces, 8), for each force its `FIGURES` and their low parts; then the internal variables, eight in a
+        row, and their low parts
     """
     raise NotImplementedError("account() is for compiled code only")
 
 
 @overload(account, jit_options=OPTIONS)
-def _account(lagrangian, parameters, t, weights, Q, V, rows, books):
-    count = len(lagrangian.terms)
+def _account(lagrangian, parameters, weights, at, rows, rates, books):
+    count, forces = len(lagrangian.terms), len(lagrangian.forces)
     if not lagrangian.forces:
-        return lambda lagrangian, parameters, t, weights, Q, V, rows, books: None
+        return lambda lagrangian, parameters, weights, at, rows, rates, books: None
 
-    def all_of_them(lagrangian, parameters, t, weights, Q, V, rows, books):
-        _account_each(forces_of(lagrangian), parameters[0], parameters[count:], t, weights, Q, V, rows, books)
+    def all_of_them(lagrangian, parameters, weights, at, rows, rates, books):
+        _account_each(forces_of(lagrangian), parameters[0], parameters[count:], weights, at, rows, rates, books)
+        if inner_variables(lagrangian) > 0:
+            _advance(weights, rates, books[2 * forces :])
 
     return all_of_them
 
 
-def _account_each(tags, strength, parameters, t, weights, Q, V, rows, books):
+def _account_each(tags, strength, parameters, weights, at, rows, rates, books):
     raise NotImplementedError("this is for compiled code only")
 
 
 @overload(_account_each, jit_options=OPTIONS)
-def _choose(tags, strength, parameters, t, weights, Q, V, rows, books):
-    force, last = kernel_of(tags.terms[0], "force"), len(tags.terms) == 1
+def _choose(tags, strength, parameters, weights, at, rows, rates, books):
+    own, last = kernel_of(tags.terms[0], "inner") or 0, len(tags.terms) == 1
 
-    def one(tags, strength, parameters, t, weights, Q, V, rows, books):
+    def one(tags, strength, parameters, weights, at, rows, rates, books):
         n = strength.shape[0] - 1
         for k in range(3 * n):
             put(rows, k, full(0.0))
-        force(strength, parameters[0], t, Q, V, rows)
-        _book(n, weights, Q, V, rows, books)
+        add_force(tags, strength, parameters[0], at.t, at.q, at.v, at.y, rows, rates)
+        _book(n, weights, at.q, at.v, rows, books)
 
-    def these(tags, strength, parameters, t, weights, Q, V, rows, books):
+    def these(tags, strength, parameters, weights, at, rows, rates, books):
         n = strength.shape[0] - 1
         for k in range(3 * n):
             put(rows, k, full(0.0))
-        force(strength, parameters[0], t, Q, V, rows)
-        _book(n, weights, Q, V, rows, books)
-        _account_each(other_terms(tags), strength, parameters[1:], t, weights, Q, V, rows, books[2:])
+        add_force(tags, strength, parameters[0], at.t, at.q, at.v, at.y, rows, rates)
+        _book(n, weights, at.q, at.v, rows, books)
+        more = Moment(at.t, at.q, at.v, at.y[own:])
+        _account_each(other_terms(tags), strength, parameters[1:], weights, more, rows, rates[own:], books[2:])
 
     return one if last else these
+
+
+@kernel
+def _advance(weights, rates, inner):
+    """Add the changes in a step to the internal variables; inner : rows of these, then of their low parts."""
+    half = inner.shape[0] // 2
+    for block in range(half):
+        for j in range(WIDTH * block, WIDTH * (block + 1)):
+            store(rates, j, weights * load(rates, j))
+        change, change_lo = compensated_row_sums(rates, WIDTH * block)
+        high, low = add_compensated(load(inner, block), load(inner, half + block) + change_lo, change)
+        store(inner, block, high)
+        store(inner, half + block, low)
 
 
 @kernel

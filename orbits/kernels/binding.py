@@ -139,9 +139,10 @@ def adding(name, instead=None, optional=False):
     return each
 
 
-def totalling(name, count):
-    """Return a function that sums, over the terms of a sum, the `count` numbers that the kernel of that name
-    returns.
+def totalling(name, count, instead=None):
+    """Return a function that sums, over the terms of a sum, the `count` numbers that the kernel of that name returns.
+
+    instead : the name of the kernel to call of terms without such a one, of whose numbers the last `count` are taken
     """
 
     def total(tags, strength, parameters, *rest):
@@ -149,11 +150,19 @@ def totalling(name, count):
 
     @overload(total, jit_options=OPTIONS)
     def _total(tags, strength, parameters, *rest):
-        compiled = kernel_of(tags.terms[0], name)
+        compiled, skipped = kernel_of(tags.terms[0], name), 0
+        if compiled is None and instead is not None:
+            compiled, skipped = kernel_of(tags.terms[0], instead), count
         if compiled is None:
             return None
         if len(tags.terms) == 1:
+            if skipped:
+                return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)[skipped:]
             return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)
+
+        def part(tags, strength, parameters, *rest):
+            mine = compiled(strength, parameters[0], *rest)[skipped:]
+            return plus(mine, total(other_terms(tags), strength, parameters[1:], *rest))
 
         def one(tags, strength, parameters, *rest):
             mine = compiled(strength, parameters[0], *rest)
@@ -163,7 +172,7 @@ def totalling(name, count):
             mine = compiled(strength, parameters[0], *rest)
             return plus(mine, total(other_terms(tags), strength, parameters[1:], *rest))
 
-        return one if count == 1 else several
+        return part if skipped else (one if count == 1 else several)
 
     return total
 
@@ -193,6 +202,7 @@ momenta_of_terms = adding("momenta", instead="gradients")
 total_value = totalling("value", 1)
 total_field = totalling("field", 3)
 total_particle_gradients = totalling("particle_gradients", 6)
+total_particle_momenta = totalling("particle_momenta", 3, instead="particle_gradients")
 
 
 def dimension(lagrangian, parameters):
@@ -469,6 +479,22 @@ def _field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
     )
 
 
+def rate_at(lagrangian, parameters, sources, place):
+    """Return the square of the dynamical rate of a massless particle at a place; of the first term of a sum alone."""
+    raise NotImplementedError("rate_at() is for compiled code only")
+
+
+@overload(rate_at, jit_options=OPTIONS)
+def _rate_at(lagrangian, parameters, sources, place):
+    if isinstance(lagrangian, SumType):
+        return lambda lagrangian, parameters, sources, place: rate_at(
+            first_term(lagrangian), parameters[0], sources, place
+        )
+    return lambda lagrangian, parameters, sources, place: field_close(
+        lagrangian, parameters, sources, None, place, place
+    )[3]
+
+
 def gross_field(lagrangian, parameters, sources, x, y, z):
     """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel."""
     raise NotImplementedError("gross_field() is for compiled code only")
@@ -512,14 +538,3 @@ def _particle_gradients(lagrangian, parameters, t, sources, speeds, place, veloc
         return compiled(parameters, t, sources, speeds, place, velocity)
 
     return compiled and call
-
-
-add_forces = adding("force")
-"""add_forces(tags, strength, parameters, t, q, v, f): add the forces without a Lagrangian, times G like dL/dq, to f;
-vectors, or rows of eight stages.
-"""
-
-total_particle_force = totalling("particle_force", 3)
-"""total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity): return
-(fx, fy, fz) per unit mass on massless particle number `particle`, or on eight from that on in lanes.
-"""

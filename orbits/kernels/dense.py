@@ -114,6 +114,17 @@ def double_integrals(theta, rows, out):
         before, now, legendre, following = now, ahead, following, after
 
 
+@kernel(inline=True)
+def single_integrals(theta, rows, out):
+    """Write I_k at eight fractions theta, in lanes, into row k of `out`, for k = 0 ... rows - 1."""
+    x = 2.0 * theta - 1.0
+    before, now = full(-1.0), full(1.0)
+    for k in range(rows):
+        following, ahead = integral(k, x, before, now)
+        store(out, k, ahead)
+        before, now = now, following
+
+
 @kernel
 def motion_within(form, coefficients, lengths, path, kicks, steps, fractions, q, v, done):
     """Write the states at fractions of recorded steps that their polynomials resolve.

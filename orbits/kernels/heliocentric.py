@@ -70,12 +70,33 @@ def attract(planets, room, count):
 def step_heliocentric(planets, room, count, h):
     """Take a step: a kick with the motion by that of the dominant body, then Kepler motions. Returns P / m_0."""
     attract(planets, room, count)
+    x, y, z = _jump(planets, room)
+    _move(planets, room, h, h, (x, y, z))
+    return x, y, z
+
+
+@kernel(inline=True)
+def _jump(planets, room):
+    """Return P / m_0."""
     x, y, z = 0.0, 0.0, 0.0
     for register in range(room.shape[0] // ROWS):
         share, (vx, vy, vz) = load(room, ROWS * register + SHARE), load_three(planets, STATE_ROWS * register + 3)
         x, y, z = x + total(share * vx), y + total(share * vy), z + total(share * vz)
-    _move(planets, room, h, h, (x, y, z))
     return x, y, z
+
+
+@kernel
+def kick_heliocentric(planets, room, count, h):
+    """Take the first part of a step alone: a kick with the motion by that of the dominant body."""
+    attract(planets, room, count)
+    x, y, z = _jump(planets, room)
+    for register in range(room.shape[0] // ROWS):
+        first, force = STATE_ROWS * register, load_three(room, ROWS * register + FORCE)
+        _advance(planets, first, full(h * x))
+        _advance(planets, first + 1, full(h * y))
+        _advance(planets, first + 2, full(h * z))
+        for k in range(3):
+            _advance(planets, first + 3 + k, h * force[k])
 
 
 @kernel

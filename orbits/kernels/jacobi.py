@@ -63,6 +63,7 @@ from orbits.kernels.lanes import (
 )
 from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_product, two_sum
+from orbits.kernels.terms_about import flow_of_register, force_with_pulls
 
 
 @kernel
@@ -218,6 +219,53 @@ def _step(planets, room, h, shift, modified, lazy):
     store_three(room, PLACE, place)
     store_three(room, FORCE, force)
     move_centre(planets, 1, h)
+
+
+@kernel
+def step_with_terms_in_a_register(model, planets, room, h, shift, lazy):
+    """Take a step of planets that fit into one register, with terms: half a kick, half the flow of those that depend on
+    velocities, Kepler motions, and the same back.
+
+    shift, lazy : 0, or h^2/12 for the modified kick and, if `lazy`, for the lazy one. The same as the parts of it, to
+    the last bit, without leaving registers; the rows FORCE have the interaction of the kick before, and receive that of
+    this one.
+    """
+    masses, force, kick = masses_of(room, 0), load_three(room, FORCE), 0.5 * h
+    state = load_three(planets, 0) + load_three(planets, 3), load_three(planets, 6) + load_three(planets, 9)
+    state = _kicked_state(state, (kick * force[0], kick * force[1], kick * force[2]))
+    state = flow_of_register(model, masses, state, kick)
+    (x, y, z, u, v, w), (x_lo, y_lo, z_lo, u_lo, v_lo, w_lo) = state
+    dx, dy, dz, du, dv, dw = short_increments(x, y, z, u, v, w, masses.attracting, full(h))
+    x, x_lo = accumulate(x, x_lo, dx)
+    y, y_lo = accumulate(y, y_lo, dy)
+    z, z_lo = accumulate(z, z_lo, dz)
+    state = _kicked_state(((x, y, z, u, v, w), (x_lo, y_lo, z_lo, u_lo, v_lo, w_lo)), (du, dv, dw))
+    state = flow_of_register(model, masses, state, kick)
+    x, y, z = state[0][0], state[0][1], state[0][2]
+    force, place, pairs = interaction(x, y, z, masses)
+    if lazy:
+        force = force_with_pulls(model, masses, place, force)
+        there = _kicked((x, y, z), shift, force[0], force[1], force[2])
+        force, place, _ = interaction(there[0], there[1], there[2], masses)
+    elif shift != 0.0:
+        force, _, _ = change_along(force, pairs, shift, masses)
+    force = force_with_pulls(model, masses, place, force)
+    state = _kicked_state(state, (kick * force[0], kick * force[1], kick * force[2]))
+    for part in range(2):
+        store_three(planets, 6 * part, (state[part][0], state[part][1], state[part][2]))
+        store_three(planets, 6 * part + 3, (state[part][3], state[part][4], state[part][5]))
+    store_three(room, FORCE, force)
+    move_centre(planets, 1, h)
+
+
+@kernel(inline=True)
+def _kicked_state(state, change):
+    """Return the state of a register, (r' and its velocity, six, and their low parts), with the velocity changed."""
+    (x, y, z, u, v, w), (x_lo, y_lo, z_lo, u_lo, v_lo, w_lo) = state
+    u, u_lo = accumulate(u, u_lo, change[0])
+    v, v_lo = accumulate(v, v_lo, change[1])
+    w, w_lo = accumulate(w, w_lo, change[2])
+    return (x, y, z, u, v, w), (x_lo, y_lo, z_lo, u_lo, v_lo, w_lo)
 
 
 @kernel(inline=True)

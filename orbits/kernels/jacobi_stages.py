@@ -155,7 +155,7 @@ def particles_at_the_end(marched, drift):
 
 
 @kernel(inline=True)
-def registers_of(planets):
+def registers_in(planets):
     """Return the number of registers of the planets."""
     return (planets.shape[0] - 2) // (STATE_ROWS + 1)
 

@@ -27,7 +27,6 @@ from orbits.kernels.jacobi_particles import (
     take_particles,
     with_interaction,
 )
-from orbits.kernels.jacobi_tangent import LAZY, MODIFIED
 from orbits.kernels.kepler_tangent import flow_change, flow_of
 from orbits.kernels.lanes import (
     WIDTH,
@@ -45,6 +44,7 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.lanes.functions import log
+from orbits.kernels.stages_of_maps import LAZY, MODIFIED
 from orbits.kernels.steps import Model
 from orbits.kernels.tangent import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLER, SQUARE
 from orbits.kernels.watch import flat
@@ -99,7 +99,7 @@ def follow_particles(
 
     tag, strength : of Newton's gravity; memory, stages, rows : see `orbits.kernels.jacobi_particles`
     retired : (padded, 2) int64, those with another number than 0 rest
-    begun : the number of steps before; kick : see `orbits.kernels.jacobi_tangent`
+    begun : the number of steps before; kick : see `orbits.kernels.stages_of_maps`
     vectors : (groups, count, 6, 8), dr' and its velocity; growth : (groups, count, 5, 8), see `orbits.kernels.tangent`
     """
     count, half, shift = strength.shape[0] - 2, 0.5 * h, coefficients[0, 2]

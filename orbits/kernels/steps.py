@@ -20,6 +20,8 @@ calls it (`orbits.marching.driver`) is independent of stages. A method enters co
         recorded, with rows of the record instead of the state, and at the end of a block
     prepare(method, h, before, storage)
         for clocks that change h: writes the coefficients of a step of h that follows one of `before`
+    end_late(method, by)
+        for the same clocks: tells how much later than t + h the next step ends, by their rounding
     signal(method, model, h, state, storage) -> float
         the fraction of the forces that the step just taken did not resolve: 0 for none, 1 for all
     elapsed(method, state, storage) -> (dt, dt_lo)
@@ -54,6 +56,9 @@ IMPACT = 6
 NEAR_A_PLANET, NOT_RESOLVED = 7, 8
 """The status of a massless particle that came closer to a planet, or to the dominant body, than its method can
 follow."""
+
+INNER_NOT_CONVERGED = 9
+"""The status of a step in which the internal variables of a force have not converged."""
 
 NOWHERE = 1e6
 """Position of the padding in the last group of eight particles, of retired particles, and of lanes without a particle,
@@ -234,6 +239,19 @@ def prepare(method, h, before, storage):
 def _prepare(method, h, before, storage):
     compiled = _kernel(method, "prepare")
     return compiled and (lambda method, h, before, storage: compiled(method, h, before, storage))
+
+
+def end_late(method, by):
+    """Tell a method by how much the end of its next step is later than t + h, as the clock rounds; for one that needs
+    to know.
+    """
+    raise NotImplementedError("end_late() is for compiled code only")
+
+
+@overload(end_late, jit_options=OPTIONS)
+def _end_late(method, by):
+    compiled = _kernel(method, "end_late")
+    return (lambda method, by: compiled(method, by)) if compiled else (lambda method, by: None)
 
 
 def signal(method, model, h, state, storage):

@@ -39,9 +39,10 @@ from orbits.kernels.interaction import (
     SHARE,
     STATE_ROWS,
     load_three,
+    masses_of,
     store_three,
 )
-from orbits.kernels.lanes import WIDTH, any_lane, full, load, select, store, sums_after, sums_before, total
+from orbits.kernels.lanes import WIDTH, any_lane, full, lane, load, select, store, sums_after, sums_before, total
 from orbits.kernels.summation import accumulate
 
 WEAK = 1e-13
@@ -109,14 +110,64 @@ def _has(model, static):
     return any((kernel_of(term, "field") is not None) == static for term in tag.terms[1:])
 
 
+@kernel(inline=True)
+def _settled(tags, strength, parameters, masses, state, half, sweeps):
+    """Return the rates of the planets of a single register, six, from r' and their momenta: see `_settle`.
+
+    sweeps : how many evaluations more than the first one, which is at the state itself
+    In u and its velocity W the rates are S J f = f + sum_j m_j f_j / m_0, so that only the last ones, and the first
+    places, need sums over the planets inside or further out.
+    """
+    (x, y, z, u, v, w), share, mass = state, masses.share, masses.mass
+    U = x + sums_before(share * x), y + sums_before(share * y), z + sums_before(share * z)
+    W = u + sums_before(share * u), v + sums_before(share * v), w + sums_before(share * w)
+    f = _derivatives(tags, strength, parameters, mass, U, W)
+    part = mass * full(lane(masses.inner, 0))
+    for _ in range(sweeps):
+        f = _again(tags, strength, parameters, mass, part, U, W, f, half)
+    if sweeps > 0 and any_lane(_is_strong((f[3], f[4], f[5]), W)):
+        for _ in range(MORE):
+            f = _again(tags, strength, parameters, mass, part, U, W, f, half)
+    outer, inner = masses.outer, masses.inner
+    return (
+        -_in_jacobi(outer, inner, mass, f[3], 0.0),
+        -_in_jacobi(outer, inner, mass, f[4], 0.0),
+        -_in_jacobi(outer, inner, mass, f[5], 0.0),
+        _in_jacobi(outer, inner, mass, f[0], 0.0),
+        _in_jacobi(outer, inner, mass, f[1], 0.0),
+        _in_jacobi(outer, inner, mass, f[2], 0.0),
+    )
+
+
+@kernel(inline=True)
+def _again(tags, strength, parameters, mass, part, U, W, f, half):
+    """Return the derivatives at the midpoint to which earlier ones lead; part : m_i / m_0"""
+    gx, gy, gz = f[0] + total(part * f[0]), f[1] + total(part * f[1]), f[2] + total(part * f[2])
+    px, py, pz = f[3] + total(part * f[3]), f[4] + total(part * f[4]), f[5] + total(part * f[5])
+    place = U[0] - half * px, U[1] - half * py, U[2] - half * pz
+    speed = W[0] + (half * gx - px), W[1] + (half * gy - py), W[2] + (half * gz - pz)
+    return _derivatives(tags, strength, parameters, mass, place, speed)
+
+
+@kernel(inline=True)
+def _settle_register(tags, strength, parameters, planets, room, half, sweeps):
+    state = load_three(planets, 0) + load_three(planets, 3)
+    rates = _settled(tags, strength, parameters, masses_of(room, 0), state, half, sweeps)
+    store_three(room, RATE, (rates[0], rates[1], rates[2]))
+    store_three(room, RATE + 3, (rates[3], rates[4], rates[5]))
+
+
 @kernel
 def _evaluate(tags, strength, parameters, planets, room, half, known):
-    """Write the rates of change of the planets into the rows RATE.
+    """Write the rates of change of the planets into the rows RATE; of a single register, those at its state.
 
     half : how far the planets are ahead by the rates that are there; known : 1 if their velocities are momenta, from
         which those rates lead to velocities, or 0 if they are velocities
     """
     registers = room.shape[0] // ROWS
+    if registers == 1:
+        _settle_register(tags, strength, parameters, planets, room, half, 0)
+        return
     bx, by, bz, bu, bv, bw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for register in range(registers):
         first, other = STATE_ROWS * register, ROWS * register
@@ -131,9 +182,6 @@ def _evaluate(tags, strength, parameters, planets, room, half, known):
         place = x + (bx + sums_before(sx)), y + (by + sums_before(sy)), z + (bz + sums_before(sz))
         speed = u + (bu + sums_before(su)), v + (bv + sums_before(sv)), w + (bw + sums_before(sw))
         gx, gy, gz, px, py, pz = _derivatives(tags, strength, parameters, mass, place, speed)
-        if registers == 1:
-            _store_rates(room, 0, (gx, gy, gz), (px, py, pz), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-            return
         bx, by, bz = bx + total(sx), by + total(sy), bz + total(sz)
         bu, bv, bw = bu + total(su), bv + total(sv), bw + total(sw)
         store_three(room, other + OWN, (gx, gy, gz))
@@ -169,6 +217,9 @@ def _in_jacobi(outer, inner, mass, own, beyond):
 def _settle(tags, strength, parameters, planets, room, half):
     """Write the rates at the midpoint of a flow of twice `half`, or with half = 0 those from momenta to velocities."""
     registers, strong = room.shape[0] // ROWS, False
+    if registers == 1:
+        _settle_register(tags, strength, parameters, planets, room, half, QUICK - 1)
+        return
     for register in range(registers):
         for k in range(6):
             store(room, ROWS * register + RATE + k, full(0.0))
@@ -251,6 +302,58 @@ def _overloaded_flow(model, planets, room, h):
     )
 
 
+@kernel(inline=True)
+def _flow_of_register(tags, strength, parameters, masses, planets, h):
+    (x, y, z, u, v, w), (x_lo, y_lo, z_lo, u_lo, v_lo, w_lo) = planets
+    rates = _settled(tags, strength, parameters, masses, planets[0], 0.5 * h, QUICK - 1)
+    x, x_lo = accumulate(x, x_lo, h * rates[0])
+    y, y_lo = accumulate(y, y_lo, h * rates[1])
+    z, z_lo = accumulate(z, z_lo, h * rates[2])
+    u, u_lo = accumulate(u, u_lo, h * rates[3])
+    v, v_lo = accumulate(v, v_lo, h * rates[4])
+    w, w_lo = accumulate(w, w_lo, h * rates[5])
+    return (x, y, z, u, v, w), (x_lo, y_lo, z_lo, u_lo, v_lo, w_lo)
+
+
+def flow_of_register(model, masses, planets, h):
+    """Return planets of a single register after `flow`: r' and its velocity, six, and their low parts."""
+    raise NotImplementedError("flow_of_register() is for compiled code only")
+
+
+@overload(flow_of_register, jit_options=OPTIONS)
+def _overloaded_flow_of_register(model, masses, planets, h):
+    if not _has(model, False):
+        return lambda model, masses, planets, h: planets
+    return lambda model, masses, planets, h: _flow_of_register(
+        other_terms(model.tag), model.parameters[0], model.parameters[1:], masses, planets, h
+    )
+
+
+@kernel(inline=True)
+def _with_pulls(tags, strength, parameters, masses, place, force):
+    gx, gy, gz, _, _, _ = _pulls(tags, strength, parameters, masses.mass, place, place)
+    outer, inner, mass = masses.outer, masses.inner, masses.mass
+    return (
+        force[0] + _in_jacobi(outer, inner, mass, gx, 0.0),
+        force[1] + _in_jacobi(outer, inner, mass, gy, 0.0),
+        force[2] + _in_jacobi(outer, inner, mass, gz, 0.0),
+    )
+
+
+def force_with_pulls(model, masses, place, force):
+    """Return the interaction of a single register with the accelerations by terms of positions alone, at u."""
+    raise NotImplementedError("force_with_pulls() is for compiled code only")
+
+
+@overload(force_with_pulls, jit_options=OPTIONS)
+def _force_with_pulls(model, masses, place, force):
+    if not _has(model, True):
+        return lambda model, masses, place, force: force
+    return lambda model, masses, place, force: _with_pulls(
+        other_terms(model.tag), model.parameters[0], model.parameters[1:], masses, place, force
+    )
+
+
 @kernel
 def _flow_among(tags, strength, parameters, planets, room, table, first, h):
     _settle(tags, strength, parameters, planets, room, 0.5 * h)
@@ -323,6 +426,10 @@ def _overloaded_to_velocities(model, planets, room, table, first):
 def _kick(tags, strength, parameters, planets, room):
     """Add the accelerations at u, in the rows PLACE, to the rows FORCE."""
     registers = room.shape[0] // ROWS
+    if registers == 1:
+        place, force = load_three(room, PLACE), load_three(room, FORCE)
+        store_three(room, FORCE, _with_pulls(tags, strength, parameters, masses_of(room, 0), place, force))
+        return
     bx, by, bz = 0.0, 0.0, 0.0
     for k in range(registers):
         other = ROWS * (registers - 1 - k)
@@ -369,6 +476,11 @@ def _pull_more(model, u, g):
 def depends_on_velocities(model):
     """Return whether a model, by its Numba type, has terms that depend on velocities."""
     return _has(model, False)
+
+
+def depends_on_positions(model):
+    """Return whether a model, by its Numba type, has terms of positions alone."""
+    return _has(model, True)
 
 
 def has_terms(model):

@@ -40,6 +40,9 @@ velocities relative to it. Terms have its row as their first parameter, and a ke
 TIME_DEPENDENT = "time-dependent"
 """L depends on t: energy is not conserved."""
 
+GIVEN = "given bodies"
+"""The first massive bodies are given functions of time, as in an ephemeris, whatever acts on them."""
+
 
 @dataclass(frozen=True)
 class Compiled:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +36,7 @@ from orbits.kernels.gravity import (
     pair_tides,
     share_of_accelerations,
 )
-from orbits.kernels.lanes import get, put, sqrt
+from orbits.kernels.lanes import get, put
 from orbits.lagrangians.base import (
     ABOUT_ONE_BODY,
     GRADIENTS,
@@ -48,6 +49,7 @@ from orbits.lagrangians.base import (
 )
 from orbits.lagrangians.symmetry import Symmetry, boost, rotation, translation
 from orbits.lagrangians.terms.base import Summand, SumOfTerms, compiled_sum, kept
+from orbits.lagrangians.terms.pairs import add_pair_tide
 
 
 @kernel(inline=True)
@@ -63,13 +65,65 @@ def bodies(parameters):
 
 
 @kernel
-def value(parameters, t, q, v):
-    """Return L; float64, or lanes for q, v of shape (3n, 8)."""
+def free_value(parameters, t, q, v):
+    """Return the kinetic energy."""
     n = parameters.shape[0] - 1
     kinetic = get(v, 0) * 0.0
     for k in range(3 * n):
         kinetic = kinetic + parameters[1 + k % n] * get(v, k) * get(v, k)
-    return 0.5 * kinetic - pair_potential(parameters, q)
+    return 0.5 * kinetic
+
+
+@kernel
+def free_gradients(parameters, t, q, v, f, p):
+    """Write zeros into f and the momenta GM v into p."""
+    n = parameters.shape[0] - 1
+    for k in range(3 * n):
+        put(f, k, get(q, k) * 0.0)
+        put(p, k, parameters[1 + k % n] * get(v, k))
+
+
+@kernel
+def free_hessians(parameters, t, q, v, out):
+    """Write zeros, and the diagonal matrix of GM."""
+    n = parameters.shape[0] - 1
+    d = 3 * n
+    zero = get(q, 0) * 0.0
+    for k in range(3 * d * d):
+        put(out, k, zero)
+    for k in range(d):
+        put(out, 2 * d * d + k * d + k, zero + parameters[1 + k % n])
+
+
+@kernel
+def free_accelerations(parameters, q, out):
+    """Write zeros."""
+    for k in range(3 * (parameters.shape[0] - 1)):
+        put(out, k, get(q, k) * 0.0)
+
+
+@kernel
+def some_free_accelerations(parameters, q, out, start, stop):
+    """Write zeros for bodies start ... stop - 1."""
+    n = parameters.shape[0] - 1
+    for i in range(start, stop):
+        put(out, i, get(q, i) * 0.0)
+        put(out, n + i, get(q, i) * 0.0)
+        put(out, 2 * n + i, get(q, i) * 0.0)
+
+
+@kernel
+def free_tides(parameters, q, some, out):
+    """Write zeros."""
+    for a in range(out.shape[0]):
+        for b in range(out.shape[1]):
+            out[a, b] = 0.0
+
+
+@kernel
+def value(parameters, t, q, v):
+    """Return L; float64, or lanes for q, v of shape (3n, 8)."""
+    return free_value(parameters, t, q, v) - pair_potential(parameters, q)
 
 
 @kernel
@@ -87,28 +141,10 @@ def gradients(parameters, t, q, v, f, p):
 def hessians(parameters, t, q, v, out):
     """Write the tidal matrix, zeros, and the diagonal matrix of GM."""
     n = parameters.shape[0] - 1
-    d = 3 * n
-    zero = get(q, 0) * 0.0
-    for k in range(3 * d * d):
-        put(out, k, zero)
-    for k in range(d):
-        put(out, 2 * d * d + k * d + k, zero + parameters[1 + k % n])
+    free_hessians(parameters, t, q, v, out)
     for i in range(n):
         for j in range(i + 1, n):
-            dx, dy, dz = get(q, j) - get(q, i), get(q, n + j) - get(q, n + i), get(q, 2 * n + j) - get(q, 2 * n + i)
-            r2 = dx * dx + dy * dy + dz * dz + parameters[0]
-            w = parameters[1 + i] * parameters[1 + j] / (r2 * sqrt(r2))
-            for a in range(3):
-                da = dx if a == 0 else (dy if a == 1 else dz)
-                for b in range(3):
-                    db = dx if b == 0 else (dy if b == 1 else dz)
-                    tide = w * (3.0 * da * db / r2 - (1.0 if a == b else 0.0))
-                    ii, jj = (a * n + i) * d + b * n + i, (a * n + j) * d + b * n + j
-                    ij, ji = (a * n + i) * d + b * n + j, (a * n + j) * d + b * n + i
-                    put(out, ii, get(out, ii) + tide)
-                    put(out, jj, get(out, jj) + tide)
-                    put(out, ij, get(out, ij) - tide)
-                    put(out, ji, get(out, ji) - tide)
+            add_pair_tide(parameters, 1.0, q, i, j, out)
 
 
 @kernel
@@ -118,7 +154,9 @@ def particle_gradients(parameters, t, sources, speeds, place, velocity):
     return fx, fy, fz, velocity[0], velocity[1], velocity[2]
 
 
-def _compiled() -> Compiled:
+@cache
+def _compiled() -> tuple[Compiled, Compiled]:
+    """Return Newton's Lagrangian, and its kinetic energy alone."""
     kernels = {
         "dimension": dimension,
         "bodies": bodies,
@@ -139,7 +177,20 @@ def _compiled() -> Compiled:
         "particle_gradients": particle_gradients,
     }
     traits = frozenset({SEPARABLE, MASSLESS_PARTICLES, GRADIENTS, NEWTONIAN, ABOUT_ONE_BODY})
-    return Compiled(Tag("newtonian", kernels), traits)
+    # The kinetic energy alone, to which a term adds the attraction of some pairs; massless particles are attracted by
+    # all bodies, and clocks choose steps as for these.
+    free = {
+        **{name: kernels[name] for name in ("dimension", "bodies", "dynamical_rate", "gross_attraction")},
+        **{name: kernels[name] for name in ("field", "field_close", "gross_field", "particle_gradients")},
+        "value": free_value,
+        "gradients": free_gradients,
+        "hessians": free_hessians,
+        "accelerate": free_accelerations,
+        "accelerate_some": some_free_accelerations,
+        "accelerate_stages": free_accelerations,
+        "tides": free_tides,
+    }
+    return Compiled(Tag("newtonian", kernels), traits), Compiled(Tag("free-bodies", free), traits)
 
 
 def parameters(gm: NDArray[np.float64], softening: float = 0.0) -> NDArray[np.float64]:
@@ -182,7 +233,7 @@ newtonian = Lagrangian(
     formula="sum m v^2 / 2 + sum G m m' / sqrt(r^2 + eps^2)",
     coordinates=_coordinates(len(_GM)),
     parameters={"eps2": 0.0, **{f"GM{i + 1}": gm for i, gm in enumerate(_GM)}},
-    compile=_compiled,
+    compile=lambda: _compiled()[0],
     example=_EXAMPLE,
     groups=symmetries,
     source="Hairer, Lubich & Wanner (2006), sec. I.2.4",
@@ -214,7 +265,8 @@ def n_body(gm: ArrayLike, softening: float = 0.0, terms: Sequence[Summand] = ())
     )
     if not terms:
         return made
-    whole = compiled_sum(newton, terms)
+    some = any(term.beside_newton is not None for term in terms)
+    whole = compiled_sum(_compiled()[1] if some else newton, terms)
     return SumOfTerms(
         name=" + ".join(["newtonian", *(term.name for term in terms)]),
         formula=" + ".join([newtonian.formula, *(term.formula for term in terms)]),

@@ -23,7 +23,7 @@ from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag, dynamical_rate
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, fma
-from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, prepare, signal, step
+from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, end_late, prepare, signal, step
 from orbits.kernels.summation import two_sum
 from orbits.marching.changing import (
     DIRECTION,
@@ -46,7 +46,12 @@ THETA, TOLERANCE, POWER, LONGEST = 3, 4, 5, NUMBERS
 """The own numbers of this clock: theta, the tolerance, the power 1 / (s - 1), and the longest step (0: any length)."""
 
 ALONE = 64.0
-"""The longest step of a massive body alone, whose motion sets none, among particles, in units of time."""
+"""The longest step of a massive body alone, whose motion sets none, in units of time."""
+
+LONGEST_OF_GIVEN = 8.0
+"""The longest step of bodies whose motion is given, in days, at whose ends observers see them. Particles take this one, or
+steps of their own within it: those of the asteroid belt would be resolved by 16 days too, in half the time, but an
+observer that sees the Moon every 16 days does not know where it is in between."""
 
 FIRST_THETA = 0.2
 
@@ -97,8 +102,11 @@ def take_step(clock, method, model, k, state, storage):
     if rate > 0.0:
         scale = 1.0 / math.sqrt(rate)
         slope = -0.5 * direction * change * scale * scale * scale
+    else:  # a body alone, among particles or under forces
+        theta, scale = 1.0, GROWTH * abs(before) if before != 0.0 else math.inf
     longest = numbers[LONGEST] if numbers[LONGEST] > 0.0 else math.inf
     status, where, evaluations = TOO_SHORT, 0, 0
+    seen = room[kept - 1] + numbers[TIME]
     for attempt in range(ATTEMPTS):
         h = direction * theta * scale * exponential(min(max(0.5 * theta * slope, -1.0), 1.0))
         h = min(max(h, -longest), longest)
@@ -112,7 +120,11 @@ def take_step(clock, method, model, k, state, storage):
         if attempt == 0:
             keep(room, kept, state, storage.carry)
         prepare(method, h, before if before != 0.0 else h, storage)
-        status, where, count = step(method, model, numbers[TIME], h, state, storage)
+        time, lost = two_sum(numbers[TIME], h)
+        time, lost = two_sum(time, lost + numbers[TIME_LO])
+        end = room[kept - 1] + time
+        end_late(method, end - (seen + h))
+        status, where, count = step(method, model, seen, h, state, storage)
         evaluations += count
         factor = 0.5 / CAUTION
         if status == OK:
@@ -120,12 +132,16 @@ def take_step(clock, method, model, k, state, storage):
             factor = MOST if missed == 0.0 else root(numbers[TOLERANCE] / missed, numbers[POWER])
             factor = min(max(factor, LEAST), MOST)
             if factor >= REFUSED:
-                time, lost = two_sum(numbers[TIME], h)
-                numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + numbers[TIME_LO])
-                numbers[NEXT], numbers[LENGTH], numbers[THETA] = numbers[TIME], h, theta * min(factor, GROWTH)
-                room[k + 1], room[kept // 2 + k] = room[k] + h, h
+                numbers[TIME], numbers[TIME_LO] = time, lost
+                numbers[NEXT], numbers[LENGTH] = numbers[TIME], h
+                if rate > 0.0 and abs(h) < longest:
+                    numbers[THETA] = theta * min(factor, GROWTH)
+                room[k + 1], room[kept // 3 + k] = room[k] + h, h
+                room[2 * (kept // 3) + k], room[2 * (kept // 3) + k + 1] = seen, end
                 return OK, 0, evaluations
         put_back(room, kept, state, storage.carry)
+        if not rate > 0.0:
+            theta, scale = 1.0, abs(h)
         theta *= CAUTION * factor
     return TOO_SHORT if status == OK else status, where, evaluations
 

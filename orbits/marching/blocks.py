@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, IntegrationError
+from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.dense import times_reached
 from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
-from orbits.kernels.steps import BEYOND, NEAR_A_PLANET, NOT_CONVERGED, OK, TOO_SHORT
+from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NEAR_A_PLANET, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages, losses
 from orbits.marching.bound_loops import BoundLoops, numbers_of
@@ -27,7 +28,7 @@ from orbits.marching.failures import failure_of_bodies, last_good, meeting, refu
 from orbits.marching.hand_over import PART
 from orbits.marching.losses import Contact
 from orbits.marching.passage_list import PassageList
-from orbits.marching.retirement import HIT, Lost, Retired, earlier
+from orbits.marching.retirement import HIT, Lost, Retired, earlier, kind_of
 from orbits.marching.watcher import Watcher
 
 SPAN, LEAST_SPAN = 3.0, 32
@@ -70,6 +71,7 @@ class Blocks:
         _dense: bool
         _encountered: Lost | None
         _starts_close: NDArray[np.intp]
+        _forces: tuple[BoundForce, ...]
         _form: Form
         _gm: Array
         _keep: Callable[[Array, Array, Array], None] | None
@@ -146,6 +148,10 @@ class Blocks:
             known = isinstance(failure, ConvergenceError)
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
             self._replay(count)
+        followed = self._followed(count)
+        if followed < count:
+            count, failure = followed, None
+            self._replay(count)
         lost, reached, begun = self._retired.lost_or(self._encountered), {}, self.step
         contacts = self._contacts
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
@@ -177,6 +183,10 @@ class Blocks:
         except IntegrationError as error:
             return error
         return failure
+
+    def _followed(self, count: int) -> int:
+        """Return how many of the `count` steps of the block just marched are taken: here all."""
+        return count
 
     def keep_steps(
         self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
@@ -234,7 +244,8 @@ class Blocks:
             parts = dict(zip(alone.get("away", np.zeros(0)).tolist(), alone.get("memory", np.zeros(0)), strict=True))
             for k, particle in enumerate(lost.particles.tolist()):
                 memory, there = self._state["particle_memory"][particle], None
-                if lost.status[k] == HIT and contacts:
+                if particle in (contacts or ()) and kind_of(lost.status[k]) == HIT:
+                    assert contacts is not None
                     part, *there = self._contact(particle, contacts[particle])
                 elif particle in parts:
                     at, part = list(parts).index(particle), parts[particle][0, PART]
@@ -255,18 +266,10 @@ class Blocks:
     def _contact(self, particle: int, contact: Contact) -> tuple[float, Array, Array]:
         """Return the part of the next step after which a particle hits a body, and its state there, (3,) each."""
         assert self._surfaces is not None
-        h, radius = self.clock.h, float(self._surfaces[contact.body])
+        radius = float(self._surfaces[contact.body])
         body, own = int(self._massive[contact.body]), int(self._particles[particle])
         part = min(max(contact.reading - self.step, 0.0), 1.0)
-        for _ in range(losses.TRIES):
-            q, v = self.state_after(part * h)
-            apart, speed = q[own] - q[body], v[own] - v[body]
-            distance = float(np.linalg.norm(apart))
-            fall = float(apart @ speed) / distance
-            if not fall * h < 0.0 or abs(distance - radius) <= losses.TOUCHING * radius:
-                break
-            part = min(max(part - (distance - radius) / (fall * h), 0.0), 1.0)
-        return part, q[own], v[own]
+        return losses.touching(self.state_after, self.clock.h, part, radius, own, body)
 
     def _stop(self, count: int) -> bool:
         """Return whether a condition was met in the block of `count` steps just marched; if so, go back to that
@@ -334,6 +337,8 @@ class Blocks:
         self.evaluations += evaluations
         if status == BEYOND:
             status, count, self._arrived = OK, done, True
+        if status == INNER_NOT_CONVERGED:
+            raise self._failure(status, done, [], now)
         if status in (NOT_CONVERGED, TOO_SHORT):
             raise self._failure(status, done, self._meeting(state, None if status == TOO_SHORT else body), now)
         if status != OK:
@@ -406,4 +411,5 @@ class Blocks:
         step = self.step + done
         time = self._time_of(step) if now is None or not self.clock.changes else float(now[changing.TIME])
         momenta = SEPARABLE not in self.lagrangian.traits
-        return failure_of_bodies(status, step, time, self.clock, self.integrator, names, momenta=momenta)
+        acting = {"momenta": momenta, "forces": bool(self._forces)}
+        return failure_of_bodies(status, step, time, self.clock, self.integrator, names, **acting)

@@ -7,6 +7,10 @@ squares, takes its place: what remains is round-off. With C_k its coefficients, 
 
     q(theta) = q + h theta v + h sum_k C_k J_k(theta).
 
+With terms that depend on velocities, or forces, the velocities are needed as well, v(theta) = v + sum_k C_k I_k(theta).
+What is fitted there is the acceleration v' = (dL/dq + f - ds/dt) / m; s, the contribution of terms to the momenta, is
+differentiated as a polynomial through its values at the other points and at the beginning of the step.
+
 Steps are treated when a particle first needs them.
 """
 
@@ -15,12 +19,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
+from orbits.integrators.canonical_end import momenta as momenta_of
+from orbits.integrators.canonical_room import padded_length, stages_in
 from orbits.integrators.forms import Array
-from orbits.kernels.binding import accelerate_close, bodies
+from orbits.integrators.given_bodies import given_in, place_between
+from orbits.kernels.acting import add_acting, add_terms
+from orbits.kernels.binding import OPTIONS, accelerate_close, bodies, first_term, kernel_of
+from orbits.kernels.chebyshev import place_given
 from orbits.kernels.compile import kernel
-from orbits.kernels.dense import double_integrals
-from orbits.kernels.lanes import WIDTH, fma, full, load, store
+from orbits.kernels.dense import dense, double_integrals, single_integrals
+from orbits.kernels.lanes import WIDTH, fma, full, load, store, unit
 from orbits.kernels.summation import two_sum
 from orbits.tableaux import SymplecticTableau
 
@@ -30,14 +40,15 @@ MODES = 12
 MORE = 4
 """How many there are beyond one for each stage."""
 
-POINTS, FIRST, FITTED = 0, 1, 9
-"""Rows of a chart, (41, 8): the eight other points; eight rows that lead from L of the stages to the first modes; and
-32 that lead to all modes, two rows of eight for each of the eight stages and then for each of the other points.
+POINTS, FIRST, FITTED, SLOPE = 0, 1, 9, 41
+"""Rows of a chart, (49, 8): the eight other points; eight rows that lead from L of the stages to the first modes; 32
+that lead to all modes, two rows of eight for each of the eight stages and then for each of the other points; and eight,
+one for each of these points, that lead from the values there of a function that begins with 0 to its derivative.
 """
 
 
 def chart(tableau: SymplecticTableau) -> Array:
-    """Return the numbers by which modes are computed from forces, (41, 8), for up to eight stages."""
+    """Return the numbers by which modes are computed from forces, (49, 8), for up to eight stages."""
     s, nodes = tableau.stages, tableau.nodes
     extrema: Array = np.polynomial.legendre.Legendre.basis(WIDTH + 1).deriv().roots().real
     points = 0.5 * (1.0 + extrema)
@@ -47,11 +58,15 @@ def chart(tableau: SymplecticTableau) -> Array:
     solved = np.linalg.pinv(everywhere)
     fit[:s, :count] = solved[:, :s].T / tableau.b[:, None]
     fit[WIDTH:, :count] = solved[:, s:].T
-    out = np.zeros((FITTED + 4 * WIDTH, WIDTH))
+    out = np.zeros((SLOPE + WIDTH, WIDTH))
     out[POINTS] = points
     values = np.polynomial.legendre.legvander(2.0 * nodes - 1.0, s - 1)
     out[FIRST : FIRST + s, :s] = (np.linalg.inv(values) / tableau.b).T
-    out[FITTED:] = fit.reshape(4 * WIDTH, WIDTH)
+    out[FITTED:SLOPE] = fit.reshape(4 * WIDTH, WIDTH)
+    basis = [np.polynomial.legendre.Legendre.basis(k, domain=[0.0, 1.0]) for k in range(WIDTH)]
+    through = np.stack([points * one(points) for one in basis], axis=1)  # times the fraction: they begin with 0
+    slopes = np.stack([one(points) + points * one.deriv()(points) for one in basis], axis=1)
+    out[SLOPE:] = (slopes @ np.linalg.inv(through)).T
     return out
 
 
@@ -63,7 +78,7 @@ class Field(NamedTuple):
     stages : (steps, rows, 8), with low parts; path : flat, q and v at the beginning of each step, each padded
     kicks : (steps, rows, 8), the carry after each step
     chart : see `chart`; modes : (steps, 3n, 16), those of the steps that are `known`, (steps,) bool
-    room : (8 + MODES + rows of stages, 8), workspace; from row `PLACES` on it has what `place_bodies` writes
+    room : (MODES + rows of stages + 3 padded, 8), workspace; from row `PLACES` on it has what `place_bodies` writes
     """
 
     origin: Any
@@ -80,8 +95,13 @@ class Field(NamedTuple):
 @kernel(inline=True)
 def length_of(field, k):
     """Return the length of step k to the last bit; see `orbits.marching.adaptive.Adaptive.room`."""
-    kept = field.times.shape[0] - 2 * field.stages.shape[1] - WIDTH * field.kicks.shape[1]
-    return field.times[kept // 2 + k]
+    return field.times[field.kicks.shape[0] + 1 + k]
+
+
+@kernel(inline=True)
+def time_of(field, k):
+    """Return the time at which step k begins for terms and forces; see `orbits.marching.adaptive.Adaptive.room`."""
+    return field.times[2 * (field.kicks.shape[0] + 1) + k]
 
 
 PLACES = MODES
@@ -91,43 +111,200 @@ PLACES = MODES
 @kernel
 def learn(method, model, field, k):
     """Compute the modes of step k."""
-    size, stride = 3 * bodies(model.tag, model.parameters), field.stages.shape[1] // 2
+    size = 3 * bodies(model.tag, model.parameters)
     table, modes, kicks, room = field.chart, field.modes[k], field.kicks[k], field.room
-    h, forces = length_of(field, k), room[PLACES + 2 * stride :]
+    h, stages = length_of(field, k), field.stages.shape[1]
     for i in range(size):
         first = full(0.0)
         for j in range(WIDTH):
             first = first + load(table, FIRST + j) * kicks[i, j]
         store(modes[i], 0, first)
         store(modes[i], WIDTH, full(0.0))
-    _place(field, k, load(table, POINTS), size)
-    places, low_parts = room[PLACES : PLACES + stride], room[PLACES + stride : PLACES + 2 * stride]
-    accelerate_close(model.tag, model.parameters, places, low_parts, forces)
+    place(method, model, field, k, load(table, POINTS))
+    kicked = room[PLACES + stages :]
+    kick_there(method, model, field, k, h, room[PLACES : PLACES + stages], kicked)
     for i in range(size):
         first = second = full(0.0)
         for j in range(WIDTH):
             at = FITTED + 2 * j
             first, second = first + load(table, at) * kicks[i, j], second + load(table, at + 1) * kicks[i, j]
         for j in range(WIDTH):
-            at, force = FITTED + 2 * (WIDTH + j), h * forces[i, j]
+            at, force = FITTED + 2 * (WIDTH + j), kicked[i, j]
             first, second = first + load(table, at) * force, second + load(table, at + 1) * force
         store(modes[i], 0, first)
         store(modes[i], WIDTH, second)
     field.known[k] = True
 
 
-@kernel(inline=True)
-def place_bodies(method, model, field, k, theta):
-    """Write the positions of the bodies at eight fractions of step k, and their low parts, into the workspace."""
-    if not field.known[k]:
-        learn(method, model, field, k)
-    _place(field, k, theta, 3 * bodies(model.tag, model.parameters))
+def kick_there(method, model, field, k, h, places, room):
+    """Write h times the accelerations of the bodies at `places`, at the eight other points of step k, into rows."""
+    raise NotImplementedError("kick_there() is for compiled code only")
+
+
+@overload(kick_there, jit_options=OPTIONS)
+def _kick_there(method, model, field, k, h, places, room):
+    if kernel_of(method.types[0], "speeds"):
+        return lambda method, model, field, k, h, places, room: _kick_with_terms(model, field, k, h, places, room)
+
+    def by_places(method, model, field, k, h, places, room):
+        stride = places.shape[0] // 2
+        accelerate_close(model.tag, model.parameters, places[:stride], places[stride:], room)
+        for i in range(3 * bodies(model.tag, model.parameters)):
+            store(room, i, h * load(room, i))
+
+    return by_places
+
+
+@kernel
+def _kick_with_terms(model, field, k, h, places, room):
+    """Write h v' at the eight other points of step k into the first rows of `room`."""
+    size, strength = 3 * bodies(model.tag, model.parameters), model.parameters[0]
+    n, stride = size // 3, padded_length(size)
+    forces, momenta, stages = room[stride : 2 * stride], room[2 * stride : 3 * stride], stages_in(places, stride)
+    begin, table = time_of(field, k), field.chart
+    s, f = stages.q_end, stages.v_end
+    for i in range(size):
+        stages.q[i], stages.v[i] = field.path[2 * k * stride + i], field.path[(2 * k + 1) * stride + i]
+    momenta_of(model, begin, stages.q, stages.v, f, s)
+    accelerate_close(first_term(model.tag), strength, stages.Q, stages.Q_lo, room)
+    for i in range(size):
+        store(forces, i, full(0.0))
+        store(momenta, i, full(0.0))
+    times = h * load(table, POINTS) + begin
+    add_terms(model.tag, model.parameters, times, stages.Q, stages.V, forces, momenta)
+    none = room[:0]  # internal variables, with which particles do not take steps of their own
+    add_acting(model.tag, model.parameters, times, stages.Q, stages.V, none, forces, none)
+    for i in range(size):
+        mass = strength[1 + i % n]
+        store(momenta, i, (load(momenta, i) - s[i]) / mass)
+        slope = full(0.0)
+        for j in range(WIDTH):
+            slope = slope + load(table, SLOPE + j) * momenta[i, j]
+        store(room, i, h * (load(room, i) + load(forces, i) / mass) - slope)
+
+
+def place_bodies(method, model, field, k, theta, begin, end):
+    """Write the positions of the bodies at eight fractions of step k, and their low parts, into the workspace; for
+    terms that depend on velocities, and for forces, also their velocities, and their states at the fractions `begin`
+    and `end`.
+    """
+    raise NotImplementedError("place_bodies() is for compiled code only")
+
+
+@overload(place_bodies, jit_options=OPTIONS)
+def _place_bodies(method, model, field, k, theta, begin, end):
+    if kernel_of(method.types[0], "given"):
+        return lambda method, model, field, k, theta, begin, end: _place_given(model, field, k, theta, begin, end)
+
+    def by_modes(method, model, field, k, theta, begin, end):
+        if not field.known[k]:
+            learn(method, model, field, k)
+        place_ends(method, model, field, k, begin, end)
+        place(method, model, field, k, theta)
+
+    return by_modes
+
+
+@kernel
+def _place_given(model, field, k, theta, begin, end):
+    """Write the states of bodies that are given; see `place_bodies`."""
+    size, h = 3 * bodies(model.tag, model.parameters), length_of(field, k)
+    stages = stages_in(field.room[PLACES : PLACES + field.stages.shape[1]], padded_length(size))
+    given = given_in(model.tag, model.parameters)
+    place_between(given, time_of(field, k), theta * h, begin * h + ((end - begin) * h) * unit(1), stages, size)
+
+
+def state_between(method, model, field, k, part, Q, V):
+    """Write the state of the bodies at a fraction of step k, for observers."""
+    raise NotImplementedError("state_between() is for compiled code only")
+
+
+@overload(state_between, jit_options=OPTIONS)
+def _state_between(method, model, field, k, part, Q, V):
+    if kernel_of(method.types[0], "given"):
+
+        def from_series(method, model, field, k, part, Q, V):
+            size = 3 * bodies(model.tag, model.parameters)
+            stages = stages_in(field.room[PLACES : PLACES + field.stages.shape[1]], padded_length(size))
+            given = given_in(model.tag, model.parameters)
+            place_given(given, time_of(field, k), full(part * length_of(field, k)), size // 3, stages.Q, stages.V)
+            for i in range(size):
+                Q[i], V[i] = stages.Q[i, 0], stages.V[i, 0]
+
+        return from_series
+
+    def by_kicks(method, model, field, k, part, Q, V):
+        stride = padded_length(3 * bodies(model.tag, model.parameters))
+        begin = 2 * k * stride
+        q, v = field.path[begin : begin + stride], field.path[begin + stride : begin + 2 * stride]
+        dense(method, length_of(field, k), q, v, field.kicks[k], part, Q, V)
+
+    return by_kicks
+
+
+def place_ends(method, model, field, k, begin, end):
+    """Write the states of the bodies at two fractions of step k, if they are needed."""
+    raise NotImplementedError("place_ends() is for compiled code only")
+
+
+@overload(place_ends, jit_options=OPTIONS)
+def _place_ends(method, model, field, k, begin, end):
+    if not kernel_of(method.types[0], "speeds"):
+        return lambda method, model, field, k, begin, end: None
+
+    def both(method, model, field, k, begin, end):
+        size = 3 * bodies(model.tag, model.parameters)
+        stages = stages_in(field.room[PLACES : PLACES + field.stages.shape[1]], padded_length(size))
+        place(method, model, field, k, begin + (end - begin) * unit(1))
+        for i in range(size):
+            stages.q[i], stages.v[i] = stages.Q[i, 0], stages.V[i, 0]
+            stages.q_end[i], stages.v_end[i] = stages.Q[i, 1], stages.V[i, 1]
+
+    return both
+
+
+def place(method, model, field, k, theta):
+    """Write positions, their low parts, and velocities if they are needed, by the modes of step k."""
+    raise NotImplementedError("place() is for compiled code only")
+
+
+@overload(place, jit_options=OPTIONS)
+def _choose_place(method, model, field, k, theta):
+    if not kernel_of(method.types[0], "speeds"):
+
+        def positions(method, model, field, k, theta):
+            stride = field.stages.shape[1] // 2
+            _place(field, k, theta, 3 * bodies(model.tag, model.parameters), stride, PLACES + stride)
+
+        return positions
+
+    def states(method, model, field, k, theta):
+        size = 3 * bodies(model.tag, model.parameters)
+        stride = padded_length(size)
+        _place_speeds(field, k, theta, size, stride)
+        _place(field, k, theta, size, stride, PLACES + field.stages.shape[1] - stride)
+
+    return states
 
 
 @kernel(inline=True)
-def _place(field, k, theta, size):
-    """Write positions, and their low parts, by the modes of step k."""
-    room, modes, stride = field.room, field.modes[k], field.stages.shape[1] // 2
+def _place_speeds(field, k, theta, size, stride):
+    """Write velocities by the modes of step k."""
+    room, modes, v = field.room, field.modes[k], (2 * k + 1) * stride
+    single_integrals(theta, MODES, room)
+    for i in range(size):
+        even = load(room, 0) * modes[i, 0]
+        odd = load(room, 1) * modes[i, 1]
+        for j in range(2, MODES, 2):
+            even = even + load(room, j) * modes[i, j]
+            odd = odd + load(room, j + 1) * modes[i, j + 1]
+        store(room, PLACES + stride + i, field.path[v + i] + (even + odd))
+
+
+@kernel(inline=True)
+def _place(field, k, theta, size, stride, lows):
+    """Write positions by the modes of step k, and their low parts from row `lows` on."""
+    room, modes = field.room, field.modes[k]
     double_integrals(theta, MODES, room)
     h = length_of(field, k)
     q, v, part = 2 * k * stride, (2 * k + 1) * stride, theta * h
@@ -139,4 +316,4 @@ def _place(field, k, theta, size):
             odd = odd + load(room, j + 1) * modes[i, j + 1]
         position, low = two_sum(full(field.path[q + i]), fma(part, full(field.path[v + i]), h * (even + odd)))
         store(room, PLACES + i, position)
-        store(room, PLACES + stride + i, low)
+        store(room, lows + i, low)

@@ -19,7 +19,7 @@ from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.clocks import Clock, ConstantSteps
 from orbits.marching.hand_over import MORE_ROWS
-from orbits.marching.handing_over import Followed, HandOver
+from orbits.marching.handing_over import HandOver, OwnSteps
 from orbits.marching.own_clocks import COLUMNS, march_own_clocks
 from orbits.marching.own_memory import OwnClocks
 from orbits.marching.parallel import Parallel, shares
@@ -66,7 +66,7 @@ class BoundLoops:
         m: int,
         threads: int,
         dense: bool = False,
-        followed: Followed | None = None,
+        followed: OwnSteps | None = None,
     ) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
         # Coefficients of steps of different lengths are written before each step, others made for each length.

@@ -32,6 +32,11 @@ FARTHEST = sys.float_info.max
 """The time limit of a march without a goal: finite, as all that archives hold."""
 
 
+def since(block: int) -> int:
+    """Return the place in the workspace of the time that terms and forces see when the clock reads 0."""
+    return 3 * (block + 1)
+
+
 @kernel(inline=True)
 def step_of(clock, k):
     """Return the time at which step k of a block began, and its length."""
@@ -102,10 +107,11 @@ class ChangingSteps(Clock):
         raise NotImplementedError
 
     def room(self, block: int, size: int) -> int:
-        """Return the length of the workspace: the times of a block, the lengths of its steps, and the state before a
-        step.
+        """Return the length of the workspace: the times of a block since its beginning, the lengths of its steps, the
+        times at which they begin for terms and forces, that which these see when the clock reads 0, and the state
+        before a step.
         """
-        return 2 * (block + 1) + size
+        return since(block) + 1 + size
 
     def time(self, reading: Any) -> Any:
         """Return the time that this clock reads: a time is its own reading."""

@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from orbits.errors import InputError
+from orbits.forces.base import BoundForce
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
+from orbits.integrators.canonical_bodies import CanonicalBodies
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Form
+from orbits.integrators.given_bodies import GivenBodies
 from orbits.integrators.transformed_bodies import TransformedBodies
 from orbits.integrators.variational import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
-from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
+from orbits.lagrangians.base import GIVEN, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
 from orbits.marching.clocks import Clock
 from orbits.marching.transformed import TimeTransformed
 
@@ -36,11 +39,11 @@ def form_of_bodies(
     clock: Clock,
     *,
     with_particles: bool,
-    forces: Sequence[str] = (),
+    forces: Sequence[BoundForce] = (),
 ) -> Form:
     """Return the form that marches bodies in positions and velocities.
 
-    forces : the names of the forces without a Lagrangian that act on them
+    forces : the forces without a Lagrangian that act on them
 
     Raises InputError as `form_for` does; if the method supports neither the Lagrangian nor the forces in this form,
     naming those that do; and for massless particles if the form does not support them.
@@ -55,6 +58,12 @@ def form_of_bodies(
         form = _form_with(integrator, lagrangian, forces)
     if with_particles and MASSLESS_PARTICLES not in lagrangian.traits:
         raise InputError(f"'{lagrangian.name}' does not define how massless particles move; give them a small mass.")
+    spinning = [force.name for force in forces if len(force.inner)]
+    if with_particles and clock.changes and spinning:
+        raise InputError(
+            f"massless particles take steps of their own, in which the internal variables of {spinning[0]}, such as a "
+            "spin, are not known: give dt=... a length, or the particles a small mass."
+        )
     form = form.for_particles() if with_particles else form
     if with_particles and not form.serves_particles:
         raise InputError(
@@ -71,21 +80,22 @@ def form_of_bodies(
     return form
 
 
-def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[str]) -> Form:
+def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[BoundForce]) -> Form:
     """Return the form for steps of different lengths, with distances accurate in close encounters."""
     if SEPARABLE not in lagrangian.traits or forces:
-        what = f"the force of {forces[0]}" if forces else f"'{lagrangian.name}', which is not separable"
-        raise InputError(f"steps are chosen only if forces depend on positions alone, not with {what}: give dt=...")
+        form = _form_with(integrator, lagrangian, forces)
+        assert isinstance(form, CanonicalBodies)  # as `Adaptive.check` takes no other method
+        return replace(form, close=True)
     form = form_for(integrator, lagrangian)
     assert isinstance(form, Collocation)  # as `Adaptive.check` takes no other method
     return replace(form, close=True)
 
 
 def _transformed(
-    integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[str]
+    integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[BoundForce]
 ) -> Form:
     """Return the form for bodies in transformed time."""
-    more = [f"the force of {name}" for name in forces]
+    more = [f"the force of {force.name}" for force in forces]
     more += [f"the term '{term.name}'" for term in getattr(lagrangian, "summands", ())]
     if more:
         raise InputError(
@@ -101,11 +111,20 @@ def _transformed(
     return TransformedBodies(integrator.tableau)
 
 
-def _form_with(integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[str]) -> Form:
+def _form_with(integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[BoundForce]) -> Form:
     """Return the form for a Lagrangian that is not separable, or with forces without a Lagrangian."""
-    form = integrator.form_with(len(forces)) if GRADIENTS in lagrangian.traits else None
+    count, inner = len(forces), sum(len(force.inner) for force in forces)
+    form = integrator.form_with(count, inner) if GRADIENTS in lagrangian.traits else None
+    if GIVEN in lagrangian.traits:
+        if inner:
+            changed = next(force.name for force in forces if len(force.inner))
+            raise InputError(
+                f"the force of {changed} changes a spin, which bodies of an ephemeris do not have; leave it out, or "
+                "integrate all bodies, as System.solar_system(...) does."
+            )
+        form = GivenBodies(form.tableau, form.forces) if isinstance(form, CanonicalBodies) else None
     if form is not None:
         return form
-    able = sorted(c.__name__ for c in registry().values() if any(m.form_with(len(forces)) for m in c.examples()))
-    what = f"with the force of {forces[0]}" if forces else f"by '{lagrangian.name}', which is not separable"
+    able = sorted(c.__name__ for c in registry().values() if any(m.form_with(count, inner) for m in c.examples()))
+    what = f"with the force of {forces[0].name}" if forces else f"by '{lagrangian.name}', which is not separable"
     raise InputError(f"{integrator.label} cannot march bodies {what}. Use {' or '.join(able)}, of up to 8 stages.")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
-from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR
+from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_REGULAR
 from orbits.marching.clocks import Clock
 from orbits.marching.kepler_passages import HILL_RADII
 from orbits.marching.transformed import TimeTransformed
@@ -65,12 +65,20 @@ def failure_of_bodies(
     names: Sequence[str],
     *,
     momenta: bool = False,
+    forces: bool = False,
 ) -> IntegrationError:
     """Return the error for bodies that cannot take the step after `step` steps, at this time.
 
-    momenta : whether a term adds to the momenta m v
+    momenta : whether a term adds to the momenta m v; forces : whether there are forces without a Lagrangian
     """
     where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
+    if status == INNER_NOT_CONVERGED:
+        return ConvergenceError(
+            f"{where}: the internal variables of a force, such as the spin of a body in tides, did not converge: they "
+            "change faster than the step can follow. Use a smaller dt.",
+            step=step,
+            time=time,
+        )
     if status == NOT_CONVERGED and isinstance(clock, TimeTransformed):
         return ConvergenceError(
             f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; the result would not "
@@ -83,7 +91,9 @@ def failure_of_bodies(
         return SingularityError(
             f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their "
             "accelerations are out of the range of floats. Use softening, end the run before with "
-            "stop=orbits.CloserThan(...), or give radii and seek events=orbits.Collision(...).",
+            "stop=orbits.CloserThan(...), or give radii and seek events=orbits.Collision(...)."
+            + momenta * " Or a term adds as much as m v to the momenta there, which needs orbits.march."
+            + forces * " Or a force jumps there, which no polynomial follows: give dt=...",
             step=step,
             time=time,
             bodies=list(names),

@@ -185,9 +185,9 @@ def march_alone(here, track, k, steps, slot):
     if k == 0:
         carry = begin_particles(method, model, _alone(), Storage(own.carry, own.scratch, here.stages[0], own.share))
     else:
-        # The table before a step is that after the step before it.
+        # The table before a step, of a map that has one, is that after the step before it.
         count = table_rows(here.rules.near.shape[1] - 1)
-        for row in range(count):
+        for row in range(count if here.stages.shape[1] >= 2 * count else 0):
             store(own.stages, row, load(here.stages[k - 1], count + row))
         carry = begin_particles(method, model, _alone(), own)
     particle = _alone()

@@ -11,7 +11,7 @@ from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
 from orbits.kernels.lanes import WIDTH
-from orbits.lagrangians.base import NEWTONIAN, Lagrangian
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
@@ -25,7 +25,7 @@ METHOD = Gauss(stages=8)
 """The method of a particle's own steps."""
 
 
-class Followed(NamedTuple):
+class OwnSteps(NamedTuple):
     """The passages of massless particles that a map leaves to steps of their own.
 
     near : (2, n), see `orbits.kernels.encounters_ahead.Rules`; limits : (3,), see `march_handing_over`
@@ -38,15 +38,15 @@ class Followed(NamedTuple):
     radii: Array | None
 
     @classmethod
-    def of(cls, lagrangian: Lagrangian, gm: Array, dominant: int, radii: Array | None) -> Followed:
+    def of(cls, lagrangian: Lagrangian, gm: Array, dominant: int, radii: Array | None) -> OwnSteps:
         """Return those among massive bodies, one of which dominates the others; gm, radii : (n,)
 
         Raises InputError if particles cannot take steps of their own in this problem.
         """
-        if NEWTONIAN not in lagrangian.traits:
+        if SEPARABLE not in lagrangian.traits:
             raise InputError(
-                "encounters='follow' lets massless particles take steps of their own among bodies that attract each "
-                f"other and do nothing else, so far; got '{lagrangian.name}'. Use encounters='warn' or 'retire'."
+                "encounters='follow' lets massless particles take steps of their own by terms of positions alone, such "
+                f"as ZonalHarmonics, so far; got '{lagrangian.name}'. Use encounters='warn' or 'retire'."
             )
         form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
         assert isinstance(form, Collocation)
@@ -60,7 +60,7 @@ class HandOver:
     form : of the map; n : the number of massive bodies; steps : the most in a block; tasks : their number
     """
 
-    def __init__(self, form: Form, followed: Followed, n: int, steps: int, tasks: int) -> None:
+    def __init__(self, form: Form, followed: OwnSteps, n: int, steps: int, tasks: int) -> None:
         self._followed = followed
         self._numbers = Adaptive().numbers_for(METHOD)
         self._tasks = [_Task(form, followed.form, n, steps) for _ in range(tasks)]
@@ -125,7 +125,7 @@ class _Task:
         self.own = OwnClocks(own, coefficients_of(own, 1.0), n, steps)
         path = np.zeros(2 * (steps + 1) * padded(size))
         # As the workspace of a clock whose steps differ: see `orbits.marching.bodies_between.length_of`.
-        self.times = np.zeros(2 * (steps + 1) + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
+        self.times = np.zeros(3 * (steps + 1) + 1 + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
         self.steps = scratch, stages, path, kicks
         self.ways = ways, np.zeros(COLUMNS)
         self.reached = np.zeros(steps, dtype=np.bool_)

@@ -33,6 +33,9 @@ FOLLOWED = 4.0
 """Hill radii of a planet within which massless particles take steps of their own, if they are followed. At 4 instead of
 3, positions after encounters with Jupiter in steps of 100 d have a fourth of the error."""
 
+PLANET_WAYS = 1.0
+"""Of the way in a step of two planets relative to each other, the multiple within which a passage is an encounter."""
+
 SPARED = 1e-12
 """The error of the attraction by a planet on the way past it, as a fraction of that by the dominant body, up to which
 the map takes a particle past it."""
@@ -77,6 +80,21 @@ def near_planets(gm: Array, dominant: int) -> Array:
     ways = np.maximum(np.log(share / SPARED), 0.0) / (2.0 * math.pi)
     near: Array = np.array([(FOLLOWED * np.cbrt(share / 3.0)) ** 2, ways**2])
     near[:, dominant] = 0.0
+    return near
+
+
+def near_each_other(gm: Array, dominant: int) -> Array:
+    """Return what decides which passages of planets by each other the map cannot follow, (n, 2, n): see
+    `orbits.kernels.planets_ahead`. Each pair stands once, with the planet of the larger number as the one that is
+    passed.
+    """
+    n = len(gm)
+    share = (gm[:, None] + gm[None, :]) / gm[dominant]
+    near = np.zeros((n, 2, n))
+    near[:, 0] = (FOLLOWED * np.cbrt(share / 3.0)) ** 2
+    near[:, 1] = PLANET_WAYS**2
+    near[:, :, dominant] = near[dominant] = 0.0
+    near *= np.triu(np.ones((n, n)), 1)[:, None, :]
     return near
 
 

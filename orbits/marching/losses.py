@@ -9,6 +9,7 @@ Ejections, and pericentres below a limit, are looked for after every 64th step o
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array
 from orbits.kernels.encounters import FASTEST2, LEAST2, MATE, ROW, WHEN
 from orbits.marching.passage_list import BlockList
-from orbits.marching.retirement import EJECTED, HIT, TOO_CLOSE, Lost
+from orbits.marching.retirement import EJECTED, TOO_CLOSE, Lost, hit
 
 TOUCHING, TRIES = 1e-9, 20
 """The distance from a surface, as a fraction of the radius, at which a contact is found; and the most attempts."""
@@ -31,12 +32,12 @@ class Contact(NamedTuple):
 
 
 def impacts(
-    lists: list[BlockList], radii: Array, gm: Array, h: float, begun: int
+    lists: list[BlockList], radii: Array, gm: Array, h: float, begun: float
 ) -> tuple[Lost | None, dict[int, Contact]]:
     """Return the particles that first hit a body in a block, and their contacts; None and {} if none does.
 
     lists : passages of particles at steps of their own; radii, gm : (n,), of the bodies
-    begun : the number of steps before the block
+    begun : the number of steps before the block, or the time, in units of |h|
     """
     rows = np.concatenate([passages[: listed[0]] for passages, listed in lists])
     mates = rows[:, MATE].astype(int)
@@ -53,7 +54,31 @@ def impacts(
         return None, {}
     first = min(int(contact.reading) for contact in found.values())
     now = {particle: contact for particle, contact in found.items() if int(contact.reading) == first}
-    return Lost(first - begun, np.array(sorted(now)), np.full(len(now), HIT)), now
+    status = np.array([hit(now[particle].body) for particle in sorted(now)])
+    return Lost(first - int(begun), np.array(sorted(now)), status), now
+
+
+def touching(
+    state_after: Callable[[float], tuple[Array, Array]], h: float, part: float, radius: float, own: int, body: int
+) -> tuple[float, Array, Array]:
+    """Return the part of a time h after which a particle comes to the distance `radius` from a body, and its state
+    there, (3,) each.
+
+    state_after : returns q and v, (n, 3), after a time; part : about when; own, body : numbers in these
+    """
+    q, v = state_after(part * h)
+    for _ in range(TRIES):
+        apart, speed = q[own] - q[body], v[own] - v[body]
+        distance = float(np.linalg.norm(apart))
+        fall = float(apart @ speed) / distance
+        if not fall * h < 0.0 or abs(distance - radius) <= TOUCHING * radius:
+            break
+        after = min(max(part - (distance - radius) / (fall * h), 0.0), 1.0)
+        if after == part:
+            break
+        part = after
+        q, v = state_after(part * h)
+    return part, q[own], v[own]
 
 
 def time_from_pericentre(r: float, least: float, fastest2: float, mu: float) -> float:

@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,13 @@ from orbits.errors import InputError, IntegrationError
 from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
-from orbits.kernels.acting import acted_on
+from orbits.integrators.given_bodies import GivenBodies
+from orbits.kernels.acting import FIGURES, acted_on
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import NOWHERE
-from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
-from orbits.marching.adaptive import ALONE, LONGEST, Adaptive
+from orbits.marching.adaptive import ALONE, LONGEST, LONGEST_OF_GIVEN, Adaptive
 from orbits.marching.blocks import APART, Blocks, steps_apart
 from orbits.marching.bound_loops import BoundLoops
 from orbits.marching.changing import ChangingSteps
@@ -33,7 +35,7 @@ from orbits.marching.choice import form_of_bodies
 from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.failures import failure_of_bodies
 from orbits.marching.hand_over import parts_taken
-from orbits.marching.handing_over import Followed
+from orbits.marching.handing_over import OwnSteps
 from orbits.marching.losses import Contact
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
@@ -62,7 +64,8 @@ class Marcher(Blocks):
     energy_bound : relative energy error that ends the march, or None
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
-    start : the time at which the march begins
+    start : the time at which the march begins; with a clock whose steps differ, which counts from 0, that which terms
+        and forces see when it reads 0
     radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
     dense : whether each step is recorded for `motion`
     surfaces : (n,), radii of the bodies: massless particles that are followed in encounters are retired if they hit one
@@ -109,21 +112,25 @@ class Marcher(Blocks):
         self._counts, self._apart = (0, 0), steps_apart(integrator, np.asarray(massive))
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        names_of_forces = [force.name for force in forces]
-        self._form = form_of_bodies(
-            integrator, lagrangian, self.clock, with_particles=m > 0, forces=names_of_forces
-        )
+        self._form = form_of_bodies(integrator, lagrangian, self.clock, with_particles=m > 0, forces=forces)
+        if isinstance(self._form, GivenBodies) and self.clock.changes and m and self._form.held(parameters) < n:
+            raise InputError(
+                "massless bodies take steps of their own among bodies of an ephemeris, but not yet if others with a mass "
+                "are integrated along: give dt=..., or set the GM of these to 0."
+            )
         if forces or SEPARABLE not in lagrangian.traits:
             self._tag, self._vectors = acted_on(lagrangian.tag, parameters, forces)
         followed = None
         if m and integrator.follows_encounters:
             gm = self.parameters[1 : 1 + n]
             own = None if surfaces is None else np.asarray(surfaces, dtype=np.float64)[self._massive]
-            followed = Followed.of(lagrangian, gm, int(gm.argmax()), own)
+            followed = OwnSteps.of(lagrangian, gm, int(gm.argmax()), own)
         self._surfaces = None if followed is None else followed.radii
         self._contacts: dict[int, Contact] = {}
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
+        begun = [force.inner for force in forces]
+        self._form.inner_of(self._loops.state["memory"])[:] = np.concatenate([np.zeros(0), *begun])
         if self._form.transforms:
             self._form.check_start(self.model, q[self._massive], v[self._massive])
             self._loops.enter(self._loops.state, self.clock)
@@ -131,8 +138,11 @@ class Marcher(Blocks):
         self._state = self._loops.state
         if isinstance(self.clock, ChangingSteps):
             self._state["clock"] = self.clock.numbers_for(integrator)
-        if isinstance(self.clock, Adaptive) and n == 1 and m:
+            self._loops.times[changing.since(self._loops.steps)] = self._start
+        if isinstance(self.clock, Adaptive) and n == 1 and (m or forces):
             self._state["clock"][LONGEST] = ALONE
+        elif isinstance(self.clock, Adaptive) and GIVEN in lagrangian.traits:
+            self._state["clock"][LONGEST] = LONGEST_OF_GIVEN
         self._state["approaches"] = empty_record(n + m)
         self._arrived = False
         self._dense = dense
@@ -168,7 +178,9 @@ class Marcher(Blocks):
             radii,
             integrator.follows_kepler,
             self._form.trace_rows(3 * n),
+            whole_path=integrator.follows_meetings,
         )
+        self._watcher.given = isinstance(self._form, GivenBodies) and self._form.held(self.model) == n
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._starts_close = np.zeros(0, dtype=np.intp)
         if integrator.retires_in_encounters and m:
@@ -240,6 +252,7 @@ class Marcher(Blocks):
         if place.rest == self.time:
             return self.state()
         copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
+        self._seen = copy["memory"]
         copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
         self._retired.begin()
         try:
@@ -254,7 +267,8 @@ class Marcher(Blocks):
         """Return (q, v) at the first of these ascending times, up to which the march has advanced, and at those of the
         others that lie before the next step: the states of `state_at`. Raises what it raises, for the first time.
         """
-        if isinstance(self.clock, Adaptive) and not len(self._particles) and len(times) > 1 and times[0] != self.time:
+        whole = not len(self._particles) and not self._forces  # no more than the states of the bodies is asked for
+        if isinstance(self.clock, Adaptive) and whole and len(times) > 1 and times[0] != self.time:
             now = self._state["clock"]
             beyond = (times[1:] - now[changing.NEXT]) * self.clock.direction >= 0.0
             count = 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))
@@ -272,7 +286,8 @@ class Marcher(Blocks):
 
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
-        end = self._like_this(*self.state(), self.clock, stops=self._stops, energy_bound=self._energy_bound)
+        watched: dict[str, Any] = {"stops": self._stops, "energy_bound": self._energy_bound}
+        end = self._like_this(*self.state(), self.clock, start=self._start, **watched)
         end.restore(self.checkpoint())
         end.end_at(time)
         return end
@@ -295,7 +310,7 @@ class Marcher(Blocks):
         place = Place(0, time)
         if not self.clock.changes:
             clock, place = ConstantSteps(time - self.time), Place(1, 0.0)
-        end = self._like_this(q, v, clock, start=self.time, dense=True)
+        end = self._like_this(q, v, clock, start=self._start if self.clock.changes else self.time, dense=True)
         if self.clock.changes:
             for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"):
                 end._state[name][...] = self._state[name]
@@ -307,12 +322,18 @@ class Marcher(Blocks):
         massive = np.ones(len(q), dtype=bool)
         if len(q) > self._bodies:
             massive[self._particles] = False
-        options = {"names": self.names, "retire": self._retire, "forces": self._forces, **options}
+        options = {"names": self.names, "retire": self._retire, "forces": self._forces_now(), **options}
         if self._surfaces is not None:
             surfaces = np.zeros(len(q))
             surfaces[massive] = self._surfaces
             options = {"surfaces": surfaces, **options}
         return Marcher(self.lagrangian, self.integrator, self.model, massive, q, v, clock, **options)
+
+    def _forces_now(self) -> tuple[BoundForce, ...]:
+        """Return the forces with their internal variables as they are now."""
+        ends = np.cumsum([len(force.inner) for force in self._forces], dtype=int)
+        parts = np.split(self._form.inner_of(self._state["memory"]), ends[:-1])
+        return tuple(replace(force, inner=y.copy()) for force, y in zip(self._forces, parts, strict=False))
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
@@ -412,7 +433,9 @@ class Marcher(Blocks):
         parts = None
         if self.integrator.follows_encounters and len(self._particles):
             parts = parts_taken(self._state["particle_memory"])
-        return retirements(self._retired.table(), q, v, self._particles, self._state.get("particle_clock"), parts)
+        names = [self.names[k] if self.names else f"body {k}" for k in self._massive.tolist()]
+        clocks = self._state.get("particle_clock")
+        return retirements(self._retired.table(), q, v, self._particles, clocks, parts, names)
 
     def retired_by(self, time: float) -> list[Retirement]:
         """Return the particles that are retired, or cannot be followed up to a time less than a step ahead, in the
@@ -489,10 +512,18 @@ class Marcher(Blocks):
         return failure_of_bodies(status, self.step, time, self.clock, self.integrator, [], momenta=momenta)
 
     def accounts(self) -> Array:
-        """Return the time integrals of each force on the massive bodies up to the state returned last, (forces, 7):
-        work, torque about the origin and impulse, times G.
+        """Return what is known of each force at the state returned last, (forces, 7 + most internal variables): its
+        time integrals on the massive bodies, work, torque about the origin and impulse, times G; then its internal
+        variables.
         """
-        return self._form.accounts(self._seen)
+        most = max((len(force.inner) for force in self._forces), default=0)
+        out = np.zeros((len(self._forces), FIGURES + most))
+        out[:, :FIGURES] = self._form.accounts(self._seen)
+        inner, at = self._form.inner_of(self._seen), 0
+        for row, force in zip(out, self._forces, strict=True):
+            row[FIGURES : FIGURES + len(force.inner)] = inner[at : at + len(force.inner)]
+            at += len(force.inner)
+        return out
 
     @property
     def dominant(self) -> int:

@@ -152,12 +152,13 @@ class Collected:
         return self._count
 
     def takes(self, motion: Motion) -> bool:
-        """Return whether there is room for the steps of a block, and add them if so."""
+        """Return whether there is room for the steps of a block, by the method of those before, and add them if so."""
         count, now = len(motion), self._count
-        if now + count > self._most:
-            return False
         arrays = motion.times, motion.path, motion.kicks, motion.lengths
-        if not self._room:
+        other = self._like is not None and self._like._form != motion._form
+        if now + count > self._most or (other and now):
+            return False
+        if not self._room or other:
             self._room = [np.empty((self._most + 1, *array.shape[1:])) for array in arrays]
         for room, array in zip(self._room, arrays, strict=True):
             room[now : now + len(array)] = array

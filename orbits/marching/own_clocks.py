@@ -16,9 +16,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from orbits.integrators.canonical_room import padded_length
 from orbits.integrators.collocation_lengths import CANCELLED
 from orbits.integrators.collocation_rows import LAST, NODES, WEIGHTS
-from orbits.kernels.binding import bodies, field_close, gross_field
+from orbits.kernels.binding import bodies, gross_field, rate_at
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
@@ -33,6 +34,7 @@ from orbits.kernels.steps import (
     Model,
     Share,
     Storage,
+    end_late,
     prepare,
     step_particles,
 )
@@ -49,7 +51,7 @@ from orbits.marching.adaptive import (
     TOLERANCE,
     root,
 )
-from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies
+from orbits.marching.bodies_between import PLACES, Field, length_of, place_bodies, time_of
 from orbits.marching.changing import FARTHEST, ORIGIN
 from orbits.marching.own_steps_log import (
     ENTRIES,
@@ -109,10 +111,9 @@ ABSENT, TINY = 1e150, 1e-300
 @kernel(inline=True)
 def first_length(method, model, field, k, particle):
     """Return the length of the first step of a particle, from its dynamical time at the beginning of step k."""
-    stride = field.stages.shape[1] // 2
+    stride = padded_length(3 * bodies(model.tag, model.parameters))
     sources = field.path[2 * k * stride : (2 * k + 1) * stride]
-    here = (particle.x, particle.y, particle.z)
-    _, _, _, rate = field_close(model.tag, model.parameters, sources, None, here, here)
+    rate = rate_at(model.tag, model.parameters, sources, (particle.x, particle.y, particle.z))
     return min(FIRST_THETA / math.sqrt(rate), FARTHEST) if rate > 0.0 else FARTHEST
 
 
@@ -195,7 +196,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
     log : receives its state at the beginning and, if it takes several steps in an encounter, after each of them
     Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
     """
-    H, origin = length_of(field, k), field.origin + field.times[k]
+    H, origin, begun = length_of(field, k), field.origin + field.times[k], time_of(field, k)
     table, carry, scratch, share = method.coefficients[0], storage.carry, storage.scratch, storage.share
     nodes, stages = load(table, NODES), 0
     while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
@@ -223,7 +224,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
                     copy_ends(n, sources, ends)
             else:
                 sources, coefficients = field.room[PLACES : PLACES + field.stages.shape[1]], method.coefficients
-                place_bodies(method, model, field, k, (done + nodes * h) / H)
+                place_bodies(method, model, field, k, (done + nodes * h) / H, done / H, (done + h) / H)
                 ends = shared.ends[shared.before.shape[0]]
                 copy_ends(n, sources, ends)
             mine, now = Method(method.tag, coefficients), Storage(carry, scratch, sources, share)
@@ -232,7 +233,9 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             elif shared.before[k] != before:
                 prepare(mine, h, before, now)
                 shared.before[k] = before
-            after, _, status, count = step_particles(mine, model, origin + done, h, particle, carry, now)
+            end = time_of(field, k + 1) if parts == 1.0 else begun + (done + h)
+            end_late(mine, end - ((begun + done) + h))
+            after, _, status, count = step_particles(mine, model, begun + done, h, particle, carry, now)
             evaluations += count
             factor = 0.5 / CAUTION
             if status == OK:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orbits.integrators.canonical_bodies import CanonicalBodies
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.lanes import WIDTH
@@ -26,12 +27,12 @@ class OwnClocks:
         self.table, modes, room, shared = aligned(
             coefficients.shape,
             (steps, 3 * n, 2 * WIDTH),
-            (PLACES + rows + stride, WIDTH),
+            (PLACES + rows + 3 * stride, WIDTH),
             (steps, *coefficients.shape[1:]),
         )
         self.table[...], shared[...] = coefficients, coefficients
         self.shared = shared, np.zeros(steps), np.full((steps + 1, 6, padded(n)), ABSENT)
-        assert isinstance(form, Collocation)
+        assert isinstance(form, Collocation | CanonicalBodies)
         self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
         path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)
         self.arrays = {"path": path, "times": times}

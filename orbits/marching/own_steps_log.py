@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from orbits.integrators.canonical_room import padded_length
 from orbits.kernels.binding import bodies
 from orbits.kernels.compile import kernel
-from orbits.kernels.dense import dense
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import call_observer
 from orbits.kernels.paths import record_one, record_particle
 from orbits.kernels.watch import watch_at
-from orbits.marching.bodies_between import length_of
+from orbits.marching.bodies_between import length_of, state_between
 
 FEW = 4
 """The number of steps within one of the bodies from which on they are logged for the pericentre they may contain."""
@@ -77,8 +77,8 @@ def steps_until(log, row):
 @kernel
 def look(method, model, field, log, p):
     """Call the observer for the states logged so far, and keep the last one."""
-    size, stride, last = 3 * bodies(model.tag, model.parameters), field.stages.shape[1] // 2, log.counts[ENTRIES] - 1
-    first = p - p % WIDTH
+    size, last, first = 3 * bodies(model.tag, model.parameters), log.counts[ENTRIES] - 1, p - p % WIDTH
+    stride = padded_length(size)
     for row in range(last + 1):
         k, part = int(log.at[row, 0]), log.at[row, 1]
         begin, entry = 2 * k * stride, 2 * row * stride
@@ -86,9 +86,8 @@ def look(method, model, field, log, p):
         Q, V = log.path[entry : entry + size], log.path[entry + stride : entry + stride + size]
         log.times[row] = field.times[k]
         if part > 0.0:
-            h = length_of(field, k)
-            log.times[row] += part * h
-            dense(method, h, q, v, field.kicks[k], part, Q, V)
+            log.times[row] += part * length_of(field, k)
+            state_between(method, model, field, k, part, Q, V)
         else:
             for i in range(size):
                 Q[i], V[i] = q[i], v[i]

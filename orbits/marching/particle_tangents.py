@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import SingularityError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.kepler_map import KeplerSplitting, outwards
@@ -21,10 +20,16 @@ from orbits.kernels.particle_tangent import NEAR, SHARP, WHICH, Judged, follow_p
 from orbits.kernels.tangent import AREA, LOGARITHM, SQUARE
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.bound_loops import BoundLoops, numbers_of
-from orbits.marching.choice import form_of_bodies
+from orbits.marching.choice import form_for, form_of_bodies
 from orbits.marching.clocks import ConstantSteps, Place
 from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS
-from orbits.marching.map_tangents import KICKS, require_map_tangents
+from orbits.marching.map_tangents import marched_in_blocks, require_map_tangents
+
+
+def march_together(integrator: Integrator, lagrangian: Lagrangian) -> bool:
+    """Return whether `ParticleTangents` serves a method and a Lagrangian."""
+    form = form_for(integrator, lagrangian)
+    return isinstance(form, KeplerSplitting) and not form.with_terms
 
 
 class Passages(NamedTuple):
@@ -72,7 +77,7 @@ class ParticleTangents(BoundLoops):
         self.begin(np.concatenate([q, x]), np.concatenate([v, w]), np.arange(n), np.arange(n, n + m))
         self.enter(self.state, self._steps)
         self._strength, self._label, self._done = np.ascontiguousarray(parameters), integrator.label, 0
-        self._kick, self._scale, self._h = KICKS[form.kernel], float(scale), h
+        self._kick, self._scale, self._h = int(form.stages_of(h)[1][0, 0]), float(scale), h
         groups, count = (m + WIDTH - 1) // WIDTH, len(vectors)
         self._fans, self._growth = np.empty((groups, count, 6, WIDTH)), np.zeros((groups, count, 5, WIDTH))
         self._fans[...] = vectors.reshape(1, count, 6, 1)
@@ -92,22 +97,21 @@ class ParticleTangents(BoundLoops):
 
     def advance(self, place: Place) -> None:
         """Follow the map up to the last whole step before a place. Raises SingularityError if massive bodies meet."""
-        while self._done < place.steps:
-            count = min(self.steps, place.steps - self._done)
+
+        def march(count: int) -> bool:
             if len(self._path) < count + 1:
                 self._path = np.zeros((count + 1, 2, padded(3 * self._n)))
             now, _ = numbers_of(self._steps, self.state, 0.0, self._done)
             self.march(self.state, self.bound(self._steps, now), self._path.reshape(-1), count)
             self._path[count] = self.state["q"], self.state["v"]
-            if not np.isfinite(self._path[count]).all():
-                raise SingularityError(
-                    f"{self._label}: massive bodies meet by step {self._done + count} (t = "
-                    f"{self._h * (self._done + count):.10g}), where their states are no longer finite.",
-                    step=self._done,
-                    time=self.time,
-                )
-            self._follow(count)
-            self._done += count
+            finite = bool(np.isfinite(self._path[count]).all())
+            if finite:
+                self._follow(count)
+                self._done += count
+            return finite
+
+        for _ in marched_in_blocks(self._label, self._h, self._done, place.steps, self.steps, march):
+            pass
 
     def _follow(self, count: int) -> None:
         """March the particles through the `count` steps that the bodies have just taken, with their vectors."""

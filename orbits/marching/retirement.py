@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +34,31 @@ REASONS = {
     TOO_SHORT: "no step is short enough to go on",
     NEAR_A_PLANET: "it came within three Hill radii of a planet",
     NOT_RESOLVED: "the step did not resolve its pericentre",
-    HIT: "it hit a body",
+    HIT: "it hit {}",
     EJECTED: "it was ejected",
     TOO_CLOSE: "its pericentre is below the limit",
 }
+
+
+PER_BODY = 1000
+"""The status of a particle that hit a body is `HIT` and this times the number of the body, from 1 on among the massive
+ones; `HIT` alone in archives of earlier versions, which do not say which."""
+
+
+def hit(body: int) -> int:
+    """Return the status of a particle that hit the massive body of this number, from 0 on."""
+    return HIT + PER_BODY * (1 + body)
+
+
+def kind_of(status: Any) -> Any:
+    """Return the status, a number or an array, without the number of a body."""
+    return np.where(np.asarray(status) % PER_BODY == HIT, HIT, status)
+
+
+def reason(status: int, names: Sequence[str]) -> str:
+    """Return a status in words; names : of the massive bodies."""
+    body = status // PER_BODY - 1
+    return REASONS[int(kind_of(status))].format(names[body] if 0 <= body < len(names) else "a body")
 
 
 class Lost(NamedTuple):
@@ -80,18 +102,20 @@ def retirements(
     particles: NDArray[np.intp],
     clocks: Array | None = None,
     parts: Array | None = None,
+    names: Sequence[str] = (),
 ) -> list[Retirement]:
     """Return the retired particles of a table from a checkpoint.
 
     table : (m, 2), status and step; q, v : (3, padded); particles : (m,), their numbers among all bodies
     clocks : (m, columns), of particles with clocks of their own; see `orbits.marching.own_clocks`
     parts : (m,), the part of the next step that each has taken, among constant steps
+    names : of the massive bodies, for those that hit one
     Raises InputError for an unknown status.
     """
     gone = (table[:, 0] != OK).nonzero()[0]
     if not gone.size:
         return []
-    unknown = set(table[gone, 0].tolist()) - set(REASONS)
+    unknown = set(kind_of(table[gone, 0]).tolist()) - set(REASONS)
     if unknown:
         raise InputError(
             f"its checkpoint has retired particles with the reasons {sorted(unknown)}; known are {sorted(REASONS)}."
@@ -104,7 +128,7 @@ def retirements(
             int(particles[k]),
             int(table[k, 1]),
             readings[k].item(),
-            REASONS[int(table[k, 0])],
+            reason(int(table[k, 0]), names),
             q[:, k].copy(),
             v[:, k].copy(),
         )
@@ -160,6 +184,12 @@ class Retired:
         self._known[...] = other._known
         self.begin()
 
+    def take_over(self, other: Retired, lost: NDArray[np.bool_], steps: NDArray[np.int64]) -> None:
+        """Retire the particles `lost`, (m,) bool, for the reasons in another march, after as many steps of this one."""
+        which = np.flatnonzero(lost)
+        self._known[which, 0], self._known[which, 1] = other._known[which, 0], steps
+        self.begin()
+
     def gone(self) -> NDArray[np.bool_]:
         """Return a mask (m,) of the particles that are retired or were lost in the block just marched."""
         return np.asarray(self.block[: self._count, 0] != OK)
@@ -181,7 +211,7 @@ class Retired:
             if retired.shape != (self._count, 2):
                 raise InputError(f"the retired particles in its checkpoint are {retired.shape}, not {self._count, 2}.")
             status, step = np.asarray(retired)[:, 0], np.asarray(retired)[:, 1]
-            if not (np.isin(status, [OK, *REASONS]).all() and (step >= 0).all() and (step <= steps).all()):
+            if not (np.isin(kind_of(status), [OK, *REASONS]).all() and (step >= 0).all() and (step <= steps).all()):
                 raise InputError("the retired particles in its checkpoint have impossible reasons or steps.")
             self._known[: self._count] = retired
         self.begin()

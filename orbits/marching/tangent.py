@@ -138,9 +138,8 @@ class Tangents:
         """Return the derivative of (q, p) by (q, v) here and now, (2 d, 2 d): x, y, z of each varied body in turn, p
         times G.
         """
-        mixed, mass, _ = self._curvatures()
-        d = len(mass)
-        return np.block([[np.eye(d), np.zeros((d, d))], [mixed.T, mass]])
+        t, q, v = self._now
+        return momenta_by_velocities(self._lagrangian, q, v, t, self._some, 1.0 / self._inertia)
 
     def _by_momenta(self, vectors: Array) -> Array:
         """Return vectors of dq and dv, (count, 2, bodies, 3), as those of dq and dw = dp / m, here and now."""
@@ -160,13 +159,31 @@ class Tangents:
 
     def _curvatures(self) -> tuple[Array, Array, Array]:
         """Return d2L/dq dv and d2L/dv dv, (d, d), and GM, (d,), of the varied bodies, x, y, z of each in turn."""
-        gm = np.repeat(1.0 / self._inertia[self._some], 3)
-        if not self._with_momenta:
-            return np.zeros((len(gm), len(gm))), np.diag(gm), gm
         t, q, v = self._now
-        own = (3 * self._some[:, None] + np.arange(3)).ravel()
-        _, mixed, mass = self._lagrangian.hessians(q, v, t)
-        return mixed[np.ix_(own, own)], mass[np.ix_(own, own)], gm
+        return _curvatures(self._lagrangian, q, v, t, self._some, 1.0 / self._inertia)
+
+
+def _curvatures(
+    lagrangian: Lagrangian, q: Array, v: Array, t: float, bodies: NDArray[Any], gm: Array
+) -> tuple[Array, Array, Array]:
+    own_gm = np.repeat(gm[bodies], 3)
+    if SEPARABLE in lagrangian.traits:
+        return np.zeros((len(own_gm), len(own_gm))), np.diag(own_gm), own_gm
+    own = (3 * bodies[:, None] + np.arange(3)).ravel()
+    _, mixed, mass = lagrangian.hessians(q.ravel(), v.ravel(), t)
+    return mixed[np.ix_(own, own)], mass[np.ix_(own, own)], own_gm
+
+
+def momenta_by_velocities(
+    lagrangian: Lagrangian, q: Array, v: Array, t: float, bodies: NDArray[Any], gm: Array
+) -> Array:
+    """Return the derivative of (q, p) by (q, v) of some bodies, (2 d, 2 d): x, y, z of each in turn, p times G.
+
+    q, v : (n, 3) of all; gm : (n,)
+    """
+    mixed, mass, _ = _curvatures(lagrangian, q, v, t, bodies, gm)
+    d = len(mass)
+    return np.block([[np.eye(d), np.zeros((d, d))], [mixed.T, mass]])
 
 
 def require_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
@@ -175,6 +192,11 @@ def require_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
         raise InputError(
             f"{integrator.label} has no tableau from which its derivative could be computed; use Gauss(stages=8)."
         )
+    require_hessians(lagrangian)
+
+
+def require_hessians(lagrangian: Lagrangian) -> None:
+    """Raise InputError, with the term, if second derivatives of a Lagrangian of bodies are not known."""
     summands = getattr(lagrangian, "summands", ())
     without = [term.name for term in summands if not term.tag.provides("hessians")]
     if without or GRADIENTS not in lagrangian.traits:

@@ -80,7 +80,7 @@ def take_step(clock, method, model, k, state, storage):
     time, lost = two_sum(numbers[TIME], dt)
     numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + (dt_lo + numbers[TIME_LO]))
     numbers[NEXT], numbers[LENGTH] = numbers[TIME], dt
-    room[k + 1], room[kept // 2 + k] = room[k] + dt, dt
+    room[k + 1], room[kept // 3 + k] = room[k] + dt, dt
     return OK, 0, evaluations
 
 

@@ -88,8 +88,10 @@ class Watcher:
     tasks : the number of tasks that march particles at the same time
     on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
     trace_rows : see `Form.trace_rows`
+    whole_path : whether all states of a block are needed in its path, also of a block that is recorded in a trace
 
     contexts, lists : of the massive bodies, then of each task
+    given : whether the motion of all massive bodies is given: approaches among these are not looked for
     """
 
     def __init__(
@@ -109,8 +111,9 @@ class Watcher:
         radii: Array | None = None,
         on_kepler_orbits: bool = False,
         trace_rows: int = 0,
+        whole_path: bool = False,
     ) -> None:
-        self._parameters, self._stride = parameters, len(q)
+        self._parameters, self._stride, self.given = parameters, len(q), False
         self._path = np.empty(0)
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
@@ -121,7 +124,7 @@ class Watcher:
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
         self._trace_rows, self._of_trace = trace_rows, 0
         few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
-        self._planets = trace_rows > 0 and few and self.dominant == 0
+        self._planets = trace_rows > 0 and few and self.dominant == 0 and not whole_path
         (self._trace,) = aligned(((TRACED + 1) * trace_rows * WIDTH,))
         of_bodies = slice(0, 3 * len(massive))
         self._annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
@@ -215,9 +218,15 @@ class Watcher:
             return path, (0, 0)
         if not self._of_trace:
             self._of_trace = observer_address(follow_planets if self._planets else show_trace)
-            self.contexts.enter(trace=self._trace, lanes=self._numbered(carry))
+            self.contexts.enter(trace=self._trace)
+            self.number(carry)
         self.begin(record, first)
         return self._trace, (self._of_trace, self.contexts.addresses[0])
+
+    def number(self, carry: Array) -> None:
+        """Take over the order of the planets in the carry of a march that is recorded in a trace."""
+        if self._of_trace:
+            self.contexts.enter(lanes=self._numbered(carry))
 
     def _numbered(self, carry: Array) -> Array:
         """Return `lanes` of `orbits.kernels.watch`."""
@@ -265,7 +274,7 @@ class Watcher:
             self._end_trace(h, steps, carry)
         if parallel is not None:
             parallel.follow(self, h, steps)
-        elif carry is None or not self._planets:
+        elif (carry is None or not self._planets) and not self.given:
             self.follow(h, steps)
         for observer in (self._find_met, self._find_touch):
             observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from astropy import units as u
 
 from orbits.integrators import registry
+from orbits.units import date_text
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -110,4 +111,4 @@ def moment(system: System) -> str:
     """Return the epoch of a system to the minute, or the date for midnight: "2000-01-01 12:00 TDB"."""
     if system.epoch is None:
         return ""
-    return f"{system.epoch.isot[:16].replace('T', ' ').removesuffix(' 00:00')} TDB"
+    return f"{date_text(system.epoch, 16).removesuffix(' 00:00')} TDB"

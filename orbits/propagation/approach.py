@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from astropy import units as u
+
+from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -14,6 +17,9 @@ if TYPE_CHECKING:
     from orbits.marching.clocks import Clock
     from orbits.propagation.passages_seen import Passage
     from orbits.system import System
+
+LUNAR_DISTANCE = 384_400 * u.km
+"""The mean distance of the Moon, the unit of close approaches to the Earth."""
 
 NEAR = 0.05 * u.au
 """Distances below this are also given in kilometres."""
@@ -29,6 +35,8 @@ class Approach:
     date : the time as a `Time` (TDB), if the system has an epoch
     error : the position error at the end of the run that the passage causes with this method and step, in km (or in the
         system's unit of length, if it has no physical units); None if it is unknown
+    v_infinity : the relative speed without the attraction of the two, sqrt(speed^2 - 2 GM / distance); None if they are
+        bound to each other
     """
 
     body: str
@@ -38,6 +46,7 @@ class Approach:
     speed: u.Quantity
     date: Time | None = None
     error: u.Quantity | None = None
+    v_infinity: u.Quantity | None = None
 
     @classmethod
     def of(cls, system: System, clock: Clock, passage: Passage, error: float | None) -> Approach:
@@ -45,21 +54,23 @@ class Approach:
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
         time = u.Quantity(clock.time(passage.steps), units.time)
+        free = passage.speed**2 - 2.0 * (gm[lighter] + gm[heavier]) / passage.distance if passage.distance else -1.0
         return cls(
             names[lighter],
             names[heavier],
             u.Quantity(passage.distance, units.length),
             time,
             u.Quantity(passage.speed, units.speed),
-            None if system.epoch is None else (system.epoch + time).copy(format="iso"),
+            None if system.epoch is None else written((system.epoch + time).copy(format="iso")),
             None if error is None else as_error(system, error),
+            u.Quantity(math.sqrt(free), units.speed) if free >= 0.0 else None,
         )
 
     def __str__(self) -> str:
         distance = f"{self.distance:.6g}"
         if self.distance.unit.is_equivalent(u.km) and self.distance.unit != u.km and self.distance < NEAR:
             distance += f" = {self.distance.to(u.km):,.0f}"
-        when = f"t = {self.time:.6g}" if self.date is None else f"{self.date.iso[:16]} TDB (t = {self.time:.6g})"
+        when = f"t = {self.time:.6g}" if self.date is None else f"{date_text(self.date, 16)} TDB (t = {self.time:.6g})"
         speed = self.speed.to(u.km / u.s) if self.speed.unit.is_equivalent(u.km / u.s) else self.speed
         named = "" if str(speed.unit) else "speed "  # a number alone would say nothing
         text = f"{self.body} to {self.other}: {distance} at {when}, {named}{speed:.3g}"

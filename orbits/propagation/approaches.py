@@ -6,18 +6,21 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen, index_of
+from orbits.checks import positive_number, single_number
+from orbits.errors import InputError, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
-from orbits.propagation.approach import Approach, said, unit_of_errors
+from orbits.propagation.approach import LUNAR_DISTANCE, Approach, said, unit_of_errors
 from orbits.propagation.judgement import error_at_end
 from orbits.propagation.refinement import refine
 from orbits.system.presenting import attributes
+from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -112,23 +115,38 @@ class Approaches:
         """Yield the passages except those of orbits about the dominant body, closest first."""
         return (self.one(k) for k in self._flybys)
 
-    def to_table(self, bodies: Sequence[str] | None = None) -> QTable:
+    def to_table(
+        self, bodies: Sequence[str] | None = None, *, within: Any = None, order: str = "distance"
+    ) -> QTable:
         """Return an astropy QTable of the passages, closest first.
 
+            run.closest_approaches().to_table("Earth", within=0.05 * u.au, order="time")  # as the tables of JPL's CNEOS
+
         The columns are body (the lighter one), other, date (TDB, if there is an epoch), time (since the epoch),
-        distance, speed, and error (the position error at the end of the run that the passage causes). The meta has the
-        epoch (TDB) and further information.
+        distance, lunar_distances (the same in units of 384,400 km, if there are units), speed, v_infinity (without the
+        attraction of the two; NaN if they are bound to each other), and error (the position error at the end of the run
+        that the passage causes). The meta has the epoch (TDB) and further information.
 
         bodies : names; only passages of these, all by default. Unknown names raise UnknownNameError.
+        within : only passages at most at this distance; order : "distance" or "time"
+        Raises InputError for a distance that is none, and another order.
         """
         from astropy.table import QTable
 
+        if order not in ("distance", "time"):
+            raise InputError(f"order is {shown(order)}; expected 'distance' or 'time'.")
         wanted = np.zeros(len(self.names), dtype=bool)
         wanted[chosen(self.names, bodies)] = True
         passages, units = self._seen.passages, self._run.system.units
+        most = math.inf
+        if within is not None:
+            most = positive_number(single_number(units.length_value(within, "within"), "within"), "within")
         rows = [k for k in self._flybys if wanted[passages[k].body] or wanted[passages[k].other]]
+        rows = [k for k in rows if passages[k].distance <= most]
         ones = [self.one(k) for k in rows]
-        kinds = {"distance": units.length, "time": units.time, "speed": units.speed}
+        if order == "time":
+            ones.sort(key=lambda one: one.time)
+        kinds = {"distance": units.length, "time": units.time, "speed": units.speed, "v_infinity": units.speed}
         kinds["error"] = unit_of_errors(self._run.system)
         columns: dict[str, object] = {
             "body": np.array([one.body for one in ones], dtype=str),
@@ -139,7 +157,10 @@ class Approaches:
             for key, unit in kinds.items()
         }
         if self._run.system.epoch is not None:
-            columns["date"] = self._run.system.epoch + figures["time"]
+            columns["date"] = written(self._run.system.epoch + figures["time"])
+        if units.is_physical:
+            columns |= {"distance": figures.pop("distance")}
+            columns["lunar_distances"] = (columns["distance"] / LUNAR_DISTANCE).to(u.one)
         return QTable(columns | figures, meta=attributes(self._run.system))
 
     @cached_property
@@ -190,10 +211,12 @@ class Approaches:
         figures = {"distance": units.length, "time": units.time, "speed": units.speed}
         dated = self._run.system.epoch is not None
         head = ["body", "passes", *["date (TDB)"] * dated, *(headed(key, unit) for key, unit in figures.items())]
+        head += [headed("v_infinity", units.speed)] * units.is_physical
         head.append(headed("off at the end", unit_of_errors(self._run.system)))
         rows = []
         for a in islice(self, MOST_ROWS):
-            date = [] if a.date is None else [a.date.iso[:16]]
+            date = [] if a.date is None else [date_text(a.date, 16)]
+            free = ["bound" if a.v_infinity is None else f"{a.v_infinity.value:.6g}"] * units.is_physical
             off = "" if a.error is None else said(a.error).removesuffix(f" {a.error.unit}").replace("less than", "<")
-            rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), off])
+            rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), *free, off])
         return head, rows, len(self) - len(rows)

@@ -33,6 +33,12 @@ def check_bodies(system: System, integrator: Integrator) -> None:
         kepler_splitting.require_terms_of_dominant(system, integrator)
 
 
+def check_span(system: System, grid: TimeGrid) -> None:
+    """Raise EpochError, naming the term, if one does not describe the motion until the end of a run."""
+    for term in system.terms:
+        term.check_span(grid.end, system.units)
+
+
 def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, check_step: Any) -> None:
     """Warn of what the steps of a run do not resolve, or refuse the run, or do neither, as `check_step` says.
 
@@ -40,6 +46,7 @@ def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, c
     """
     if checked_answer(check_step):
         warn_if_far(system, grid.end)
+    check_span(system, grid)
     if not grid.clock.changes:
         check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
         warn_or_refuse(lambda: check(system, integrator, grid.h, grid.end), check_step)

@@ -510,7 +510,7 @@ class ChangingMarch:
             clock,
             threads,
             state=(q, v),
-            start=time,
+            start=0.0 if clock.changes else time,  # such a clock reads the time since the start of the run
             radii=radii,
             dense=bool(self._events),
         )

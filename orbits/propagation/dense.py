@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError, with_unit
 from orbits.integrators.forms import padded
+from orbits.kernels.acting import FIGURES
 from orbits.marching.blocks import steps_apart
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.legs import LegsAgain
 from orbits.propagation.marchers import bound
+from orbits.system.model import continued, most_inner
 from orbits.time_grid import snapped, times_since
+from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:
     from orbits.marching.kept_steps import KeptSteps
@@ -45,14 +48,18 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     if times.ndim > 1:
         raise InputError(f"t has shape {times.shape}; expected one time, or several in a row.")
     one = times.ndim == 0
-    q, v, times = _states(trajectory, np.atleast_1d(times), "t" if one else "t[{}]")
+    q, v, times, accounts = _states(trajectory, np.atleast_1d(times), "t" if one else "t[{}]")
     if one:
-        return trajectory.system_of(q[0], v[0], float(times[0]))
-    return trajectory.with_samples(times, q, v)
+        return trajectory.system_of(q[0], v[0], float(times[0]), None if accounts is None else accounts[0])
+    some = trajectory.with_samples(times, q, v)
+    some.accounts = accounts
+    return some
 
 
-def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array]:
-    """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding."""
+def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Array, Array, Array | None]:
+    """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding; and
+    the accounts there of forces, if some have internal variables.
+    """
     direction, kept, span = trajectory.clock.direction, trajectory.kept, trajectory.span
     if not len(trajectory) and (span is None or span[1] == 0.0):
         raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
@@ -86,12 +93,13 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
                 sample = int(before[k])
                 again = LegsAgain(trajectory, float(begun[k]), *_state(trajectory, sample))
             q[k], v[k] = again.at(float(times[k]))
-        return q, v, times
+        return q, v, times, None
     missing = (begun != times) | (before == START)
     q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
     if kept is None or not len(kept):
-        _marched(trajectory, begun, before, lambda k: _state(trajectory, k), times, missing, q, v)
-        return q, v, times
+        accounts = _accounts(trajectory, before) if most_inner(trajectory.system) else None
+        _marched(trajectory, begun, before, lambda k: _state(trajectory, k), times, missing, q, v, accounts)
+        return q, v, times, accounts
     starts, marched = kept.times[:, 0], missing
     if steps_apart(trajectory.integrator, trajectory.system.massive) == 1:
         # Behind the last step, one that is chosen may have to be shorter than up to the end of the run.
@@ -101,7 +109,7 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     if marched.any():
         rows = np.searchsorted(starts * direction, times * direction, side="right") - 1
         _marched(trajectory, starts[rows], rows, lambda k: _one(kept, k), times, marched, q, v)
-    return q, v, times
+    return q, v, times, None
 
 
 def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array]:
@@ -109,6 +117,13 @@ def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array]:
     if sample == START:
         return trajectory.system.values.q, trajectory.system.values.v
     return trajectory.sample(sample)
+
+
+def _accounts(trajectory: Trajectory, samples: NDArray[np.intp]) -> Array:
+    """Return the accounts of forces at samples, or at the start of the run, (n, forces, 7 + inner)."""
+    known = accounts_of(trajectory)
+    start = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1).accounts()
+    return np.array([start if sample == START else known[sample] for sample in samples])
 
 
 def _one(kept: KeptSteps, row: int) -> tuple[Array, Array]:
@@ -147,24 +162,30 @@ def _marched(
     missing: NDArray[np.bool_],
     q: Array,
     v: Array,
+    accounts: Array | None = None,
 ) -> None:
     """Write the `missing` states, by marches from known ones.
 
     before : the number of the known state before each time, and `begun` its time; state : returns q and v
+    accounts : of forces with internal variables, those at the known states, which those at the times replace
     """
     clock = trajectory.clock
     marcher, known = None, 0
+    given: Array | None = None
     for k in np.argsort(times * clock.direction, kind="stable").tolist():
         if not missing[k]:
             continue
         if marcher is None or before[k] != known:
             known, begin = int(before[k]), float(begun[k])
-            marcher = bound(
-                trajectory.system, trajectory.integrator, clock, threads=1, state=state(known), start=begin
-            )
+            given = None if accounts is None else accounts[k].copy()
+            system = trajectory.system if given is None else continued(trajectory.system, given)
+            marcher = bound(system, trajectory.integrator, clock, threads=1, state=state(known), start=begin)
         place = clock.place(float(times[k]) - begin)
         marcher.advance_to(place)
         q[k], v[k] = marcher.state_at(place)
+        if accounts is not None and given is not None:
+            accounts[k] = marcher.accounts()
+            accounts[k, :, :FIGURES] += given[:, :FIGURES]
     whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orbits.errors import EventWarning, RetiredWarning, StepWarning, level_of_caller
-from orbits.kernels.steps import IMPACT
-from orbits.marching.retirement import EJECTED, REASONS, TOO_CLOSE
+from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
+from orbits.marching.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.kepler_splitting import encounters
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
-from orbits.propagation.step_check import UNRESOLVED, in_digits, passage_error, step_that_resolves, without_dt
+from orbits.propagation.step_check import INSTEAD, UNRESOLVED, in_digits, passage_error, step_that_resolves
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
@@ -37,6 +37,12 @@ FEW_STEPS = 20_000
 
 AS_ASKED = REASONS[EJECTED], REASONS[TOO_CLOSE]
 """Reasons for which particles are retired because the method was told where."""
+
+BEFORE_ENCOUNTERS = REASONS[NEAR_A_PLANET], REASONS[NOT_RESOLVED]
+"""Reasons for which particles are retired before passages that a method cannot follow, if it was told to do so."""
+
+HITS = REASONS[HIT].format("")
+"""The beginning of the reason of one that hit a body."""
 
 
 def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
@@ -120,12 +126,10 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     hidden = len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown)
     more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
     these = "it" if len(found) == 1 else "those named"
-    instead = without_dt(run.system)
     remedy = f"With dt <= {in_digits(enough, unit, 2)} {these} would have been resolved"
     if not enough:
         remedy = "No practical step resolves them with this method: use one of higher order, or softening"
-    if instead:
-        remedy += f". Or {instead}"
+    remedy += f". Or {INSTEAD}"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(
@@ -146,14 +150,23 @@ def warn_of_events(remarks: Sequence[str]) -> None:
 def warn_of_retired(run: Trajectory) -> None:
     """Warn, with `RetiredWarning`, about the particles that were retired in a run, but for those that merged."""
     asked = [particle for particle in run.retired if particle.reason in AS_ASKED]
+    met = [particle for particle in run.retired if particle.reason in BEFORE_ENCOUNTERS]
+    hits = [particle for particle in run.retired if particle.reason.startswith(HITS)]
+    without = "{whose} q and v are NaN from then on, and run[k] leaves {them} out."
     if asked:
-        whose = "their" if len(asked) > 1 else "its"
+        _warn_of_these(asked, f"{run.integrator.label} retired {_count(asked)}, as asked: {_of(asked, without)}")
+    if met:
         _warn_of_these(
-            asked,
-            f"{run.integrator.label} retired {_count(asked)}, as asked: {whose} q and v are NaN from then on, and "
-            f"run[k] leaves {'them' if len(asked) > 1 else 'it'} out.",
+            met,
+            f"{run.integrator.label} retired {_count(met)} before encounters that it cannot follow, as asked: "
+            f"{_of(met, without)} All others are the same as without {_of(met, '{them}')}.",
+            _of(met, "{They} can be run by {themselves} among the massive bodies without dt and method, by steps of ")
+            + _of(met, "{whose} own."),
         )
-    retired = [particle for particle in run.retired if particle.reason not in (*AS_ASKED, REASONS[IMPACT])]
+    if hits:
+        _warn_of_these(hits, f"{_count(hits)} hit a body: {_of(hits, without)}")
+    known = {one.name for one in (*asked, *met, *hits)}
+    retired = [one for one in run.retired if one.name not in known and one.reason != REASONS[IMPACT]]
     if not retired:
         return
     unit = run.system.units.time
@@ -163,14 +176,19 @@ def warn_of_retired(run: Trajectory) -> None:
     else:
         how = f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)}"
         remedy = "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening."
-    if run.integrator.retires_in_encounters:
-        remedy = "They can be run by themselves among the massive bodies without dt and method, by steps of their own."
     _warn_of_these(
         retired,
         f"{how} could not step {_count(retired)} any further, and the run went on without: their q and v are NaN from "
         "then on, and run[k] leaves them out. All others are the same as without them.",
         remedy,
     )
+
+
+def _of(retired: Sequence[RetiredParticle], words: str) -> str:
+    """Return words about one particle or several."""
+    if len(retired) > 1:
+        return words.format(whose="their", them="them", They="They", themselves="themselves")
+    return words.format(whose="its", them="it", They="It", themselves="itself")
 
 
 def _count(retired: Sequence[RetiredParticle]) -> str:

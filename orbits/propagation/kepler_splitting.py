@@ -21,10 +21,11 @@ from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.integrators.wisdom_holman import WisdomHolman
-from orbits.lagrangians.base import ABOUT_ONE_BODY
+from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
+from orbits.system.model import model
 
 if TYPE_CHECKING:
     from orbits.integrators.forms import Array
@@ -92,11 +93,12 @@ def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
                 f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
                 f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
             )
-        if integrator.follows_encounters and not system.massive.all():
-            raise InputError(
-                f"{integrator.label} lets massless particles take steps of their own, by Newton's gravity and without "
-                f"terms; got {type(term).__name__}. Use encounters='warn' or 'retire', or Gauss(stages=8) with dt=..."
-            )
+    if integrator.follows_encounters and not system.massive.all() and not _can_follow(system):
+        raise InputError(
+            f"{integrator.label} lets massless particles take steps of their own by terms of positions alone, such as "
+            f"ZonalHarmonics; got {', '.join(type(term).__name__ for term in system.terms)}. Use encounters='warn' or "
+            "'retire', or Gauss(stages=8) with dt=..."
+        )
 
 
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
@@ -110,7 +112,8 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     angle, fastest = max(angles, default=(0.0, None), key=lambda pair: pair[0])
     least = integrator.least_steps
     perturbed = len(orbits) > 1 or bool(system.terms) or not integrator.exact_for_two
-    if fastest is not None and perturbed and angle > 2.0 * math.pi / least:
+    follows = integrator.follows_meetings
+    if fastest is not None and perturbed and not follows and angle > 2.0 * math.pi / least:
         enough = abs(h) * 2.0 * math.pi / least / angle
         body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
@@ -126,15 +129,21 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         if not integrator.retires_in_encounters:
             _warn_of_particles_near_planets(system, integrator)
     close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
-    if close:
+    if close and not follows:
         hidden = f"\n  And {len(close) - SHOWN:,} more pairs." if len(close) > SHOWN else ""
         warnings.warn(
             f"{integrator.label} cannot follow close encounters of massive bodies, and these may have some:\n"
             + "\n".join(f"  {text}." for text in close[:SHOWN])
-            + f"{hidden}\nUse Gauss(stages=8), the default, without dt: steps are then chosen one by one.",
+            + f"{hidden}\n{_remedy_for_planets(integrator)}",
             StepWarning,
             stacklevel=level_of_caller(),
         )
+
+
+def _remedy_for_planets(integrator: Integrator) -> str:
+    """Return the advice for massive bodies that the method cannot follow."""
+    gauss = "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
+    return f'Let all bodies take steps that are chosen one by one there, with planets="follow"; or use {gauss}'
 
 
 def _warn_of_particles(system: System, integrator: Integrator, h: float, span: float) -> None:
@@ -203,12 +212,18 @@ def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> N
     )
 
 
+def _can_follow(system: System) -> bool:
+    """Return whether particles can take steps of their own: by forces that depend on positions alone."""
+    return SEPARABLE in model(system).lagrangian.traits
+
+
 def _following(system: System, integrator: Integrator) -> str:
-    """Return what lets particles take steps of their own: an option of the method, or another method; "" with terms."""
-    if system.terms:
+    """Return what lets particles take steps of their own: an option of the method, or another method; "" if nothing
+    does.
+    """
+    if not _can_follow(system):
         return ""
-    jacobi = isinstance(integrator, WisdomHolman) and integrator.coordinates == "jacobi"
-    return 'encounters="follow"' if jacobi else 'WisdomHolman(encounters="follow")'
+    return 'encounters="follow"' if isinstance(integrator, WisdomHolman) else 'WisdomHolman(encounters="follow")'
 
 
 def encounters(run: Trajectory, seen: Seen) -> list[int]:
@@ -217,14 +232,15 @@ def encounters(run: Trajectory, seen: Seen) -> list[int]:
     """
     gm, massive, found = run.system.values.gm, run.system.massive, []
     perturbed = massive.sum() > 2 or bool(run.system.terms) or not run.integrator.exact_for_two
-    followed = run.integrator.follows_encounters
+    followed, together = run.integrator.follows_encounters, run.integrator.follows_meetings
     for k, passage in enumerate(seen.passages):
-        if passage.about is None or (followed and not (massive[passage.body] and massive[passage.other])):
+        both = bool(massive[passage.body] and massive[passage.other])
+        if passage.about is None or (together if both else followed) or run.excursions.include(passage.steps):
             continue
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body
             resolved = not is_unresolved(run.step, passage.distance, passage.speed, run.integrator.least_steps)
-            if (perturbed or not massive[lighter]) and not resolved:
+            if (perturbed or not massive[lighter]) and not resolved and massive.sum() > 1:
                 found.append((passage.distance / abs(run.step * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
@@ -279,7 +295,7 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
     of_planets = any(massive[one] and massive[other] for one, other in pairs)
     whose = f" of {who:,} massless particle{'s' * (who > 1)}" * (who > 0) + " and" * (who > 0 and of_planets)
     whose += " of massive bodies" * of_planets
-    remedy = "Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
+    remedy = _remedy_for_planets(run.integrator)
     if not of_planets:
         remedy = f"All others are right. {_remedy_for_particles(run.system, run.integrator)}"
     hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""

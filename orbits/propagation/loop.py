@@ -26,11 +26,12 @@ from orbits.errors import (
 )
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks import Place
+from orbits.marching.leaving import LeavingMarcher
 from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
 from orbits.propagation.events.base import Happening, Sought
 from orbits.propagation.events.functions import Raised
-from orbits.propagation.events.particles import Followed, Sample
+from orbits.propagation.events.particles import ParticleSearches, Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.precision import warn_of_energy
@@ -41,7 +42,7 @@ from orbits.propagation.signals import StopRequest
 from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
 from orbits.system import System
 from orbits.time_grid import TimeGrid
-from orbits.trajectory import RetiredParticles, Statistics, Trajectory
+from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
 from orbits.trajectory.changes import at_time
 from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 from orbits.trajectory.retired import absent, moved
@@ -251,6 +252,8 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     trajectory.span = 0.0, _reached(marcher, grid, complete, watch)
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
+    if isinstance(marcher, LeavingMarcher):
+        trajectory._excursions = Excursions.of(system, grid.clock, *marcher.excursions())
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
     if isinstance(marcher, ChangingMarch) and marcher.changed:
         trajectory.kept = None  # steps are of the bodies of the start
@@ -300,7 +303,7 @@ class _Particles:
     ) -> None:
         begun = watch.before or Sample(0.0, system.values.q, system.values.v)
         self._system, self._watch, self._marcher = system, watch, of_this_leg(marcher)
-        self._followed = Followed(system, integrator, grid.clock, watch.events, begun)
+        self._followed = ParticleSearches(system, integrator, grid.clock, watch.events, begun)
         self._clock, self._kept = grid.clock, self._now()
 
     def __bool__(self) -> bool:

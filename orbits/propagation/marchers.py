@@ -21,6 +21,7 @@ from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks import Clock
+from orbits.marching.leaving import LeavingMarcher
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
 from orbits.propagation.sample_store import ACCOUNTS, Resumable
@@ -109,7 +110,8 @@ def march_of(
     gm, q, v, softening = bodies
     massive = bodies.massive
     lagrangian, vectors, forces = acting or Model(newtonian, parameters(gm[massive], softening), ())
-    return Marcher(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, forces=forces, **options)
+    kind = LeavingMarcher if integrator.follows_meetings else Marcher
+    return kind(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, forces=forces, **options)
 
 
 def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:

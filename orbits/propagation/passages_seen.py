@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, IntegrationError
 from orbits.kernels import encounters
 from orbits.kernels.encounters import DISTANCE2, PARTNER, SPEED2, TIME
+from orbits.marching.leaving import LeavingMarcher
 from orbits.propagation.marchers import bound, restore, unchanged
 from orbits.propagation.passage_effect import Pair
+from orbits.system.model import given_bodies
 
 if TYPE_CHECKING:
     from orbits.marching.clocks import Clock
@@ -51,6 +53,8 @@ class Record(NamedTuple):
         step; if steps differ, the march itself ends there, and cannot go on.
         """
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
+        if isinstance(marcher, LeavingMarcher) and marcher.is_away:
+            return cls(*marcher.record_at(end), dominant, reaches, step)
         if marcher.clock.changes:
             if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
                 with suppress(IntegrationError):  # where the run itself failed
@@ -143,11 +147,14 @@ class Seen:
         self.errors: dict[int, float | None] = {}
         self.reach = np.zeros(len(system))
         self.reach[massive] = record.reaches
-        self.passages = [self._listed(row) for row in record.listed]
+        # Of two bodies that are read from an ephemeris, only the states at the ends of steps are known.
+        given = np.isin(system.names, given_bodies(system))
+        listed = [self._listed(row) for row in record.listed]
+        self.passages = [one for one in listed if not (given[one.body] and given[one.other])]
         self.closest = np.full((len(system), 2), -1)
         for row, body in enumerate(self._order):
             for column in (0, 1):
-                if math.isfinite(record.closest[DISTANCE2, column, row]):
+                if math.isfinite(record.closest[DISTANCE2, column, row]) and not given[body]:
                     self.closest[body, column] = self._number_of(record.closest[:, column, row], int(body))
 
     @classmethod

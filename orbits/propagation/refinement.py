@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.base import Integrator
+from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import Clock, Place
+from orbits.marching.handing_over import METHOD
 from orbits.propagation.marchers import march_of
 from orbits.propagation.passages_seen import Passage, Seen
 from orbits.system.model import model
@@ -71,12 +74,14 @@ class _Walk:
         self.step: float = step + (rest != 0.0)
         self._clock = trajectory.clock
         self._integrator, self._system = trajectory.integrator, system
+        self._excursions = trajectory.excursions
         self.marcher = self._bound(self._bodies, q[wanted], v[wanted], time)
         if self._clock.changes:
             self._begun = self.step = time
         elif rest != 0.0:
             at = self._clock.time(self.step)
             self.marcher = self._bound(self._bodies, *self.marcher.state_after(self._clock.h - rest), at)
+        self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 
     def to(self, step: float) -> None:
         """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
@@ -84,10 +89,14 @@ class _Walk:
             self.step = step
             self.marcher.advance_to(Place(0, step - self._begun))
             return
-        while self.step < step:
-            count = min(self.marcher.block, int(step - self.step))
-            self.marcher.advance(count)
-            self.step += count
+        # Passages between two steps, of bodies that took chosen ones there, have their state within a step.
+        self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
+        self.marcher.advance_to(self._place)
+        self.step = step
+
+    def chooses(self, step: float) -> bool:
+        """Return whether steps are chosen there one by one, as on an excursion from a map."""
+        return self._clock.changes or self._excursions.include(step)
 
     def pair(self, *pair: int) -> _Pair:
         """Return the massive bodies together with a pair of bodies, in their present state."""
@@ -96,15 +105,29 @@ class _Walk:
         there = wanted[self._bodies]
         q, v = self._state()
         bodies = self._bodies[there]
-        return _Pair(self._bound(bodies, q[there], v[there], float(self._clock.time(self.step))), bodies)
+        start = float(self._clock.time(self.step))
+        if self.chooses(self.step) and not self._clock.changes:
+            chosen = METHOD, Adaptive().towards(self._clock.direction)
+            return _Pair(self._bound(bodies, q[there], v[there], start, *chosen), bodies)
+        return _Pair(self._bound(bodies, q[there], v[there], start), bodies)
 
     def _state(self) -> tuple[Array, Array]:
-        return self.marcher.state_at(Place(0, self.step - self._begun)) if self._clock.changes else self.marcher.state()
+        place = Place(0, self.step - self._begun) if self._clock.changes else self._place
+        return self.marcher.state_at(place)
 
-    def _bound(self, bodies: NDArray[np.intp], q: Array, v: Array, start: float) -> Marcher:
+    def _bound(
+        self,
+        bodies: NDArray[np.intp],
+        q: Array,
+        v: Array,
+        start: float,
+        integrator: Integrator | None = None,
+        clock: Clock | None = None,
+    ) -> Marcher:
         # All massive bodies are included, so the model of the run applies.
         values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
-        return march_of(values, self._integrator, self._clock, model(self._system, bodies), start=start)
+        how = integrator or self._integrator, clock or self._clock
+        return march_of(values, *how, model(self._system, bodies), start=start)
 
 
 class _Pair:
@@ -134,13 +157,15 @@ def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage
     about = pair.relative(body, seen.dominant) if seen.dominant >= 0 and body != seen.dominant else np.zeros(6)
     if passage.steps == passage.step:  # at the start or end of the run, or exactly at a step
         least = _Least(0.0, float(np.linalg.norm(state[:3])), float(np.linalg.norm(state[3:])))
-    elif clock.changes:
-        guess, end = passage.steps - passage.step, seen.end - passage.step
+    elif walk.chooses(passage.step):
+        unit = 1.0 if clock.changes else clock.h
+        last = seen.end if clock.changes else abs(walk.end / clock.h)
+        guess, end = unit * (passage.steps - passage.step), unit * (last - passage.step)
         length = min(WIDER * guess, end, key=abs)
         while abs(length) < abs(end) and _approach_still(pair, passage, length):
             length = min(WIDER * length, end, key=abs)
         least = _least(pair, passage, seen.gm(passage), length, guess / length, 1.0)
-        least = least._replace(part=least.part * length)
+        least = least._replace(part=least.part * length / unit)
     else:
         end = abs(walk.end / clock.h) - passage.step if passage.step == seen.end else 1.0
         least = _least(pair, passage, seen.gm(passage), clock.h, min(passage.steps - passage.step, end), end)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError
+from orbits.marching.leaving import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,12 @@ class Replay:
         from orbits.propagation.dense import state_at
 
         return state_at(run, t)
+
+    def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
+        """Return q and v, (m, bodies, 3), at m times before the earliest one of a run."""
+        from orbits.propagation.earlier import states_before
+
+        return states_before(run, times)
 
     def closest_approaches(self, run: Trajectory) -> Approaches:
         """Return the closest approaches of bodies in a run.
@@ -103,7 +113,8 @@ class Replay:
 
         checkpoint = {} if run.archive is None else run.archive.checkpoint()
         listed = checkpoint.get("retired")
-        if listed is None or not (listed[:, 0].any() or (len(run) and np.isnan(run.q[-1].value).any())):
+        lost = [checkpoint[name][:, 0].any() for name in ("retired", AWAY + "retired") if name in checkpoint]
+        if listed is None or not (any(lost) or (len(run) and np.isnan(run.q[-1].value).any())):
             return RetiredParticles()
         from orbits.marching.hand_over import parts_taken
         from orbits.marching.retirement import retirements
@@ -111,8 +122,9 @@ class Replay:
         particles = np.flatnonzero(~run.system.massive)
         q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
         parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.follows_encounters else None
-        rows = retirements(listed, q, v, particles, clocks, parts)
-        if run.changes is None and missing(run, rows):
+        names = [run.names[k] for k in np.flatnonzero(run.system.massive)]
+        rows = retirements(listed, q, v, particles, clocks, parts, names)
+        if run.integrator.follows_meetings or (run.changes is None and missing(run, rows)):
             from orbits.propagation.marchers import bound, restore
 
             marcher = bound(run.system, run.integrator, run.clock)

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
 import numpy as np
 
 from orbits import integrators
+from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, shown
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.propagation.before_the_start import check_before_start, check_bodies
+from orbits.propagation.before_the_start import check_before_start, check_bodies, check_span
 from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
 from orbits.propagation.events.again import sought_again
@@ -41,6 +42,7 @@ from orbits.propagation.systems import (
     threads_of_each,
 )
 from orbits.system import System
+from orbits.system.model import most_inner
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
@@ -259,11 +261,23 @@ def begun(
         check_length(system, grid)
     check_before_start(system, integrator, grid, check_step)
     watch = RunEnds(conditions, callback, bool(check_step), seeking)
-    accounts = no_accounts(len(grid), len(system.forces))
+    accounts = no_accounts(len(grid), len(system.forces), most_inner(system))
     if checked_flag(dense, "dense") and seeking.touching:
         raise InputError(
             "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
             "run.at(times) marches on from the preceding sample, through the collisions."
+        )
+    if dense and integrator.follows_meetings:
+        raise InputError(
+            "dense=True keeps the steps of one method, but with planets='follow' encounters take others; leave it out: "
+            "run.at(times) marches on from the preceding sample, through the encounters."
+        )
+    if most_inner(system) and (dense or seeking.events):
+        what = "dense=True keeps" if dense else "events are sought from"
+        those = few([type(force).__name__ for force in system.forces if force.variables])
+        raise InputError(
+            f"{what} positions and velocities, but {those} changes a spin as well, or other internal variables; leave "
+            "it out: run.at(times) marches on from the preceding sample, with what it is there."
         )
     if dense and any(search.interrupts for search in seeking.particles):
         raise InputError(
@@ -401,13 +415,14 @@ def _resumed(
         if old.committed == len(grid) and old.complete:
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
+        check_span(system, grid)
         seeking = sought_again(old, events, path, exactly)
         marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
         restore(marcher, old.checkpoint(), path)
         seeking.restore(old.checkpoint(), marcher.reading != 0, path)
         if isinstance(marcher, ChangingMarch):
             marcher.follow_events()
-        accounts = accounts_in(old, len(grid), len(system.forces))
+        accounts = accounts_in(old, len(grid), len(system.forces), most_inner(system))
         _check_place(marcher, grid, old.committed, path)
         changed_before = isinstance(marcher, ChangingMarch) and marcher.changed
         steps = None if changed_before else continued(old, of_this_leg(marcher))

@@ -51,8 +51,8 @@ class SampleStore:
     """Collects samples and passes them to an archive chunk by chunk, or keeps them all if there is none.
 
     bodies : number of bodies in each sample; room : number of samples to expect
-    accounts : (samples, forces, 7), work, torque and impulse of forces up to each sample of the run, known up to the
-        next sample; by default there are no forces
+    accounts : (samples, forces, 7 + most internal variables), work, torque and impulse of forces up to each sample of
+        the run, and their internal variables there, known up to the next sample; by default there are no forces
     steps : what keeps the steps of the run for dense output, or None
     events : those that are sought, if any
 
@@ -104,7 +104,7 @@ class SampleStore:
         return time.perf_counter() - self._committed_at > pause
 
     def note(self, accounts: Array) -> None:
-        """Store the time integrals of the forces up to the next sample, (forces, 7)."""
+        """Store the time integrals of the forces up to the next sample, and their internal variables there."""
         self._accounts[self._next] = accounts
 
     def add(self, q: Array, v: Array) -> None:
@@ -144,17 +144,20 @@ def checkpoint_of(
     return {**marcher.checkpoint(), **known, **({} if events is None else events.checkpoint())}
 
 
-def no_accounts(samples: int, forces: int) -> Array:
-    """Return zeros, (samples, forces, 7), for the time integrals of the forces up to each sample."""
-    return np.zeros((samples, forces, FIGURES))
+def no_accounts(samples: int, forces: int, inner: int = 0) -> Array:
+    """Return zeros, (samples, forces, 7 + inner), for the time integrals of the forces up to each sample.
+
+    inner : the most internal variables of a force
+    """
+    return np.zeros((samples, forces, FIGURES + inner))
 
 
-def accounts_in(archive: Archive, samples: int, forces: int) -> Array:
-    """Return the time integrals of the forces up to each committed sample of an archive, with room for all samples.
+def accounts_in(archive: Archive, samples: int, forces: int, inner: int = 0) -> Array:
+    """Return what `no_accounts` has room for, up to each committed sample of an archive, with room for all samples.
 
     Raises ArchiveError if its checkpoint does not have them.
     """
-    out = no_accounts(samples, forces)
+    out = no_accounts(samples, forces, inner)
     if forces:
         found = archive.checkpoint().get(ACCOUNTS, np.zeros(0))
         fits = found.shape[1:] == out.shape[1:] and len(found) >= archive.committed and found.dtype == out.dtype

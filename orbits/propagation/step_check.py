@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 TOO_LONG = 1e-2
 """A step is too long if the error of the fastest passage exceeds this, before a run."""
 
+INSTEAD = "leave dt out: steps are then chosen one by one"
+"""The advice that serves all systems."""
+
 UNRESOLVED = 0.1
 """A passage with a larger error was not resolved."""
 
@@ -139,10 +142,9 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
         enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
     else:
         enough = step_that_resolves(integrator, h, pair, span - start, span)
-    instead = without_dt(system)
-    remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it{instead and f', or {instead}'}"
+    remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it, or {INSTEAD}"
     if not enough:
-        remedy = f"no step that is practical resolves it with this method: {instead or 'use one of higher order'}"
+        remedy = f"no step that is practical resolves it with this method: {INSTEAD}"
     warnings.warn(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
         f"{in_digits(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
@@ -150,11 +152,6 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
         StepWarning,
         stacklevel=level_of_caller(),
     )
-
-
-def without_dt(system: System) -> str:
-    """Return the advice to leave dt out, if runs of this system can do without."""
-    return "" if system.terms or system.forces else "leave dt out: steps are then chosen one by one"
 
 
 def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from orbits.regression.comparison import compare
 from orbits.regression.conversion import from_rebound, run_from_rebound, to_rebound
+from orbits.regression.of_ephemeris import residuals
 from orbits.regression.peer_choice import PEERS
 
-__all__ = ["PEERS", "compare", "from_rebound", "run_from_rebound", "to_rebound"]
+__all__ = ["PEERS", "compare", "from_rebound", "residuals", "run_from_rebound", "to_rebound"]

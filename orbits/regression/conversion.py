@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.checks import is_whole
@@ -25,6 +26,8 @@ from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem, as_epoch
 if TYPE_CHECKING:
     import rebound
     from astropy.time import Time
+
+    from orbits.lagrangians.terms.base import Term
 
 T = TypeVar("T")
 
@@ -51,11 +54,12 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
 
     For other systems G is 1 and the mass of a particle is its GM, in the units of the system; t is 0 at the epoch, and
     the time since then in a run. The units of `SOLAR` are named ("au", "d", "massist"). Names, the softening length and
-    known radii are kept. Massless bodies become test particles (`N_active`, `testparticle_type = 0`). REBOUND requires
-    them at the end, so massive bodies come first, otherwise in the system's order. Integrator and step are REBOUND's
-    defaults.
+    known radii are kept. Massless bodies become test particles (`N_active`, `testparticle_type = 0`), and minor bodies
+    (`MinorBodies`) those of type 1. REBOUND requires them at the end, so the other bodies come first, otherwise in the
+    system's order. Integrator and step are REBOUND's defaults.
 
-    Raises InputError for anything but a System or a Trajectory, and for a sample that does not exist.
+    Raises InputError for anything but a System or a Trajectory, a sample that does not exist, other terms and forces,
+    and for massless bodies beside minor ones, which these would not attract in REBOUND.
     """
     time = 0.0
     if isinstance(system, Trajectory):
@@ -68,9 +72,9 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
         time = system.t if isinstance(system, FromRebound) else 0.0
     else:
         raise InputError(f"to_rebound got a {type(system).__name__}; expected a System or a Trajectory.")
-    require_newtonian(state, "a simulation of REBOUND")
+    minor = _minor(state)
     gm, q, v, softening = state.values
-    order = np.argsort(gm == 0, kind="stable")
+    order = np.argsort((gm == 0) + minor.astype(int), kind="stable")
     names = [state.names[i] for i in order]
     units, G, m = _masses(state)
     sim = simulation(PointMasses(m[order], q[order], v[order], float(softening)), names)
@@ -78,11 +82,32 @@ def to_rebound(system: System | Trajectory, sample: int = -1) -> rebound.Simulat
         sim.update_units(units)
     sim.G = G  # to the last bit; of SOLAR from the units' own values it would be 26 units in the last place less
     sim.t = time
+    if minor.any():
+        sim.N_active, sim.testparticle_type = int(np.count_nonzero(~minor)), 1
     if state.radii is not None:
         radii = state.radii.value
         for particle, radius in zip(sim.particles, radii[order].tolist(), strict=True):
             particle.r = radius
     return sim
+
+
+def _minor(state: System) -> NDArray[np.bool_]:
+    """Return which bodies are minor ones, (n,). Raises InputError for other terms and forces, and for massless bodies
+    beside minor ones, which in REBOUND they would not feel.
+    """
+    from orbits.lagrangians.terms.minor_bodies import MinorBodies
+
+    pairs = [term for term in state.terms if isinstance(term, MinorBodies)]
+    left = state.replaced(terms=[term for term in state.terms if term not in pairs]) if pairs else state
+    require_newtonian(left, "a simulation of REBOUND")
+    minor = np.isin(state.names, [name for term in pairs for name in term.bodies])
+    if minor.any() and not state.massive.all():
+        massless = [name for name, heavy in zip(state.names, state.massive, strict=True) if not heavy]
+        raise InputError(
+            f"the system has minor bodies and massless ones, {few(massless)}; in REBOUND test particles of one type do "
+            "not attract each other, so these would not feel the minor bodies. Remove the ones or the others."
+        )
+    return minor
 
 
 class FromRebound(System):
@@ -168,14 +193,14 @@ def from_rebound(
     synchronized on a copy, and not changed.
 
     Test particles (beyond `N_active`) of type 0 attract nothing: they become massless, and an OrbitsWarning names those
-    with a mass. Those of type 1 attract active particles but not each other. A System can represent this only if they
-    have no mass, or if there is a single one, which is then like any other body. Collisions are not detected here, and
-    functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
+    with a mass. Those of type 1 attract active particles but not each other: several of them, all with mass, become
+    `MinorBodies`; a single one is like any other body; without mass they are massless. Collisions are not detected
+    here, and functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
 
     Raises InputError for simulations that a System cannot represent: forces, gravity or boundaries other than Newton's
-    in open space, variational particles, several test particles of type 1 with mass, and everything that `System`
-    refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or lacks the
-    snapshot. Files are opened in a separate process, as a damaged one may crash it.
+    in open space, variational particles, test particles of type 1 with mass beside massless ones, and everything that
+    `System` refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or
+    lacks the snapshot. Files are opened in a separate process, as a damaged one may crash it.
     """
     return _system(_particles(source, snapshot, time), units, epoch, zero)
 
@@ -227,11 +252,13 @@ def _system(found: Particles, units: UnitSystem | None, epoch: Any, zero: Any) -
     _refuse(found)
     attracting = found.m.copy()
     attracting[_massless(found, names) :] = 0.0
+    terms = _rule(found, names)
     if units is None:
         units = _units_of(found)
     when, radii = _epoch(found, units, epoch, zero), found.r if np.any(found.r) else None
     gm = found.G * attracting
-    return FromRebound.of(attracting, found.t, tuple(names), gm, found.q, found.v, when, units, radii, found.softening)
+    state = tuple(names), gm, found.q, found.v, when, units, radii, found.softening, terms
+    return FromRebound.of(attracting, found.t, *state)
 
 
 def _particles(source: Any, index: int, time: float | None) -> Particles:
@@ -304,14 +331,23 @@ def _massless(found: Particles, names: list[str]) -> int:
                 "they are massless (gm = 0)."
             )
         return found.active
-    if heavy and n - found.active > 1:
+    if heavy and len(heavy) < n - found.active:
         i = heavy[0]
         raise InputError(
             f"{names[i]!r} is a test particle (index {i}, N_active = {found.active}) of type 1 with mass "
             f"{float(found.m[i])!r}: it attracts active particles but none of the other {n - found.active - 1} test "
-            "particles, which no System does. Set testparticle_type to 0, or raise N_active to let it attract all."
+            "particles, of which some are massless, and those of a System feel all masses. Set testparticle_type to 0, "
+            "or raise N_active to let it attract all."
         )
     return n
+
+
+def _rule(found: Particles, names: list[str]) -> tuple[Term, ...]:
+    """Return the term of several test particles of type 1 with mass, which do not attract each other."""
+    from orbits.lagrangians.terms.minor_bodies import MinorBodies
+
+    several = found.test_type == 1 and len(found.m) - found.active > 1 and np.any(found.m[found.active :])
+    return (MinorBodies(bodies=names[found.active :]),) if several else ()
 
 
 def _warn(message: str) -> None:

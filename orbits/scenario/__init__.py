@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, angular_momentum_checks
 from orbits.scenario.loading import Listed, bundled, load
+from orbits.scenario.parts import Parts
 from orbits.scenario.performing import perform
 from orbits.scenario.study import Study, StudyOutcome, StudyResult, Table
 
@@ -22,6 +23,7 @@ __all__ = [
     "Check",
     "Listed",
     "Outcome",
+    "Parts",
     "Scenario",
     "Study",
     "StudyOutcome",

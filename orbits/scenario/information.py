@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from orbits.body_names import few
 from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, headed, text_table
+from orbits.units import date_text
 
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
@@ -27,7 +28,7 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
         "bodies": len(run.names),
         "massive": int(run.system.massive.sum()),
         "names": list(run.names),
-        "epoch": None if run.system.epoch is None else run.system.epoch.isot,
+        "epoch": None if run.system.epoch is None else date_text(run.system.epoch, between="T"),
         "time_unit": str(run.system.units.time),
         "integrator": run.integrator.label,
         "dt": None if run.clock.changes else abs(run.step),
@@ -46,6 +47,7 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
         ],
         "largest_relative_change": {n: _known(getattr(drift, n).max_fraction) for n in CONSERVED} if drift else None,
         "retired": run.retired.to_records(),
+        "excursions": run.excursions.to_records(),
     }
     if run.system.forces:
         found["work"] = [
@@ -65,6 +67,8 @@ def text(file: Path, run: Trajectory) -> str:
         parts.append(_legs(run))
     if len(run.retired):
         parts.append(str(run.retired))
+    if run.excursions.total:
+        parts.append(str(run.excursions))
     if sought := _sought(run):
         parts.append("\n".join(["sought: " + "\n        ".join(map(_said, sought)), str(run.events)]))
     if len(run):

@@ -14,6 +14,7 @@ from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsErro
 from orbits.scenario.definition import MIND, CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
+from orbits.scenario.parts import Parts, identity
 from orbits.scenario.study import Study, StudyOutcome, StudyResult
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def perform(
     """Run a scenario and write its results.
 
     out : results folder, ./results/NAME by default. Files of an earlier run are replaced, other files never. If the
-        same run was interrupted by Ctrl-C, it is continued
+        same run was interrupted by Ctrl-C, it is continued, as is a study that keeps its parts
     plot : whether to draw
     progress : as in `propagate`; say : receives messages about the progress, one line each
 
@@ -127,8 +128,10 @@ def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
 
 def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOutcome:
     report = replaceable(folder / "report.json")
+    parts = Parts(folder, identity(study.experiment, study.name, study.dt), say)
+    more = [*([] if study.dt is None else [study.dt]), *([parts] if study.resumable else [])]
     with located():
-        result = study.experiment(say) if study.dt is None else study.experiment(say, study.dt)
+        result = study.experiment(say, *more)
     if not isinstance(result, StudyResult):
         raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {shown(result)}.")
     _require_checks(study.name, result.checks)
@@ -146,6 +149,7 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
             complaints.append(str(error))
     outcome = StudyOutcome(study, folder, result, (*files, report), tuple(complaints))
     write_text(report, to_json(outcome) + "\n")
+    parts.remove()
     return outcome
 
 

@@ -78,6 +78,8 @@ class Study:
     experiment : a function of `say`, which prints a message about the progress, that returns a `StudyResult`
     dt : the steps of its runs, as of `orbits.propagate`, if the experiment takes them as its second argument, and
         --dt replaces them; None for an experiment with steps of its own
+    resumable : whether the experiment takes `Parts` as its last argument, and computes its parts by
+        `parts.get(name, compute)`: a study that was interrupted takes those over that are done
     certifies : the problems for `orbits certify`: tuples (Lagrangian or System, integrator, dt) or, for a Lagrangian,
         (Lagrangian, integrator, dt, q, v) with initial q, v of shape (d,)
 
@@ -99,6 +101,7 @@ class Study:
     experiment: Callable[..., StudyResult]
     certifies: Sequence[tuple[Any, ...]] = ()
     dt: Any = None
+    resumable: bool = False
 
     if TYPE_CHECKING:  # set by the package: it lives with the command line
         main: ClassVar[Callable[[], None]]

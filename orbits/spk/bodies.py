@@ -36,7 +36,7 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
     found: dict[str, int] = {}
     missing = []
     for name in names:
-        number = given[name] if name in given else _known(name)
+        number = known_number(name, given)
         if number is None:
             missing.append(name)
         elif not is_whole(number) or not -(2**31) < number < 2**31 or number == 0:
@@ -57,7 +57,10 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
     return found
 
 
-def _known(name: str) -> int | None:
+def known_number(name: str, given: Mapping[str, int] | None = None) -> int | None:
+    """Return the number of a body as given, or as known by its name; None if it is not."""
+    if given and name in given:
+        return given[name]
     if name in PLANETS:
         return PLANETS[name]
     try:

@@ -71,7 +71,7 @@ class Modelled:
     def _acting(self) -> str:
         """The end of the representation of a system: its terms and forces."""
         words = [f"{type(term).__name__} of {term.whose}" for term in self.terms]
-        words += [f"{type(f).__name__} on {'all' if f.bodies is None else few(f.bodies, 3)}" for f in self.forces]
+        words += [f"{type(f).__name__} {f.whom}" for f in self.forces]
         return f"; with {', '.join(words)}" if words else ""
 
 
@@ -98,6 +98,7 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
                     else f"the system has two terms {kind}, of {one!r} and {two!r}; expected one, as they do not add "
                     "up. Remove the first: system.replaced(terms=())."
                 )
+        made.check_bodies(names, gm)
         found.append(made.in_units(units))
     return tuple(found)
 
@@ -134,6 +135,11 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
         named: dict[str, Any] = {"bodies": bodies}
         if isinstance(force, CentralForce):
             named["source"] = _source(force, bodies, names, gm)
+            if force.of_source and any(type(x) is type(force) and x.source == named["source"] for x in found):
+                raise InputError(
+                    f"{named['source']!r} has two forces {kind}; expected one, of all bodies together. Remove the "
+                    "first: system.replaced(forces=())."
+                )
         found.append(replace(force, **named).in_units(units))
     return tuple(found)
 
@@ -141,6 +147,8 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
 def _source(force: CentralForce, bodies: Any, names: Sequence[str], gm: Array) -> str:
     """Return the name of the body that a force comes from."""
     kind = type(force).__name__
+    if force.source is None and force.of_source:
+        raise InputError(f"{kind}: source is missing; expected the name of the body to which its numbers belong.")
     i = int(np.argmax(gm)) if force.source is None else index_of(force.source, names, f"source, for {kind},")
     if not gm[i] > 0.0:
         raise InputError(
@@ -148,6 +156,9 @@ def _source(force: CentralForce, bodies: Any, names: Sequence[str], gm: Array) -
         )
     if bodies is not None and names[i] in bodies:
         raise InputError(f"{kind} comes from {names[i]!r} and cannot act on it; leave {names[i]!r} out of bodies.")
+    without = [name for name in bodies or () if not gm[names.index(name)] > 0.0]
+    if force.by_mass and without:
+        raise InputError(f"{kind} acts by the masses of bodies, but gm of {without[0]!r} is 0; expected massive ones.")
     return names[i]
 
 
@@ -265,6 +276,24 @@ def axis(system: System) -> tuple[float, float, float] | None:
     return axis_of(summands_of(system))
 
 
+def most_inner(system: System) -> int:
+    """Return the largest number of internal variables of a force."""
+    return max((force.variables for force in system.forces), default=0)
+
+
+def continued(system: System, accounts: Array) -> System:
+    """Return a system with the internal variables of its forces as in the accounts of a sample, (forces, 7 + inner)."""
+    if not most_inner(system):
+        return system
+    from orbits.kernels.acting import FIGURES
+
+    found = [
+        force.continued(row[FIGURES : FIGURES + force.variables], system.units) if force.variables else force
+        for force, row in zip(system.forces, accounts, strict=True)
+    ]
+    return system.replaced(forces=found)
+
+
 def depends_on_time(system: System) -> bool:
     """Return whether a term of a system depends on time, so that energy is not conserved."""
     from orbits.lagrangians.base import TIME_DEPENDENT
@@ -296,7 +325,8 @@ def centre_velocity(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
     gm, more = system.values.gm[system.massive], inertia(system, q, v, t)
     if more is None:
         return centre_of_mass(gm, v)
-    return whole(system, MOMENTUM, linear_momentum(gm, v), q, v, t) / (gm.sum() + more.sum(axis=-1))[..., None]
+    momentum = whole(system, MOMENTUM, linear_momentum(gm, v), q, v, t)
+    return np.asarray(momentum / (gm.sum() + more.sum(axis=-1))[..., None])
 
 
 def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:
@@ -309,6 +339,11 @@ def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:
     from orbits.lagrangians.terms.charges import inertia_of
 
     return inertia_of(lagrangian, q, v, t)
+
+
+def given_bodies(system: System) -> tuple[str, ...]:
+    """Return the names of the massive bodies of a system that are read from an ephemeris."""
+    return tuple(name for term in system.terms for name in term.gives_bodies)
 
 
 def acts_on_massive(system: System) -> tuple[str, ...]:

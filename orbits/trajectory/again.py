@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -12,7 +13,10 @@ from orbits.archive.ended import STOPPED
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
+    from astropy.coordinates import EarthLocation
+
     from orbits.marching.clocks import Place
+    from orbits.observing import Ephemeris
     from orbits.propagation.approach import Approach
     from orbits.propagation.approaches import Approaches
     from orbits.propagation.error_bars import ErrorBars
@@ -51,6 +55,9 @@ class MarchesAgain(Protocol):
 
     def at(self, run: Trajectory, t: Any) -> Any:
         """Return the state at a time, or the states at several; see `Trajectory.at`."""
+
+    def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
+        """Return q and v, (m, bodies, 3), at m times before the earliest one of a run."""
 
     def closest_approaches(self, run: Trajectory) -> Approaches:
         """Return the closest approaches of bodies; see `Trajectory.closest_approaches`."""
@@ -94,6 +101,12 @@ class MarchedAgain:
         """
         run: Trajectory = self  # type: ignore[assignment]
         return self.last_time if run.span is None else run.span[1]
+
+    @property
+    def earliest(self) -> float:
+        """The earliest time of which there is a state: that of the start of the run or its end, or of a sample."""
+        run: Trajectory = self  # type: ignore[assignment]
+        return float(np.min(run.times, initial=self.last_time)) if run.span is None else min(run.span)
 
     @property
     def has_stopped(self) -> bool:
@@ -189,6 +202,50 @@ class MarchedAgain:
         run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.state_transition")
         return self._marches_again("run.state_transition").state_transition(run, coupled=coupled)
+
+    def ephemeris(
+        self,
+        bodies: str | Sequence[str] | None = None,
+        observer: str | EarthLocation = "Earth",
+        times: Any = None,
+        *,
+        H: Any = None,
+        G: Any = None,
+    ) -> Ephemeris:
+        """Return what an observer sees of bodies: a table like those of JPL's Horizons.
+
+            eph = run.ephemeris("Ceres", times=Time("2026-03-01") + np.arange(30) * u.day)
+            eph.ra, eph.dec, eph.distance, eph.range_rate, eph.light_time, eph.elongation, eph.phase, eph.V
+            print(eph), eph.to_table(), eph.to_pandas(), eph.text()
+
+        bodies : names; by default all but the observer's. Of one name quantities are (m,), otherwise (m, bodies)
+        observer : a body of the run or of DE440 ("Earth" or "geocentre", "Sun" or "heliocentric", "Mars"),
+            "barycentre", or a place on the Earth, an `EarthLocation`. The Earth is that of the run; if it has only the
+            barycentre of Earth and Moon, DE440 places it relative to this; if it has neither, it is DE440's
+        times : of the observation, as for `run.at`: a `Time` of any scale, which is shown if it is UTC; texts and
+            datetime64 are TDB; numbers and quantities count from the epoch. By default those of the samples
+        H, G : absolute magnitude and slope, numbers for one body or by name; or H alone, a catalogue as read by
+            `orbits.read_mpcorb`. By default those of the catalogue of the package, for bodies of its names
+
+        Right ascension and declination `ra`, `dec` are astrometric, in the ICRF; `apparent_ra`, `apparent_dec` have the
+        deflection of light by the Sun and aberration, and on the Earth refer to its true equator and equinox of date
+        (IAU 2006/2000A), without refraction. See `orbits.observing.Ephemeris` for all columns.
+        Raises InputError for times outside the run, units or a system without an epoch, a body seen from itself, and H
+        without G; UnknownNameError for unknown bodies and observers; EpochError for a time outside DE440 if that is
+        needed. Warns of places on the Earth at times for which its rotation is not known.
+        """
+        from orbits.observing import ephemeris_of
+        from orbits.system.presenting import attributes
+
+        run: Trajectory = self  # type: ignore[assignment]
+        self._require_method("run.ephemeris")
+        self._marches_again("run.ephemeris")
+        return ephemeris_of(run, bodies, observer, times, H=H, G=G, attributes=attributes(run.system))
+
+    def before(self, times: Array) -> tuple[Array, Array]:
+        """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""
+        run: Trajectory = self  # type: ignore[assignment]
+        return self._marches_again("run.before").before(run, times)
 
     def begun(self) -> March:
         """Return a march of the run from its initial state, with its method and its step."""

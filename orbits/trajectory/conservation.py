@@ -25,6 +25,7 @@ from orbits.system.model import (
     centre,
     centre_velocity,
     depends_on_time,
+    given_bodies,
     whole,
 )
 from orbits.trajectory.changes import Changes, of_bodies
@@ -41,6 +42,8 @@ NONE = diagnostics.Drift(math.nan, math.nan, math.nan, math.nan)
 """The drift of a quantity that is not conserved."""
 
 NO_ENERGY = "there is no energy to keep: a term depends on time"
+
+GIVEN = "the massive bodies are read from an ephemeris: nothing of theirs is integrated, or conserved by it"
 
 NO_CENTRE = "the centre of mass was set in motion, or moved, by a change of the bodies"
 
@@ -68,6 +71,7 @@ class ConservedQuantities:
     massive : the bodies that the quantities belong to
     particles : number of massless particles in the run; these quantities say nothing about their orbits
     forces : the kinds of the forces that act on massive bodies
+    given : whether the massive bodies are read from an ephemeris: all drifts are then NaN
     """
 
     energy: diagnostics.Drift
@@ -78,6 +82,7 @@ class ConservedQuantities:
     particles: int = 0
     pole: tuple[float, float, float] | None = None
     forces: tuple[str, ...] = ()
+    given: bool = False
 
     @property
     def covers(self) -> str:
@@ -116,6 +121,8 @@ class ConservedQuantities:
 
     @property
     def _remarks(self) -> list[str]:
+        if self.given:
+            return [GIVEN]
         remarks = [NOT_KEPT] if self._lost else []
         remarks += [f"less what {few(sorted(set(self.forces)))} gave"] if self.forces else []
         if math.isnan(self.centre_of_mass.max_fraction) and not self.forces:
@@ -195,6 +202,10 @@ class Conservation:
         if not len(self):
             raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
         start, massive = self.system.values, self.system.massive
+        if given_bodies(self.system):
+            named = tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass)
+            light = int(np.count_nonzero(~massive))
+            return ConservedQuantities(NONE, NONE, NONE, NONE, named, light, given=True)
         q, v = start.q[massive], start.v[massive]
         energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
         forces, timed = acts_on_massive(self.system), depends_on_time(self.system)

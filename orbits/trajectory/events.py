@@ -16,6 +16,7 @@ from orbits.errors import ArchiveError
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.export.labelled import imported
 from orbits.system.presenting import attributes
+from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     import pandas
@@ -67,7 +68,7 @@ class FoundEvent:
     angle: u.Quantity | None
 
     def __str__(self) -> str:
-        when = f"t = {self.time:.10g}" if self.date is None else f"{self.date.iso[:19]} TDB, t = {self.time:.10g}"
+        when = f"t = {self.time:.10g}" if self.date is None else f"{date_text(self.date, 19)} TDB, t = {self.time:.10g}"
         bodies = " and ".join(name for name in (self.body, self.other) if name is not None)
         known = {"distance": self.distance, "speed": self.speed, "angle": self.angle}
         figures = [
@@ -142,7 +143,7 @@ class Events(Sequence[FoundEvent]):
 
     def _date(self, time: u.Quantity) -> Time | None:
         epoch = None if self._system is None else self._system.epoch
-        return None if epoch is None else (epoch + time).copy(format="iso")
+        return None if epoch is None else written((epoch + time).copy(format="iso"))
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -211,7 +212,7 @@ class Events(Sequence[FoundEvent]):
                 "body": event.body,
                 "other": event.other,
                 "time": float(event.time.value),
-                "date": None if event.date is None else event.date.isot,
+                "date": None if event.date is None else date_text(event.date, between="T"),
                 **{
                     name: None if figure is None else float(figure.value)
                     for name, figure in (("distance", event.distance), ("speed", event.speed), ("angle", event.angle))
@@ -270,7 +271,7 @@ class Events(Sequence[FoundEvent]):
         head += ["angle [deg]"] * seen
         rows = []
         for event in self[:MOST_ROWS]:
-            date = [] if event.date is None else [event.date.iso[:19]]
+            date = [] if event.date is None else [date_text(event.date, 19)]
             figures = [event.time, event.distance, event.speed, *[event.angle] * seen]
             texts = ["" if x is None else f"{x.value:.10g}" if x is event.time else f"{x.value:.6g}" for x in figures]
             rows.append([*date, event.kind, event.body or "", event.other or "", *texts])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -43,7 +44,7 @@ class RetiredParticle:
     v: u.Quantity
 
     def __str__(self) -> str:
-        when = f"t = {self.time:.10g}" if self.date is None else f"{self.date.iso[:16]} TDB, t = {self.time:.10g}"
+        when = f"t = {self.time:.10g}" if self.date is None else f"{date_text(self.date, 16)} TDB, t = {self.time:.10g}"
         return f"{self.name}: {when}, step {self.step + 1:,}: {self.reason}"
 
 
@@ -65,7 +66,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
         particles = []
         for body, step, reading, reason, q, v in rows:
             time = u.Quantity(clock.time(reading), units.time)
-            date = None if epoch is None else epoch + time
+            date = None if epoch is None else written(epoch + time)
             place, speed = u.Quantity(q, units.length), u.Quantity(v, units.speed)
             particles.append(RetiredParticle(system.names[body], reason, step, time, date, place, speed))
         return cls(particles)
@@ -103,7 +104,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
         if not len(self):
             return QTable(columns)
         if self[0].date is not None:
-            columns["date"] = self[0].date - self[0].time + u.Quantity([p.time for p in self])
+            columns["date"] = written(self[0].date - self[0].time + u.Quantity([p.time for p in self]))
         columns["time"] = u.Quantity([p.time for p in self])
         columns["step"] = np.array([p.step for p in self], dtype=np.int64)
         columns["q"], columns["v"] = u.Quantity([p.q for p in self]), u.Quantity([p.v for p in self])
@@ -116,7 +117,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
             {
                 "body": p.name,
                 "time": float(p.time.value),
-                "date": None if p.date is None else p.date.isot,
+                "date": None if p.date is None else date_text(p.date, between="T"),
                 "step": p.step,
                 "reason": p.reason,
                 "q": p.q.value.tolist(),
@@ -146,7 +147,7 @@ class RetiredParticles(Sequence[RetiredParticle]):
         head += [headed(name, one.q.unit) for name in "xyz"]
         rows = []
         for p in self._particles[:MOST_ROWS]:
-            date = [] if p.date is None else [p.date.iso[:16]]
+            date = [] if p.date is None else [date_text(p.date, 16)]
             place = (f"{x:.6g}" for x in p.q.value)
             rows.append([p.name, p.reason, *date, f"{p.time.value:.10g}", f"{p.step:,}", *place])
         return head, rows, len(self) - len(rows)

@@ -20,6 +20,7 @@ from orbits.marching.adaptive import Adaptive
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.clocks import Clock, clock_of
 from orbits.system import OrbitalElements, System, osculating
+from orbits.system.model import continued, most_inner
 from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
@@ -27,9 +28,12 @@ from orbits.trajectory.archived import changes_of, identity_of, made_by
 from orbits.trajectory.changes import Changes, Leg, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
+from orbits.trajectory.excursions import Excursions
 from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
 from orbits.trajectory.retired import RetiredParticles, absent, moved
+from orbits.trajectory.spins import Spins
 from orbits.trajectory.work import accounts_of
+from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -46,7 +50,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Trajectory(MarchedAgain, Conservation, Tabular):
+class Trajectory(MarchedAgain, Conservation, Spins, Tabular):
     """The samples of a run.
 
     system : the initial state, which also determines names, GM, units and epoch
@@ -126,6 +130,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
         self._events: Events | None = None
+        self._excursions: Excursions | None = None
         self.accounts = accounts
         self.changes: Changes | None = None
         self.kept = kept
@@ -204,7 +209,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         Raises InputError for a system without an epoch.
         """
         self._epoch()
-        moments = self.system.epoch + self.t
+        moments = written(self.system.epoch + self.t)
         gaps = np.abs(np.diff(self.t.to_value(u.s)))
         closest = float(gaps[gaps > 0.0].min(initial=1.0))
         moments.precision = int(np.clip(np.ceil(-np.log10(closest)) + 1, 3, NANOSECONDS))
@@ -256,6 +261,15 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         return self._events
 
     @property
+    def excursions(self) -> Excursions:
+        """When all bodies left a Wisdom–Holman map for encounters of massive ones, and when they returned to it; empty
+        unless the method is one with planets="follow".
+        """
+        if self._excursions is None:
+            self._excursions = Excursions.in_archive(self)
+        return self._excursions
+
+    @property
     def legs(self) -> tuple[Leg, ...]:
         """The parts of the run in which bodies, masses and radii stay the same: each with its time, names, GM, radii.
 
@@ -299,10 +313,13 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         if not -len(self) <= key < len(self):
             raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
         k = int(key) % len(self)
-        return self.system_of(self._q[k], self._v[k], float(self.times[k]))
+        accounts = accounts_of(self)[k] if most_inner(self.system) else None
+        return self.system_of(self._q[k], self._v[k], float(self.times[k]), accounts)
 
-    def system_of(self, q: Array, v: Array, time: float) -> System:
+    def system_of(self, q: Array, v: Array, time: float, accounts: Array | None = None) -> System:
         """Return the `System` of a state of this run, (bodies, 3) each, without particles that are retired by then.
+
+        accounts : (forces, 7 + inner), those of a state of forces with internal variables
 
         Raises InputError for other states that are not finite.
         """
@@ -312,7 +329,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         # A particle may fail in the partial step to a sample, which the march itself does not take.
         if gone.any() and self.clock.place(time).rest == 0.0:
             gone &= np.isin(self.names, self.retired.names)
-        return moved(self.system, q, v, time, gone)
+        return moved(self.system if accounts is None else continued(self.system, accounts), q, v, time, gone)
 
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
@@ -397,6 +414,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             kept=self.kept,
         )
         other.changes, other._events = self.changes, self.events.between(other.times)
+        other._excursions = self.excursions
         return other
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -421,16 +439,19 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             return super().__reduce__()
         known: dict[str, Any] = {"_stopped": self.stopped, "span": self.span, "record": self.record}
         known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
+        known |= {"_excursions": self.excursions}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
-        known = {"_retired": self.retired, "_events": self.events, "accounts": self._own_accounts()}
+        known: dict[str, Any] = {"_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
+        known |= {"accounts": self._own_accounts()}
         return {**vars(self), **known, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
         epoch = self.system.epoch
-        pairs = {"bodies": few(self.names), "epoch": "none" if epoch is None else f"{epoch.isot} TDB"}
+        begun = "none" if epoch is None else f"{date_text(epoch, between='T')} TDB"
+        pairs = {"bodies": few(self.names), "epoch": begun}
         pairs |= {"units": self.system.units.name}
         if self._stopped is not None:
             pairs |= {"stopped": self._stopped.reason}
@@ -438,6 +459,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
             pairs |= {self.archive.ended.how: self.archive.ended.why}
         if len(self.retired):
             pairs |= {"retired": few(self.retired.names)}
+        if self.excursions.total:
+            pairs |= {"excursions": f"{self.excursions.total:,}"}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
         if self.kept is not None:
@@ -455,6 +478,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular):
         what = f"{len(self.names)} bodies{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
         if self.reached != self.last_time and (self.complete or self.has_stopped):
             what += f" of a run to {with_unit(f'{self.reached:.6g}', self.system.units.time)}"
+        if count := self.excursions.total:
+            what += f", {count:,} excursion{'s' * (count > 1)} from the map"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
 
     def _merged(self) -> int:

@@ -9,7 +9,6 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import few
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,6 +23,7 @@ class ForceEffect:
     """Work, torque and impulse of one force on the massive bodies, from the start of the run up to each of n samples.
 
     force : the force of the system
+    inner : (n, variables), the internal variables of the force at the samples, such as a spin, in the system's units
     work : (n,), an energy; torque : (n, 3), the time integral about the origin, an angular momentum; impulse : (n, 3)
 
     They are sums over the stages of the steps, with the weights of the method: momentum and angular momentum change by
@@ -34,15 +34,16 @@ class ForceEffect:
     work: u.Quantity
     torque: u.Quantity
     impulse: u.Quantity
+    inner: Array
 
     def __repr__(self) -> str:
-        on = "all" if self.force.bodies is None else few(self.force.bodies, 3)
         last = f"{self.work[-1]:.6g}" if len(self.work) else "nothing yet"
-        return f"{type(self.force).__name__} on {on}: work {last} at the last of {len(self.work)} samples"
+        return f"{type(self.force).__name__} {self.force.whom}: work {last} at the last of {len(self.work)} samples"
 
 
 def accounts_of(run: Trajectory) -> Array:
-    """Return work, torque and impulse of each force up to each sample, (n, forces, 7), times G.
+    """Return work, torque and impulse of each force up to each sample, times G, and its internal variables there,
+    (n, forces, 7 + inner).
 
     Raises InputError for a trajectory that has only samples of a run.
     """
@@ -62,13 +63,15 @@ def accounts_of(run: Trajectory) -> Array:
 
 def effects(run: Trajectory) -> tuple[ForceEffect, ...]:
     """Return the effect of each force of a run. Raises what `accounts_of` raises."""
-    units, found = run.system.units, accounts_of(run) / run.system.units.G
+    units, known = run.system.units, accounts_of(run)
+    found = known / units.G
     return tuple(
         ForceEffect(
             force,
             u.Quantity(found[:, k, 0], units.energy),
             u.Quantity(found[:, k, 1:4], units.angular_momentum),
             u.Quantity(found[:, k, 4:7], units.momentum),
+            known[:, k, 7 : 7 + force.variables],
         )
         for k, force in enumerate(run.system.forces)
     )

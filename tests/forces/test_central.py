@@ -7,7 +7,8 @@ import pytest
 
 import orbits
 from orbits.errors import InputError
-from orbits.kernels.binding import SumTag, add_forces, total_particle_force
+from orbits.kernels.acting import add_forces, total_particle_force
+from orbits.kernels.binding import SumTag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import full, lane, load
 
@@ -67,12 +68,12 @@ def bound(force, particles=(), **changes):
 
 @kernel
 def on_bodies(tags, strength, parameters, t, q, v, f):
-    add_forces(tags, strength, parameters, t, q, v, f)
+    add_forces(tags, strength, parameters, t, q, v, f, f, f)
 
 
 @kernel
 def on_stages(tags, strength, parameters, t, q, v, f):
-    add_forces(tags, strength, parameters, full(t), q, v, f)
+    add_forces(tags, strength, parameters, full(t), q, v, f, f, f)
 
 
 @kernel

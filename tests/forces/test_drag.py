@@ -5,7 +5,8 @@ import pytest
 
 import orbits
 from orbits.forces.drag import Drag
-from orbits.kernels.binding import SumTag, add_forces, total_particle_force
+from orbits.kernels.acting import add_forces, total_particle_force
+from orbits.kernels.binding import SumTag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import lane, load
 
@@ -22,7 +23,7 @@ def bound(massive, particles):
 
 @kernel
 def forces(tags, strength, parameters, q, v, f):
-    add_forces(tags, strength, parameters, 0.0, q, v, f)
+    add_forces(tags, strength, parameters, 0.0, q, v, f, f, f)
 
 
 @kernel

@@ -1,6 +1,5 @@
 """SABA: several kicks a step, without a corrector; its error, its bits, its particles, and what observers see."""
 
-import json
 import warnings
 
 import astropy.units as u
@@ -16,17 +15,14 @@ from orbits.kernels.jacobi import advance_planets, finish_velocities
 from orbits.kernels.jacobi_stages import step_in_stages
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
-from orbits.resources import data_path
 
 from ..contracts.problems import march
-from ..maps import EVERYWHERE, among_planets, energies, marched, solar_system, system
+from ..maps import BOUNDS, EVERYWHERE, KM, among_planets, energies, marched, solar_system, system
 from ..problems import rebounds_outer_solar_system, three_bodies
 
 DEFAULT, EIGHT, CLASSIC = orbits.SABA(), orbits.SABA(8, 6, 4), orbits.SABA(8, 2)
 SCHEMES = [DEFAULT, EIGHT, orbits.SABA(8, 4), CLASSIC, orbits.SABA(2, 2)]
 GAUSS = orbits.Gauss(stages=8)
-KM = 149597870.7
-BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]}
 
 
 @pytest.mark.parametrize(

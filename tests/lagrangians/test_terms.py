@@ -10,6 +10,7 @@ import pytest
 
 import orbits
 from orbits.kernels import binding
+from orbits.kernels.acting import particle_momenta
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
@@ -18,6 +19,7 @@ from orbits.lagrangians.terms.charges import charges
 from orbits.lagrangians.terms.degree_two import degree_two
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
 from orbits.lagrangians.terms.frame_dragging import frame_dragging
+from orbits.lagrangians.terms.minor_bodies import minor_bodies
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
 
@@ -52,6 +54,7 @@ SUMS = {
     "relativity": lambda bodies: [relativity(1)],
     "relativity by all": lambda bodies: [einstein_infeld_hoffmann(range(bodies), bodies, 3.0)],
     "relativity by two": lambda bodies: [einstein_infeld_hoffmann([2, 0], bodies, 3.0)],
+    "minor bodies": lambda bodies: [minor_bodies({1, 2}, bodies)],
     "figure": lambda bodies: [figure()],
     "relativity by all, zonals": lambda bodies: [einstein_infeld_hoffmann(range(bodies), bodies, 3.0), zonal()],
 }
@@ -344,6 +347,21 @@ def test_a_particles_own_lagrangian_is_that_of_a_body_of_vanishing_mass(terms):
     found = np.array(particle(L.tag, L.parameter_vector, sources, speeds, tuple(q[3]), tuple(v[3])))
     expected = np.concatenate([f.reshape(4, 3)[3], p.reshape(4, 3)[3]]) / 1e-30
     assert np.max(np.abs(found - expected)) < 16 * EPS * np.max(np.abs(expected))
+
+
+@kernel
+def momenta_of_particle(tag, parameters, sources, speeds, place, velocity):
+    return particle_momenta(tag, parameters, 0.0, sources, speeds, place, velocity)
+
+
+@pytest.mark.parametrize("terms", SUMS.values(), ids=SUMS)
+def test_the_momentum_of_a_particle_alone_is_that_beside_its_force(terms):
+    q, v = state(2, 4)
+    L = n_body(GM, 0.05, terms(3))
+    arguments = (*(x[:3].T.ravel().copy() for x in (q, v)), tuple(q[3]), tuple(v[3]))
+    found = np.array(momenta_of_particle(L.tag, L.parameter_vector, *arguments))
+    expected = np.array(particle(L.tag, L.parameter_vector, *arguments))[3:] - v[3]
+    assert np.max(np.abs(found - expected)) < 8 * EPS
 
 
 @pytest.mark.parametrize("terms", SUMS.values(), ids=SUMS)

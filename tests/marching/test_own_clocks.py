@@ -8,7 +8,7 @@ from numpy.polynomial import legendre
 
 import orbits
 from orbits.kernels.compile import kernel
-from orbits.kernels.dense import double_integrals
+from orbits.kernels.dense import double_integrals, single_integrals
 from orbits.kernels.gravity import attraction, close_attraction, gross_field
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.kernels.steps import Method, Model
@@ -31,9 +31,15 @@ def integrals(theta, rows, out):
 
 
 @kernel
+def integrals_once(theta, rows, out):
+    """Call `single_integrals` from Python."""
+    single_integrals(load(theta, 0), rows, out)
+
+
+@kernel
 def placed(form, coefficients, tag, strength, field, k, theta):
     """Call `place_bodies` from Python."""
-    place_bodies(Method(form, coefficients), Model(tag, strength), field, k, load(theta, 0))
+    place_bodies(Method(form, coefficients), Model(tag, strength), field, k, load(theta, 0), 0.0, 1.0)
 
 
 @kernel
@@ -65,7 +71,7 @@ def test_the_chart_gives_back_the_modes_of_a_polynomial(stages):
     modes = np.random.default_rng(4).standard_normal(count)
     table = chart(tableau)
     at_nodes, at_points = (legendre.legval(2 * x - 1, modes) for x in (tableau.nodes, table[0]))
-    rows = table[9:].reshape(2 * WIDTH, 2 * WIDTH)
+    rows = table[9:41].reshape(2 * WIDTH, 2 * WIDTH)
     kicks = np.zeros(WIDTH)
     kicks[:stages] = tableau.b * at_nodes
     found = np.concatenate([kicks, at_points]) @ rows
@@ -74,6 +80,22 @@ def test_the_chart_gives_back_the_modes_of_a_polynomial(stages):
     low = modes[:stages] @ np.eye(stages)
     kicks[:stages] = tableau.b * legendre.legval(2 * tableau.nodes - 1, low)
     np.testing.assert_allclose(kicks @ table[1:9], np.pad(low, (0, WIDTH - stages)), rtol=0, atol=1e-14)
+
+
+def test_the_chart_differentiates_a_polynomial_that_begins_with_0():
+    table = chart(gauss(8))
+    curve = legendre.Legendre(np.random.default_rng(7).standard_normal(9))  # of degree 8, on [-1, 1]
+    curve -= curve(-1.0)
+    there = 2.0 * table[0] - 1.0
+    np.testing.assert_allclose(curve(there) @ table[41:], 2.0 * curve.deriv()(there), rtol=0, atol=2e-13)
+
+
+def test_single_integrals_are_those_of_shifted_legendre_polynomials():
+    out = np.zeros((12, WIDTH))
+    integrals_once(THETA, 12, out)
+    for k in range(12):
+        once = legendre.Legendre.basis(k).integ(1, lbnd=-1)
+        np.testing.assert_allclose(out[k], once(2 * THETA - 1) / 2, rtol=0, atol=2e-16)
 
 
 def test_bodies_between_their_steps_are_where_partial_steps_lead():
@@ -91,7 +113,7 @@ def test_bodies_between_their_steps_are_where_partial_steps_lead():
             mine.field[2][:] = False
             table = mine.field[0].copy()
             if name == "first":  # nothing is learnt from other points: the modes of the stages alone
-                table[9:] = 0.0
+                table[9:41] = 0.0
                 table[9:25:2] = table[1:9]
             field = Field(0.0, loops.times, loops._stages, path, kicks, table, *mine.field[1:])
             h = loops.times[k + 1] - loops.times[k]

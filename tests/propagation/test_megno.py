@@ -54,8 +54,10 @@ def chaotic():
         (orbits.Gauss(stages=8), "P/20"),
         (orbits.StormerVerlet(), "P/50"),
         *((orbits.WisdomHolman(*kind), "P/20") for kind in MAPS),
+        (orbits.WisdomHolman(coordinates="democratic-heliocentric"), "P/50"),
+        (orbits.SABA(), "P/10"),
     ],
-    ids=["adaptive", "gauss", "stormer-verlet", "modified-kick", "lazy", "standard"],
+    ids=["adaptive", "gauss", "stormer-verlet", "modified-kick", "lazy", "standard", "heliocentric", "SABA"],
 )
 def test_regular_planets_keep_the_bound_of_rebounds_test(method, dt):
     assert "MEGNO=2+-.2 at T=1e4" in BOUNDS["test_megno"]
@@ -198,6 +200,34 @@ def test_megno_of_particles_in_a_map_grows_at_the_borders_of_a_resonance_and_is_
         assert m[name].lyapunov[-1] < 0.7 * m["outer"].lyapunov[-1]  # ln(t) / t, which falls slowly: seen 0.58
 
 
+def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
+    """Beside 3:1 and at its border, with relativity and oblateness of the star too; and one that meets the planet."""
+    system = a_star_and_a_planet().add("calm", primary="S", a=0.4, e=0.05)
+    system = system.add("wild", primary="S", a=0.86, e=0.05, M=2.0)
+    oblate = orbits.ZonalHarmonics("S", J2=1e-3, radius=0.1, pole=(0, 0, 1))
+    terms = orbits.PostNewtonian(sources=["S"], c=100.0), oblate
+    heliocentric = orbits.WisdomHolman(coordinates="democratic-heliocentric")
+    for one, method in (
+        (system, orbits.SABA()),
+        (system, heliocentric),
+        (system.with_terms(*terms), orbits.WisdomHolman()),
+    ):
+        with pytest.warns(StepWarning, match="3 Hill radii of J"):
+            m = orbits.megno(one, method, dt=0.05, duration=300 * YEAR, samples=31, check_step=False)
+        assert abs(m.massive.megno[-1] - 2.0) < 0.1
+        assert abs(m["calm"].megno[-1] - 2.0) < 0.1
+        assert m["calm"].passage is None
+        assert np.nanmax(m["wild"].megno) > 4.0  # then it is thrown out
+        assert 0.0 < m["wild"].passage.value < 300 * YEAR
+    with pytest.warns(RetiredWarning, match="retires them"):
+        m = orbits.megno(
+            system, orbits.SABA(encounters="retire"), dt=0.05, duration=300 * YEAR, samples=31, check_step=False
+        )
+    after = m.t >= m["wild"].passage
+    assert np.isnan(m["wild"].megno[after]).all()
+    assert np.isfinite(m["wild"].megno[~after][1:]).all()
+
+
 def test_the_number_of_vectors_is_a_choice_and_the_first_ones_are_the_same():
     system = a_star_and_a_planet().add("p", primary="S", a=0.4, e=0.1, M=1.0)
     options = {"dt": 0.05, "duration": 50.0, "samples": [50.0], "check_step": False}
@@ -227,6 +257,26 @@ def test_a_particle_that_meets_a_planet_in_a_map_is_chaotic_and_never_silent(enc
     assert np.isfinite(wild.megno[~after][1:]).all()
     assert abs(m["calm"].megno[-1] - 2.0) < 0.1
     assert m["calm"].passage is None
+
+
+def test_a_particle_that_starts_within_the_reach_of_a_planet_is_retired_at_once():
+    """On a wide orbit about the planet, with no passage by it for a year: MEGNO and state transition are NaN from the
+    start on, and both say so.
+    """
+    start = a_star_and_a_planet()
+    planet, star = start["J"], start[start.names[0]]
+    q = planet.q.value + np.array([0.0, 0.0, 2.0 * (1e-3 / 3.0) ** (1.0 / 3.0)])
+    places, speeds = [q - star.q.value, 3.0 * q], [planet.v.value, planet.v.value / 2]
+    start = start.add(["in", "out"], primary=star.name, q=places, v=speeds)
+    method, options = orbits.WisdomHolman(encounters="retire"), {"dt": 0.05, "duration": 1.0, "samples": 3}
+    with pytest.warns(RetiredWarning, match="in within 3 Hill radii of J, at t = 0"):
+        found = orbits.megno(start, method, **options)
+    assert np.isnan(found["in"].megno[1:]).all()
+    assert np.isfinite(found["out"].megno[1:]).all()
+    with pytest.warns(RetiredWarning, match="in .it came within three Hill radii of a planet"):
+        stm = orbits.state_transition(start, method, **options)
+    assert np.isnan(stm["in"][-1]).all()
+    assert np.isfinite(stm["out"]).all()
 
 
 def test_a_pericentre_that_the_steps_of_a_map_do_not_resolve_is_told():

@@ -277,6 +277,22 @@ def test_what_is_taken_over_moves_as_in_rebound(make):
 
 
 @pytest.mark.filterwarnings("error")
+def test_heavy_test_particles_of_type_1_are_minor_bodies_there_and_back():
+    sim = plain()
+    sim.add(m=2e-3, x=2.0, vy=0.7, name="other")
+    sim.N_active, sim.testparticle_type = 1, 1
+    system = orbits.from_rebound(sim)
+    assert system.terms == (orbits.MinorBodies(bodies=["planet", "other"]),)
+    back = orbits.to_rebound(system)
+    assert (back.N_active, back.testparticle_type) == (1, 1)
+    assert [p.m for p in back.particles] == [p.m for p in sim.particles]
+    sim.integrate(5.0)
+    run = orbits.propagate(system, orbits.Gauss(stages=8), dt=0.05, duration=5.0, samples=2)
+    # Both are exact to round-off; the attraction of the two would move them by 1e-3.
+    assert np.abs(run.q[-1].value - [p.xyz for p in sim.particles]).max() < 4e-14
+
+
+@pytest.mark.filterwarnings("error")
 def test_massless_test_particles_of_type_1_are_massless():
     sim = plain()
     sim.add(x=2.0)

@@ -25,7 +25,7 @@ from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock
 
 STUDIES = [
-    *("arenstorf", "brouwer", "discrete_kepler", "eccentric", "figure_eight", "liouville"),
+    *("arenstorf", "brouwer", "de440", "discrete_kepler", "eccentric", "figure_eight", "liouville", "mercury"),
     *("outer_solar_system", "pendulum", "planetesimals", "pleiades", "resonance_map", "three_body_zoo"),
     "work_precision",
 ]

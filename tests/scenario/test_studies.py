@@ -54,6 +54,58 @@ def test_each_bundled_study_gives_all_that_it_demands(name, tmp_path):
     assert height >= 800
 
 
+def test_a_study_that_was_interrupted_takes_over_its_parts_to_the_bit(tmp_path):
+    computed, stops = [], [2]
+
+    def experiment(say, dt, parts):
+        def part(k):
+            if k in stops:
+                raise KeyboardInterrupt
+            computed.append(k)
+            return {"roots": np.sqrt(np.arange(5.0) + k), "k": k}
+
+        found = [parts.get(f"part {k}", lambda k=k: part(k)) for k in range(4)]
+        return StudyResult(record={"roots": [one["roots"] for one in found], "k": [int(one["k"]) for one in found]})
+
+    def record():
+        return json.loads((tmp_path / "report.json").read_text())["record"]
+
+    one = study(experiment=experiment, dt=0.1, resumable=True)
+    with pytest.raises(KeyboardInterrupt):
+        perform(one, out=tmp_path)
+    assert computed == [0, 1]
+    assert len(list(tmp_path.glob("part-*.h5"))) == 2
+    stops.clear()
+    said = []
+    perform(one, out=tmp_path, say=said.append)
+    assert computed == [0, 1, 2, 3]
+    assert said[:2] == [f"part {k}: taken over from the run that was interrupted" for k in range(2)]
+    assert record()["roots"] == [np.sqrt(np.arange(5.0) + k).tolist() for k in range(4)]
+    assert record()["k"] == [0, 1, 2, 3]
+    assert not list(tmp_path.glob("part-*"))  # it is done: the next run is a new one
+
+    stops.append(2)
+    with pytest.raises(KeyboardInterrupt):
+        perform(one, out=tmp_path)
+    stops.clear()
+    computed.clear()
+    perform(changed(one, "0.2", None, None, None), out=tmp_path)
+    assert computed == [0, 1, 2, 3]  # with other steps none of them is taken over
+
+
+def test_parts_of_a_study_are_arrays_with_a_name_each_and_no_file_of_others_is_replaced(tmp_path):
+    def twice(say, parts):
+        return parts.get("a", lambda: {"x": 1.0}) and parts.get("a", lambda: {"x": 1.0})
+
+    with pytest.raises(InputError, match="a part of that name already is there"):
+        perform(study(experiment=twice, resumable=True), out=tmp_path)
+    (tmp_path / "part-a.h5").write_text("mine")
+    with pytest.raises(InputError, match="was not written by orbits"):
+        perform(study(experiment=twice, resumable=True), out=tmp_path)
+    with pytest.raises(InputError, match="arrays by name, in a dict"):
+        perform(study(experiment=lambda say, parts: parts.get("b", lambda: 3.0), resumable=True), out=tmp_path)
+
+
 def test_the_step_of_a_study_that_has_one_is_replaced():
     given = []
 

@@ -12,6 +12,7 @@ A term is one file: kernels, and a frozen dataclass for users, with units. Its k
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
     inertia(strength, own, t, q, v, out)    adds to out, (n,), what each body weighs in the centre of mass besides GM,
                                         for terms without Galilean symmetry
+    particle_momenta(...)               returns its dL/dv alone, three numbers; only for terms where that is cheaper
     about(strength, own, gm, r, w)      returns the derivatives, per GM, of the part of L of a body at r with velocity
                                         w relative to that of the term, for terms that are ABOUT_ONE_BODY
 
@@ -34,7 +35,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.kernels.binding import SumTag, Tag
-from orbits.lagrangians.base import TIME_DEPENDENT, Compiled, Lagrangian
+from orbits.lagrangians.base import GIVEN, TIME_DEPENDENT, Compiled, Lagrangian
 from orbits.lagrangians.symmetry import Symmetry, rotation
 
 Array = NDArray[np.float64]
@@ -54,6 +55,8 @@ class Summand:
     axis : the axis of its rotational symmetry, a unit vector, zeros if there is none; None if it is invariant under
         all rotations
     galilean : whether boosts leave it unchanged, so that the centre of mass by GM moves uniformly
+    beside_newton : for a term with the attraction of the bodies themselves, which Newton's is left out for: the
+        parameters with which it is, added to Newton's of all pairs, the same Lagrangian
     """
 
     name: str
@@ -63,6 +66,7 @@ class Summand:
     traits: frozenset[str]
     axis: Vector | None
     galilean: bool = True
+    beside_newton: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,17 @@ class Term:
     def summand(self, row: int, units: Any) -> Summand:
         """Return this term, in the units of the system, bound to the massive body of that row."""
         raise NotImplementedError
+
+    @property
+    def gives_bodies(self) -> tuple[str, ...]:
+        """The names of the massive bodies, the first ones of a system, of which it says where they are at all times."""
+        return ()
+
+    def check_bodies(self, names: Sequence[str], gm: Array) -> None:
+        """Raise InputError if this term does not go with these bodies of a system; gm : (n,)."""
+
+    def check_span(self, end: float, units: Any) -> None:
+        """Raise EpochError if this term does not describe the motion until `end`, the time since the epoch."""
 
     def among(self, row: Callable[[str], int], bodies: int, units: Any) -> Summand:
         """Return this term bound to the massive bodies of a system.
@@ -148,10 +163,13 @@ class SumOfTerms(Lagrangian):
 
 
 def compiled_sum(newton: Compiled, summands: Sequence[Summand]) -> Compiled:
-    """Return the compiled sum: it has the common traits of all its terms, and depends on time if one does."""
+    """Return the compiled sum: it has the common traits of all its terms, depends on time if one does, and has given
+    bodies if one gives them.
+    """
     traits = newton.traits.intersection(*(summand.traits for summand in summands))
-    if any(TIME_DEPENDENT in summand.traits for summand in summands):
-        traits |= {TIME_DEPENDENT}
+    for trait in (TIME_DEPENDENT, GIVEN):
+        if any(trait in summand.traits for summand in summands):
+            traits |= {trait}
     return Compiled(SumTag((newton.tag, *(summand.tag for summand in summands))), traits)
 
 

@@ -38,6 +38,13 @@ def write_charges(tag, parameters, t, q, v, f, p, out):
             out[k, 6] += x * py - y * px
 
 
+def beside_newton(lagrangian: SumOfTerms) -> tuple[Array, ...]:
+    """Return the parameters of all terms as those of terms that are added to Newton's attraction of all pairs."""
+    newton, *own = lagrangian.parameter_vector
+    kinds = zip(lagrangian.summands, own, strict=True)
+    return (newton, *(x if term.beside_newton is None else term.beside_newton for term, x in kinds))
+
+
 def charges(lagrangian: SumOfTerms, q: Array, v: Array, t: Any = 0.0) -> tuple[Array, Array, Array]:
     """Return the contributions of the terms to energy (...), momentum (..., 3) and angular momentum (..., 3), times G.
 
@@ -47,7 +54,7 @@ def charges(lagrangian: SumOfTerms, q: Array, v: Array, t: Any = 0.0) -> tuple[A
     x, w, times = _samples(q, v, t)
     out = np.empty((len(x), 7))
     scratch = np.zeros((2, x.shape[1]))
-    write_charges(lagrangian.tag, lagrangian.parameter_vector, times, x, w, scratch[0], scratch[1], out)
+    write_charges(lagrangian.tag, beside_newton(lagrangian), times, x, w, scratch[0], scratch[1], out)
     found = out.reshape((*q.shape[:-2], 7))
     return found[..., 0], found[..., 1:4], found[..., 4:7]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put
+from orbits.kernels.lanes import get, put, sqrt
 
 
 @kernel(inline=True)
@@ -42,6 +42,27 @@ def add_differences(out, at, value, a, c, i, b, n):
     put(out, bb, get(out, bb) + value)
     put(out, ib, get(out, ib) - value)
     put(out, bi, get(out, bi) - value)
+
+
+@kernel(inline=True)
+def add_pair_tide(strength, sign, q, i, j, out):
+    """Add the second derivatives of sign G m_i m_j / r to those by places."""
+    n = strength.shape[0] - 1
+    d = 3 * n
+    dx, dy, dz = difference(q, j, i, n)
+    r2 = dx * dx + dy * dy + dz * dz + strength[0]
+    w = sign * strength[1 + i] * strength[1 + j] / (r2 * sqrt(r2))
+    for a in range(3):
+        da = dx if a == 0 else (dy if a == 1 else dz)
+        for b in range(3):
+            db = dx if b == 0 else (dy if b == 1 else dz)
+            tide = w * (3.0 * da * db / r2 - (1.0 if a == b else 0.0))
+            ii, jj = (a * n + i) * d + b * n + i, (a * n + j) * d + b * n + j
+            ij, ji = (a * n + i) * d + b * n + j, (a * n + j) * d + b * n + i
+            put(out, ii, get(out, ii) + tide)
+            put(out, jj, get(out, jj) + tide)
+            put(out, ij, get(out, ij) - tide)
+            put(out, ji, get(out, ji) - tide)
 
 
 @kernel(inline=True)

@@ -44,7 +44,7 @@ class Sample(NamedTuple):
     v: Array
 
 
-class Followed:
+class ParticleSearches:
     """The massless bodies of a run whose events are sought, followed from sample to sample.
 
     seeking : the events of the run; begun : where the run begins, or the last sample before it goes on
@@ -150,10 +150,10 @@ class Followed:
         begun = self._last
         state = begun.q[there], begun.v[there]
         integrator, clock = self._integrator, self._clock
-        if integrator.follows_encounters:  # as it is followed there
+        if integrator.follows_encounters or integrator.follows_meetings:  # as it is followed there
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
-        if clock.changes:  # forces are then of positions alone, and a march counts its time from its begin
+        if clock.changes:  # a march then counts its time from its begin
             for motion, ends in stretches(*march.towards(time - begun.time)):
                 times = motion.times + begun.time
                 yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), ends

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 
 
-class Followed(NamedTuple):
+class Varied(NamedTuple):
     """What is followed in one march: massive bodies, some of which are varied.
 
     system : all of them have mass; varied : their numbers in it; numbers : those in the system of the caller
@@ -45,6 +45,11 @@ def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -
     acting = model(system)
     if integrator.follows_kepler:
         require_map_tangents(integrator, acting.lagrangian)
+        if integrator.follows_encounters and not system.massive.all():
+            raise InputError(
+                f"the variations of {integrator.label} are not known where particles take steps of their own; use "
+                'encounters="warn", or Gauss(stages=8) without dt.'
+            )
     else:
         require_tangents(integrator, acting.lagrangian)
     form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False)
@@ -67,19 +72,19 @@ def warn_if_too_long(system: System, integrator: Integrator, grid: TimeGrid) -> 
         check(system, integrator, grid.h, grid.end)
 
 
-def massive_of(system: System) -> Followed:
+def massive_of(system: System) -> Varied:
     """Return the massive bodies of a system, all of them varied."""
     numbers = np.flatnonzero(system.massive)
     light = [name for name, massive in zip(system.names, system.massive, strict=True) if not massive]
-    return Followed(system.remove(*light) if light else system, np.arange(len(numbers)), numbers)
+    return Varied(system.remove(*light) if light else system, np.arange(len(numbers)), numbers)
 
 
-def particle_of(system: System, number: int, *, coupled: bool) -> Followed:
+def particle_of(system: System, number: int, *, coupled: bool) -> Varied:
     """Return a massless particle among the massive bodies, which are varied too if `coupled`."""
     light, there = with_light(system, (number,))
     numbers = np.flatnonzero(there)
     varied = np.arange(len(numbers)) if coupled else np.flatnonzero(numbers == number)
-    return Followed(light, varied, numbers[varied])
+    return Varied(light, varied, numbers[varied])
 
 
 def each_in_threads(
@@ -109,7 +114,7 @@ def each_in_threads(
 
 
 def tangents_of(
-    followed: Followed,
+    followed: Varied,
     integrator: Integrator,
     vectors: Array,
     scale: float | None = None,
@@ -130,7 +135,7 @@ def tangents_of(
 
 
 def at_samples(
-    followed: Followed, integrator: Integrator, grid: TimeGrid, tangents: Tangents | MapTangents, *, exactly: bool
+    followed: Varied, integrator: Integrator, grid: TimeGrid, tangents: Tangents | MapTangents, *, exactly: bool
 ) -> Iterator[tuple[Tangents | MapTangents, float]]:
     """Yield the tangent vectors at each sample, and the time there.
 

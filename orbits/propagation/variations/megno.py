@@ -13,7 +13,7 @@ Source: Cincotta & Simó (2000), A&AS 147, 205; Cincotta, Giordano & Simó (2003
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
@@ -27,9 +27,10 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, RetiredWarning, level_of_caller, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.integrators.base import Integrator
+from orbits.marching.particle_tangents import march_together
 from orbits.propagation.before_the_start import warn_or_refuse
 from orbits.propagation.variations.following import (
-    Followed,
+    Varied,
     at_samples,
     each_in_threads,
     massive_of,
@@ -38,9 +39,15 @@ from orbits.propagation.variations.following import (
     tangents_of,
     warn_if_too_long,
 )
-from orbits.propagation.variations.of_particles import growths_of_particles
+from orbits.propagation.variations.of_particles import (
+    Growths,
+    growths_of_particles,
+    judge,
+    passages_of_run,
+)
 from orbits.propagation.variations.state_transition import made_by
 from orbits.system import System
+from orbits.system.model import given_bodies, model
 from orbits.time_grid import TimeGrid, dynamical_time
 
 if TYPE_CHECKING:
@@ -65,7 +72,7 @@ class TangentGrowth:
     spread : their standard deviation; NaN for a single one
     lyapunov : ln(|x(t)| / |x(0)|) / t, their mean, 1 / time: it tends to the largest Lyapunov exponent on a chaotic
         orbit, and to 0, as ln(t) / t, on a regular one
-    passage : of a particle in a `WisdomHolman` map, the time of its first passage that the map cannot follow, near a
+    passage : of a particle in a map on Kepler orbits, the time of its first passage that the map cannot follow, near a
         planet or at a pericentre that the step does not resolve; None for none
     """
 
@@ -184,9 +191,10 @@ def megno(
     seed : of the directions of the tangent vectors, which are random
     threads : number of threads for massless particles; None for all processors. No bit of the result depends on it
 
-    With `WisdomHolman` massless particles march eight at a time, unless they are coupled, which makes maps of thousands
-    of orbits a matter of a minute. Passages that the map cannot follow are reported at the end, with a warning and as
-    `passage` of the orbit; WisdomHolman(encounters="retire") gives NaN from there on.
+    With `WisdomHolman` in Jacobi coordinates, by Newton's gravity alone, massless particles march eight at a time,
+    unless they are coupled, which makes maps of thousands of orbits a matter of a minute; with terms, in democratic
+    heliocentric coordinates and with `SABA` each is followed by itself. Passages that a map cannot follow are reported
+    at the end, with a warning and as `passage` of the orbit; WisdomHolman(encounters="retire") gives NaN from there on.
 
     The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start, in the
     coordinates that are marched; MEGNO does not depend on this choice in the end. Vectors are scaled when they become
@@ -199,6 +207,11 @@ def megno(
         raise unknown_argument(megno, name)
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
+    if given_bodies(system):
+        raise InputError(
+            "MEGNO among bodies that are read from an ephemeris is not known; expected bodies that are integrated, such as "
+            "those of System.solar_system(...). orbits.state_transition knows how small bodies depend on their start."
+        )
     integrator = integrators.named("gauss" if integrator is None else integrator)
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
     seed = checked_seed(seed)
@@ -227,11 +240,11 @@ def megno_of(
 ) -> Megno:
     """As `megno`, on an existing grid of steps and samples."""
     # Of massive bodies alone where particles march together, so that none depends on the others.
-    together = integrator.follows_kepler and not coupled
+    together = integrator.follows_kepler and not coupled and march_together(integrator, model(system).lagrangian)
     scale = dynamical_time(massive_of(system).system if together else system)
     scale = scale if np.isfinite(scale) else 1.0
 
-    def growth(name: str, followed: Followed) -> tuple[TangentGrowth, IntegrationError | None]:
+    def growth(name: str, followed: Varied) -> tuple[TangentGrowth, IntegrationError | None]:
         return _growth(name, followed, integrator, grid, scale, seed, vectors)
 
     massive, failure = growth(WHOLE, massive_of(system))
@@ -256,7 +269,28 @@ def megno_of(
                 stacklevel=level_of_caller(),
             )
         particles.append(particle)
+    if integrator.follows_kepler and numbers:
+        particles = _with_passages(system, integrator, grid, particles, threads)
     return Megno(system, massive, tuple(particles), made_by(system, integrator, grid))
+
+
+def _with_passages(
+    system: System, integrator: Integrator, grid: TimeGrid, particles: list[TangentGrowth], threads: int | None
+) -> list[TangentGrowth]:
+    """Return the growth of particles with the first passages that the method cannot follow; warns of these."""
+    unit = system.units.time
+    out = Growths(
+        np.array([one.megno for one in particles]).T,
+        np.array([one.spread for one in particles]).T,
+        np.array([one.lyapunov.value for one in particles]).T,
+        np.full(len(particles), np.nan),
+    )
+    judge(system, integrator, grid, out, passages_of_run(system, integrator, grid, threads))
+    times, rates = [None if np.isnan(time) else time * unit for time in out.passage.tolist()], out.lyapunov / unit
+    return [
+        replace(one, megno=out.megno[:, k], spread=out.spread[:, k], lyapunov=rates[:, k], passage=times[k])
+        for k, one in enumerate(particles)
+    ]
 
 
 def _together(
@@ -291,7 +325,7 @@ def _starts(seed: int, scale: float, count: int, bodies: int) -> Array:
 
 
 def _growth(
-    name: str, followed: Followed, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, vectors: int
+    name: str, followed: Varied, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, vectors: int
 ) -> tuple[TangentGrowth, IntegrationError | None]:
     """Return the growth of tangent vectors of what is followed at the samples, and what ended it before the last."""
     starts = _starts(seed, scale, vectors, len(followed.varied))

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.checks import whole_number
-from orbits.errors import InputError, RetiredWarning, StepWarning, level_of_caller, with_unit
+from orbits.errors import RetiredWarning, StepWarning, level_of_caller, with_unit
 from orbits.integrators.base import Integrator
-from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS
+from orbits.marching.kepler_passages import HILL_RADII, near_a_planet
 from orbits.marching.marcher import available_threads
 from orbits.marching.particle_tangents import ParticleTangents, Passages
+from orbits.propagation.run import propagated
 from orbits.system import System
 from orbits.system.model import model
 from orbits.time_grid import TimeGrid
@@ -45,11 +47,6 @@ def growths_of_particles(
     Warns, with `RetiredWarning`, of particles that are lost, and of those retired in encounters if the method asks for
     that: their numbers are NaN from there on; and with `StepWarning` of others with encounters.
     """
-    if integrator.follows_encounters:
-        raise InputError(
-            f"the variations of {integrator.label} are not known where particles take steps of their own; use "
-            'encounters="warn" or "retire", or Gauss(stages=8) without dt.'
-        )
     acting, values, massive = model(system), system.values, system.massive
     count = available_threads() if threads is None else whole_number(threads, "threads, if given,")
     bodies, particles = ((values.q[which], values.v[which]) for which in (massive, ~massive))
@@ -70,8 +67,29 @@ def growths_of_particles(
                     out.spread[sample] = np.sqrt(_mean(away) * (len(vectors) / (len(vectors) - 1)))
     finally:
         march.close()
-    _judge(system, integrator, grid, out, march.passages())
+    judge(system, integrator, grid, out, march.passages())
     return out
+
+
+def passages_of_run(system: System, integrator: Integrator, grid: TimeGrid, threads: int | None) -> Passages:
+    """Return the first passages of massless particles that a map on Kepler orbits cannot follow, from a run in which
+    none is retired.
+    """
+    end = TimeGrid(grid.clock, grid.times[-1:])
+    method = replace(integrator, encounters="warn")  # type: ignore[call-arg]
+    run = propagated(system, method, end, check_step=False, progress=False, threads=threads)
+    light = [name for name, massive in zip(system.names, system.massive, strict=True) if not massive]
+    heavy = [name for name, massive in zip(system.names, system.massive, strict=True) if massive]
+    dominant = system.names[int(np.argmax(system.values.gm))]
+    near, planet, sharp = np.full(len(light), np.nan), np.full(len(light), -1), np.full(len(light), np.nan)
+    for passage in sorted(run.unresolved(), key=lambda one: -abs(one.time.value)):  # the first one last
+        if passage.body in light:
+            k = light.index(passage.body)
+            if passage.other == dominant:
+                sharp[k] = passage.time.value
+            else:
+                near[k], planet[k] = passage.time.value, heavy.index(passage.other)
+    return Passages(near, planet, sharp)
 
 
 def _mean(values: Array) -> Array:
@@ -82,14 +100,30 @@ def _mean(values: Array) -> Array:
     return np.asarray(total / values.shape[1])
 
 
-def _judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, passages: Passages) -> None:
+def _starts_inside(system: System) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the massless particles that start within the reach of a planet, and the numbers of these among the massive
+    bodies.
+    """
+    values, massive = system.values, system.massive
+    gm, x = values.gm[massive], values.q[massive]
+    sun = int(gm.argmax())
+    planets = np.delete(np.arange(len(gm)), sun)
+    found = near_a_planet(values.q[~massive] - x[sun], x[planets] - x[sun], gm[planets], float(gm[sun]))
+    inside = np.flatnonzero(found >= 0)
+    return inside, planets[found[inside]]
+
+
+def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, passages: Passages) -> None:
     """Write the times of passages, put NaN for what is not known, and warn."""
     names = np.array(system.names, dtype=object)[~system.massive]
     bodies = np.array(system.names, dtype=object)[system.massive]
+    retires = integrator.retires_in_encounters
+    if retires:  # those that start too close are retired at once, though most have no passage to be seen by
+        inside, planet = _starts_inside(system)
+        passages.near[inside], passages.planet[inside] = 0.0, planet
     times = np.fmin(abs(passages.near), abs(passages.sharp))
     out.passage[:] = times * grid.direction
     met = np.isfinite(times)
-    retires = integrator.retires_in_encounters
     lost = ~np.isfinite(out.megno[-1]) & (grid.times[-1] != 0.0) & ~(met & retires)
     if retires:
         gone = met & (abs(grid.times[:, None]) > times)
@@ -111,7 +145,7 @@ def _judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths,
         what = (
             f"within {HILL_RADII:.0f} Hill radii of {bodies[passages.planet[k]]}"
             if near
-            else f"at a pericentre where a full turn would take fewer than {LEAST_STEPS} steps"
+            else f"at a pericentre where a full turn would take fewer than {integrator.least_steps} steps"
         )
         lines.append(f"  {names[k]} {what}, at t = " + with_unit(f"{out.passage[k]:.6g}", unit))
     hidden = f"\n  And {int(met.sum()) - SHOWN:,} more." if met.sum() > SHOWN else ""

@@ -19,8 +19,9 @@ from orbits.export import headed, html_table, text_table
 from orbits.integrators.base import Integrator
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.before_the_start import warn_or_refuse
+from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import (
-    Followed,
+    Varied,
     at_samples,
     each_in_threads,
     massive_of,
@@ -30,9 +31,13 @@ from orbits.propagation.variations.following import (
     warn_if_too_long,
 )
 from orbits.system import System
+from orbits.system.model import given_bodies
 from orbits.time_grid import TimeGrid, dynamical_time
 
 Array = NDArray[np.float64]
+
+SHOWN = 3
+"""The most retired particles named in a warning."""
 
 MOST_SHOWN = 10
 """The most bodies in the table of a matrix."""
@@ -90,8 +95,12 @@ class StateTransition:
         level of round-off, 1e-16, for a symplectic method; a number, or (n,).
 
         In coordinates sqrt(GM) q and p tau / sqrt(GM), tau the shortest dynamical time, which give all bodies equal
-        weight.
+        weight. Raises InputError for bodies that are read from an ephemeris.
         """
+        if not self._momenta.size:
+            raise InputError(
+                "the massive bodies are read from an ephemeris and have no map of their own, which could be symplectic."
+            )
         massive = np.flatnonzero(self.system.massive)
         tau, gm = dynamical_time(self.system), np.repeat(self.system.values.gm[massive], 3)
         n, d = 6 * len(self.names), len(gm)
@@ -154,8 +163,8 @@ def state_transition(
 
     It is the derivative of what the method computes: of its steps, for as many as are taken, at fixed lengths. That of
     a symplectic method is symplectic to round-off. The orbit is that of `orbits.propagate` to the last bit for massive
-    bodies, and to round-off for massless particles. For all methods, and for all terms that give second derivatives;
-    `WisdomHolman` takes Newton's gravity alone. Nothing is stored: an interrupted computation is lost.
+    bodies, and to round-off for massless particles. For all methods, and for all terms that give second derivatives.
+    Nothing is stored: an interrupted computation is lost.
 
     Raises InputError for invalid arguments, for a method, a term or a force whose derivative is not known, and for a
     matrix that exceeds the range of numbers; otherwise as `orbits.propagate`. The blocks of a
@@ -215,11 +224,19 @@ def matrices(
             "memory, more than this machine has; expected fewer samples, or fewer massless particles at a time."
         )
     out = np.zeros((len(grid), N, 6, N, 6))
-    momenta = _fill(massive_of(system), integrator, grid, out)
+    given = given_bodies(system)
+    if len(given) < int(system.massive.sum()) and given:
+        raise InputError(
+            "the variations of bodies with a mass among those of an ephemeris are not known; expected massless ones: set "
+            "their GM to 0."
+        )
+    # What is read from an ephemeris depends on no start: its blocks are 0.
+    momenta = np.zeros((0, 0)) if given else _fill(massive_of(system), integrator, grid, out)
+    coupled = coupled and not given
     particles = np.flatnonzero(~system.massive).tolist()
     for p in particles:
         out[:, p] = np.nan
-        out[:, p, :, ~system.massive] = 0.0
+        out[:, p, :, ~system.massive if not given else slice(None)] = 0.0
         out[:, p, :, p] = np.nan
 
     def fill(p: int) -> None:
@@ -233,10 +250,33 @@ def matrices(
                 RetiredWarning,
                 stacklevel=level_of_caller(),
             )
+    if integrator.retires_in_encounters and particles:
+        _forget_retired(system, integrator, grid, out)
     return out.reshape(len(grid), 6 * N, 6 * N), momenta
 
 
-def _fill(followed: Followed, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
+def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out: Array) -> None:
+    """Write NaN for massless particles from where a run retires them, and warn of these."""
+    march = bound(system, integrator, grid.clock)
+    try:
+        march.advance_to(grid.place(len(grid) - 1))
+        lost = march.retired()
+    finally:
+        march.close()
+    for one in lost:
+        out[np.abs(grid.times) > abs(grid.clock.time(one.reading)), one.body] = np.nan
+    if lost:
+        names = ", ".join(f"{system.names[one.body]} ({one.reason})" for one in lost[:SHOWN])
+        more = f" and {len(lost) - SHOWN:,} more" if len(lost) > SHOWN else ""
+        warnings.warn(
+            f"{integrator.label} retires {len(lost):,} massless particle{'s' * (len(lost) > 1)}, whose state "
+            f"transition is NaN from there on: {names}{more}.",
+            RetiredWarning,
+            stacklevel=level_of_caller(),
+        )
+
+
+def _fill(followed: Varied, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
     """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6); return what
     `Tangents.to_momenta` has at the start and at each sample.
     """

@@ -1,0 +1,167 @@
+"""The Chebyshev series of bodies in one or two SPK files, as compiled code reads them: the files are mapped into
+memory, so that a run reads those pages that it needs.
+
+Source: NAIF's "SPK Required Reading", types 2 and 3.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import EpochError, InputError
+from orbits.kernels import chebyshev
+from orbits.kernels.chebyshev import BEFORE_COEFFICIENTS, COLUMNS, Given
+
+Array = NDArray[np.float64]
+
+DAY, J2000 = 86400.0, 2451545.0
+KM_PER_AU = 149597870.7
+BARYCENTRE = 0
+PARTS = {2: 3, 3: 6}
+"""The types of segments that are read, with the number of series in a record; of type 3, the velocities are left out,
+as those of the positions are the same."""
+
+FTP_BYTES = b"LTL-IEEE"
+LINE = 8
+"""Bytes of a number."""
+
+
+class Series(NamedTuple):
+    """What files say of some bodies.
+
+    given : for compiled code; start, end : the days since the epoch that are covered; digest : of the records at the
+        epoch, which tells other data under the same name
+    """
+
+    given: Given
+    start: float
+    end: float
+    digest: str
+
+
+class _Segment(NamedTuple):
+    file: int
+    target: int
+    centre: int
+    kind: int
+    start: float
+    end: float
+    first_word: int
+    initial: float
+    length: float
+    size: int
+    records: int
+
+
+@lru_cache(maxsize=8)
+def series_of(files: tuple[str, ...], targets: tuple[int, ...], jd1: float, jd2: float) -> Series:
+    """Return the series of bodies relative to the Solar System barycentre, au and days.
+
+    files : the paths of one or two SPK files; targets : NAIF's numbers, in the order of the bodies
+    jd1 + jd2 : the epoch, TDB
+
+    Raises InputError for a file that cannot be read, or lacks a body, naming it; EpochError if the epoch is not
+    covered.
+    """
+    words = [_mapped(path) for path in files]
+    found: dict[int, list[_Segment]] = {}
+    for file, path in enumerate(files):
+        for segment in _segments(file, path):
+            found.setdefault(segment.target, []).append(segment)
+    rows, start, end, digest = [], -np.inf, np.inf, hashlib.sha256()
+    for body, target in enumerate(targets):
+        chain, base = [], -1
+        centre = target
+        while centre != BARYCENTRE:
+            if centre in targets[:body]:
+                base = targets.index(centre)
+                break
+            segment = _covering(found, centre, files, jd1, jd2)
+            chain.append(segment)
+            centre = segment.centre
+        for k, segment in enumerate(reversed(chain)):
+            row, (begins, ends) = _row(segment, jd1, jd2)
+            row[chebyshev.ROW], row[chebyshev.BASE], row[chebyshev.ADDS] = body, base, float(k > 0)
+            rows.append(row)
+            start, end = max(start, begins), min(end, ends)
+            at = int(row[chebyshev.WORDS]) + int(row[chebyshev.FIRST]) * segment.size
+            digest.update(words[segment.file][at : at + segment.size].tobytes())
+    more = words[1] if len(words) > 1 else np.zeros(1)
+    return Series(Given(np.array(rows), words[0], more), start, end, digest.hexdigest()[:16])
+
+
+def _mapped(path: str) -> Array:
+    """Return the numbers of a file, mapped into memory; they can be written, as kernels expect, but not to the file."""
+    if os.path.getsize(path) < 1024:
+        raise InputError(f"{path} is not an SPK file; expected one such as de440.bsp.")
+    return np.asarray(np.memmap(path, dtype="<f8", mode="c", shape=(os.path.getsize(path) // LINE,)).view(np.ndarray))
+
+
+def _segments(file: int, path: str) -> list[_Segment]:
+    """Return the segments of a file."""
+    from jplephem.spk import SPK
+
+    try:
+        kernel = SPK.open(path)
+    except ValueError as error:
+        raise InputError(f"{path} is not an SPK file ({error}); expected one such as de440.bsp.") from error
+    out = []
+    with kernel:
+        if kernel.daf.locfmt != FTP_BYTES:
+            raise InputError(f"{path} has big-endian numbers; expected a little-endian SPK file, as from JPL today.")
+        for each in kernel.segments:
+            directory: Any = kernel.daf.read_array(each.end_i - 3, each.end_i)
+            initial, length, size, records = directory.tolist() if each.data_type in PARTS else (0.0, 1.0, 0, 0)
+            where = (file, each.target, each.center, each.data_type, each.start_jd, each.end_jd, each.start_i - 1)
+            out.append(_Segment(*where, initial, length, int(size), int(records)))
+    return out
+
+
+def _covering(
+    found: dict[int, list[_Segment]], target: int, files: Sequence[str], jd1: float, jd2: float
+) -> _Segment:
+    """Return the segment of a body that covers the epoch, of those that do the longest."""
+    names = " and ".join(os.path.basename(path) for path in files)
+    if target not in found:
+        raise InputError(
+            f"{names} {'have' if len(files) > 1 else 'has'} no body with NAIF's number {target}; expected a kernel with "
+            "all bodies asked for."
+        )
+    there = [s for s in found[target] if (jd1 - s.start) + jd2 >= 0.0 >= (jd1 - s.end) + jd2]
+    if not there:
+        covered = ", ".join(f"JD {s.start:.1f} to {s.end:.1f}" for s in found[target])
+        raise EpochError(
+            f"the epoch, JD {jd1 + jd2:.1f} TDB, is outside {names}, which {'have' if len(files) > 1 else 'has'} body "
+            f"{target} for {covered}. Choose an epoch in that range, or another kernel."
+        )
+    known = [s for s in there if s.kind in PARTS]
+    if not known:
+        raise InputError(
+            f"{names}: the series of body {target} is of type {there[0].kind}; expected type 2 or 3, Chebyshev series, "
+            "as in JPL's planetary ephemerides and sb441-n16."
+        )
+    return max(known, key=lambda s: s.end - s.start)
+
+
+def _row(segment: _Segment, jd1: float, jd2: float) -> tuple[Array, tuple[float, float]]:
+    """Return the row of the table for a segment, without the body, and the days since the epoch that it covers."""
+    begins = J2000 + segment.initial / DAY  # exact: whole seconds, and days with a fraction of few bits
+    span = segment.length / DAY
+    since = (jd1 - begins) + jd2
+    first = min(max(int(since // span), 0), segment.records - 1)
+    start = (begins + first * span) - jd1
+    high = start - jd2
+    low = (start - high) - jd2
+    row = np.zeros(COLUMNS)
+    row[chebyshev.FILE], row[chebyshev.WORDS], row[chebyshev.SIZE] = segment.file, segment.first_word, segment.size
+    row[chebyshev.COUNT] = (segment.size - BEFORE_COEFFICIENTS) // PARTS[segment.kind]
+    row[chebyshev.RECORDS], row[chebyshev.FIRST], row[chebyshev.SPAN] = segment.records, first, span
+    row[chebyshev.START_HI], row[chebyshev.START_LO], row[chebyshev.SCALE] = high, low, KM_PER_AU
+    return row, ((segment.start - jd1) - jd2, (segment.end - jd1) - jd2)

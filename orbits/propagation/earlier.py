@@ -1,0 +1,37 @@
+"""States before the earliest time of a run: marched back from there by its method, for as long as light may take."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.propagation.marchers import bound
+from orbits.time_grid import TimeGrid
+
+if TYPE_CHECKING:
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
+    """Return q and v, (m, bodies, 3) each, at m times before the earliest one of a run; NaN for bodies not there yet.
+
+    The run is continued backwards with its own method and steps from its earliest state. Neither events nor collisions
+    are sought there.
+    """
+    first = run.earliest
+    system = run.at(first)
+    dt = run.clock if run.clock.changes else abs(run.step)
+    clock = TimeGrid.of(system, dt, duration=float(np.min(times)) - first).clock
+    start = system.values.q, system.values.v
+    march = bound(system, run.integrator, clock, threads=1, state=start)
+    q, v = np.full((2, len(times), len(run.names), 3), np.nan)
+    there = [run.names.index(name) for name in system.names]
+    for k in np.argsort(-times, kind="stable").tolist():
+        place = clock.place(float(times[k]) - first)
+        march.advance_to(place)
+        q[k, there], v[k, there] = march.state_at(place)
+    return q, v

@@ -1,0 +1,106 @@
+"""`orbits ephemeris`: its options as the arguments of `run.ephemeris`, and its records for JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orbits.errors import InputError, shown
+from orbits.scenario.typed import number_or_text
+from orbits.time_grid import times_since
+from orbits.time_grid.reading import is_date
+
+if TYPE_CHECKING:
+    from orbits.observing import Ephemeris
+    from orbits.trajectory import Trajectory
+
+MOST_TIMES = 100_000
+
+
+def typed_observer(text: str) -> Any:
+    """Return "-70.7,-30.2,2663" (degrees east, degrees north, metres) as an `EarthLocation`, any other text unchanged.
+
+    Raises InputError for numbers that are no place.
+    """
+    parts = text.split(",")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        return text
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)) or not abs(numbers[1]) <= 90.0:
+        raise InputError(
+            f"--observer = {shown(text)}; expected a name, or a place on the Earth: degrees east, degrees north and "
+            "metres above the ellipsoid, such as -70.7366,-30.2407,2663."
+        )
+    from astropy import units as u
+    from astropy.coordinates import EarthLocation
+
+    return EarthLocation.from_geodetic(numbers[0] * u.deg, numbers[1] * u.deg, (numbers[2:] or [0.0])[0] * u.m)
+
+
+def typed_times(run: Trajectory, start: str | None, stop: str | None, step: str | None, *, utc: bool) -> Any:
+    """Return the times that are meant by --from, --to and --step, or None for those of the samples.
+
+    utc : whether dates are typed, and shown, in UTC
+    Raises InputError for an incomplete span, a step that is not above 0, and too many times.
+    """
+    if run.system.epoch is None:
+        return None  # refused by run.ephemeris
+    if start is None:
+        if stop is not None or step is not None:
+            raise InputError("--to and --step need --from; without these three the times are those of the samples.")
+        return run.epochs.utc if utc else None
+    first = _since(run, start, "--from", utc=utc)
+    if stop is None:
+        if step is not None:
+            raise InputError("--step needs --to; --from alone is a single time.")
+        times = np.array([first])
+    else:
+        if step is None:
+            raise InputError("--to needs --step, such as --step '1 d'.")
+        last = _since(run, stop, "--to", utc=utc)
+        length = float(times_since(run.system, number_or_text(step), "--step"))
+        if not (math.isfinite(length) and length > 0.0):
+            raise InputError(f"--step = {shown(step)}; expected a time above 0, such as '1 d' or '10 min'.")
+        if not last >= first:
+            raise InputError(f"--to = {shown(stop)} is before --from = {shown(start)}.")
+        # The last time counts although a date may be rounded.
+        count = math.floor((last - first) / length + 1e-9) + 1
+        if count > MOST_TIMES:
+            raise InputError(f"{count:,} times from --from to --to; at most {MOST_TIMES:,} are possible.")
+        times = first + length * np.arange(count)
+    if not utc:
+        return times
+    from astropy import units as u
+
+    return (run.system.epoch + u.Quantity(times, run.system.units.time)).utc
+
+
+def _since(run: Trajectory, text: str, option: str, *, utc: bool) -> float:
+    value: Any = number_or_text(text)
+    if utc and isinstance(value, str) and is_date(value):
+        from astropy.time import Time
+
+        value = Time(value, scale="utc")
+    return float(times_since(run.system, value, option))
+
+
+def record(table: Ephemeris) -> dict[str, Any]:
+    """Return an ephemeris for JSON: the observer, notes and units, and a row for each time and body."""
+    rows = table.to_table()
+    dates, units = rows["date"].isot, {name: str(x.unit) for name, x in table.values.items()}
+    figures = {name: rows[name].value for name in ("time", *table.values)}
+    return {
+        "observer": table.head.observer,
+        "method": table.head.made_by,
+        "notes": list(table.head.notes),
+        "time_scale": "utc" if table.head.utc else "tdb",
+        "units": {"time": str(table.t.unit), **units},
+        "rows": [
+            {"date": str(dates[k]), "body": str(rows["body"][k])}
+            | {name: float(x[k]) if math.isfinite(x[k]) else None for name, x in figures.items()}
+            for k in range(len(rows))
+        ],
+    }

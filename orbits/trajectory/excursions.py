@@ -1,0 +1,152 @@
+"""The excursions of a run from a Wisdom–Holman map: when all bodies left it for encounters, and when they returned."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.errors import ArchiveError
+from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.marching.leaving import BODY, COUNTS, EXCURSIONS, LEFT, NOBODY, NOT_YET, OTHER_BODY, RETURNED, ROOM
+
+if TYPE_CHECKING:
+    from astropy.table import QTable
+
+    from orbits.marching.clocks import Clock
+    from orbits.system import System
+    from orbits.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """A part of a run in which all bodies took steps chosen one by one, because of two of them.
+
+    bodies : the names of the two whose encounter began it; empty where the map could not take a step
+    left, returned : when all left the map and entered it again, since the epoch; `returned` is None if the run ended
+        before
+    steps : the numbers of steps of the map before both
+    """
+
+    bodies: tuple[str, ...]
+    left: u.Quantity
+    returned: u.Quantity | None
+    steps: tuple[int, int | None]
+
+    def __str__(self) -> str:
+        end = "the end of the run" if self.returned is None else f"{self.returned:.10g}"
+        return f"{self.what}: t = {self.left.value:.10g} to {end}"
+
+    @property
+    def what(self) -> str:
+        """What began it, in words."""
+        return " and ".join(self.bodies) or "a step that the map cannot take"
+
+
+class Excursions(Sequence[Excursion]):
+    """The excursions of a run, in its order; the first 4,096 of them, if there were more.
+
+    total : how many there were
+    """
+
+    def __init__(self, excursions: Iterable[Excursion] = (), count: int | None = None) -> None:
+        self._excursions = tuple(excursions)
+        self.total = len(self._excursions) if count is None else count
+
+    @classmethod
+    def of(cls, system: System, clock: Clock, rows: NDArray[np.int64], count: int) -> Excursions:
+        """Return excursions from rows as `LeavingMarcher.excursions` has them, and their number."""
+        unit, found = system.units.time, []
+        for row in rows.tolist():
+            names = tuple(system.names[k] for k in (row[BODY], row[OTHER_BODY]) if k != NOBODY)
+            begun, end = row[LEFT], None if row[RETURNED] == NOT_YET else row[RETURNED]
+            left, returned = (None if k is None else u.Quantity(clock.time(k), unit) for k in (begun, end))
+            assert left is not None
+            found.append(Excursion(names, left, returned, (begun, end)))
+        return cls(found, count)
+
+    @classmethod
+    def in_archive(cls, run: Trajectory) -> Excursions:
+        """Return those of a run in an archive, as listed in its last checkpoint."""
+        checkpoint = {} if run.archive is None else run.archive.checkpoint()
+        if COUNTS not in checkpoint:
+            return cls()
+        rows, count = np.asarray(checkpoint[EXCURSIONS]), int(checkpoint[COUNTS][1])
+        rows = rows[: min(max(count, 0), ROOM)]
+        bodies = rows[:, [BODY, OTHER_BODY]]
+        if (bodies < NOBODY).any() or (bodies >= len(run.names)).any():
+            raise ArchiveError("the excursions from the map in its checkpoint are not those of a run.")
+        return cls.of(run.system, run.clock, rows, count)
+
+    def include(self, reading: float) -> bool:
+        """Return whether all bodies took chosen steps at a reading of the clock, in steps."""
+        k = bisect_right(self._excursions, reading, key=lambda one: one.steps[0]) - 1
+        end = self._excursions[k].steps[1] if k >= 0 else 0
+        return end is None or reading < end
+
+    def __len__(self) -> int:
+        return len(self._excursions)
+
+    @overload
+    def __getitem__(self, key: int) -> Excursion: ...
+
+    @overload
+    def __getitem__(self, key: slice) -> Excursions: ...
+
+    def __getitem__(self, key: int | slice) -> Excursion | Excursions:
+        return Excursions(self._excursions[key]) if isinstance(key, slice) else self._excursions[key]
+
+    def to_table(self) -> QTable:
+        """Return an astropy QTable of bodies, left and returned (times since the epoch, NaN for one not over)."""
+        from astropy.table import QTable
+
+        if not len(self):
+            return QTable({"bodies": np.array([], dtype=str)})
+        unit = self[0].left.unit
+        ends = [np.nan if one.returned is None else one.returned.to_value(unit) for one in self]
+        return QTable(
+            {
+                "bodies": np.array([" and ".join(one.bodies) for one in self], dtype=str),
+                "left": u.Quantity([one.left for one in self]),
+                "returned": u.Quantity(ends, unit),
+            }
+        )
+
+    def to_records(self) -> list[dict[str, Any]]:
+        """Return records for JSON, with times in the unit of the system."""
+        return [
+            {
+                "bodies": list(one.bodies),
+                "left": float(one.left.value),
+                "returned": None if one.returned is None else float(one.returned.value),
+                "steps": list(one.steps),
+            }
+            for one in self
+        ]
+
+    def __repr__(self) -> str:
+        return text_table(self._caption(), *self._shown())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._caption(), *self._shown())
+
+    def _caption(self) -> str:
+        if not self.total:
+            return "no excursions from the map"
+        several = f"{self.total:,} excursion{'s' * (self.total > 1)}"
+        return f"{several} from the map, by steps chosen one by one; not reversible"
+
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        if not len(self):
+            return [], [], 0
+        head = ["encounter", headed("left", self[0].left.unit), headed("returned", self[0].left.unit)]
+        rows = [
+            [one.what, f"{one.left.value:.10g}", "" if one.returned is None else f"{one.returned.value:.10g}"]
+            for one in self._excursions[:MOST_ROWS]
+        ]
+        return head, rows, self.total - len(rows)

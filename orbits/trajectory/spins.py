@@ -1,0 +1,63 @@
+"""Spins of bodies, which forces such as tides change, at the samples of a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import few
+from orbits.errors import InputError, shown
+from orbits.kernels.acting import FIGURES
+from orbits.trajectory.work import accounts_of
+
+if TYPE_CHECKING:
+    from orbits.system import System
+    from orbits.trajectory.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class Spins:
+    """The methods of `Trajectory` for the spins of bodies."""
+
+    if TYPE_CHECKING:  # set by `Trajectory`
+        system: System
+
+    def spin(self, body: str) -> u.Quantity:
+        """Return the angular velocity of a body with `Tides` at each sample, shape (n, 3), in the axes of the system.
+
+        Raises InputError for another body, and for a trajectory that has only samples of a run.
+        """
+        found = {force.source: k for k, force in self._spinning().items()}
+        if body not in found:
+            those = f"those with Tides, {few(sorted(found))}" if found else "a system with forces orbits.Tides(...)"
+            raise InputError(f"the spin of {shown(body)} is not known in this run; expected {those}.")
+        return u.Quantity(self._spin(found[body]), self.system.units.rate)
+
+    def spin_angular_momentum(self) -> u.Quantity:
+        """Return the sum of the angular momenta of the spins of all bodies with `Tides` at each sample, shape (n, 3).
+
+        With it, the angular momentum of the massive bodies, `run.angular_momentum()`, keeps its first value. A spin
+        that is held, by inertia=math.inf, does not contribute. Zero without tides. Raises InputError as `spin` does.
+        """
+        units, spinning = self.system.units, self._spinning()
+        total = np.zeros((len(self), 3))  # type: ignore[arg-type]
+        for k, force in spinning.items():
+            moment = force.moment(float(self.system.values.gm[self.system.index(force.source)]), units)
+            if np.isfinite(moment):
+                total += moment * self._spin(k)
+        return u.Quantity(total / units.G, units.angular_momentum)
+
+    def _spinning(self) -> dict[int, Any]:
+        """Return the forces that change a spin, by their numbers."""
+        return {k: force for k, force in enumerate(self.system.forces) if hasattr(force, "moment")}
+
+    def _spin(self, k: int) -> Array:
+        run: Trajectory = self  # type: ignore[assignment]
+        return accounts_of(run)[:, k, FIGURES : FIGURES + 3]
+
+
+__all__ = ["Spins"]

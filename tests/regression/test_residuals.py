@@ -1,0 +1,107 @@
+"""Residuals against ephemerides: DE440, and SPK files."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from astropy import units as u
+from typer.testing import CliRunner
+
+import orbits
+from orbits.cli import app
+from orbits.errors import EpochError, InputError
+from orbits.resources import data_path
+
+BODIES = ["Sun", "Earth", "Moon", "Jupiter"]
+
+
+@pytest.fixture(scope="module")
+def run():
+    system = orbits.System.solar_system(epoch="2000-01-01", bodies=BODIES)
+    return orbits.propagate(system, orbits.Gauss(stages=8), dt=1.0, duration=400.0, samples=21, progress=False)
+
+
+def test_a_run_begins_where_de440_is(run):
+    found = orbits.residuals(run)
+    assert list(found.km) == ["Earth", "Moon", "Earth-Moon barycenter", "Jupiter"]
+    # Half a unit in the last place of Jupiter's coordinates is a millionth of a kilometre.
+    assert all(np.linalg.norm(x[0]) < 1e-6 for x in found.km.values())
+    assert found.km["Jupiter"].shape == (21, 3)
+
+
+def test_residuals_are_what_states_of_de440_give(run):
+    """Read in another way: `ephemeris.states` reads one date at a time."""
+    found = orbits.residuals(run, bodies=["Jupiter", "Moon", "Earth"])
+    epoch = run.system.epoch
+    _, q, _ = orbits.ephemeris.states(BODIES, epoch.jd1, epoch.jd2 + 400.0)
+    there, here = q * orbits.ephemeris.AU_KM, run.q[-1].to_value(u.km)
+    expected = (here[3] - here[0]) - (there[3] - there[0])
+    assert found.km["Jupiter"][-1] == pytest.approx(expected, abs=1e-6)
+    assert found.km["Moon"][-1] == pytest.approx((here[2] - here[1]) - (there[2] - there[1]), abs=1e-6)
+    assert found.largest()["Jupiter"] > found.largest(within=0.1)["Jupiter"]
+    assert found.last_tenth()["Jupiter"] == found.distances["Jupiter"][-3:].max()
+
+
+def test_the_residuals_of_a_run_against_its_own_spk_file_are_the_error_of_the_file(run, tmp_path):
+    path = tmp_path / "own.bsp"
+    written = run.to_spk(path)
+    found = orbits.residuals(run, path)
+    bound = 2.1 * max(written.error_km.values()) + 1e-6  # that of the body and of the Sun, and rounding
+    assert set(found.km) >= {"Earth", "Moon", "Jupiter"}
+    assert all(km < bound for km in found.largest().values())
+
+
+def test_bodies_that_the_kernel_does_not_have_are_said(run, tmp_path):
+    q, v = [0.5, 0.5, 0.1] * u.au, [0.01, 0.01, 0] * u.au / u.day
+    system = run.system.add("probe", primary="Sun", q=q, v=v)
+    made = orbits.propagate(system, orbits.Gauss(), dt=1.0, duration=3.0, samples=2, progress=False)
+    assert "Not in DE440: probe." in str(orbits.residuals(made))
+    with pytest.raises(InputError, match="DE440 does not have probe"):
+        orbits.residuals(made, bodies=["Earth", "probe"])
+    with pytest.raises(InputError, match=r"DE440 does not have probe|-1001"):
+        orbits.residuals(made, bodies=["probe"], ids={"probe": -1001})
+
+
+def test_what_has_no_ephemeris_is_refused(run, tmp_path):
+    late = orbits.System.solar_system(epoch="2029-12-01", bodies=["Sun", "Jupiter"])
+    beyond = orbits.propagate(late, orbits.Gauss(), dt=10.0, duration=100.0, samples=2, progress=False)
+    excerpt = tmp_path / "excerpt.bsp"
+    shutil.copy(data_path("de440_2000_2030.bsp"), excerpt)
+    with pytest.raises(EpochError, match=r"is outside excerpt.bsp, which has body 5 from JD 2451\d+"):
+        orbits.residuals(beyond, excerpt)
+    with pytest.raises(InputError, match="there is no file"):
+        orbits.residuals(run, tmp_path / "missing.bsp")
+    foreign = tmp_path / "foreign.bsp"
+    foreign.write_bytes(b"no kernel" * 1000)
+    with pytest.raises(InputError, match="is no SPK kernel that can be read"):
+        orbits.residuals(run, foreign)
+    with pytest.raises(InputError, match="expected 'de440', or the path of an SPK kernel"):
+        orbits.residuals(run, "ias15")
+    stars = orbits.System.from_states(["A", "B"], [1, 1], [[0, 0, 0], [1, 0, 0]], np.zeros((2, 3)), epoch="2001-01-01")
+    short = {"dt": 1e-3, "duration": 1e-2, "samples": 2, "progress": False, "check_step": False}
+    with pytest.raises(InputError, match="no body 'Sun'"):
+        orbits.residuals(orbits.propagate(stars, orbits.Gauss(), **short))
+    with pytest.raises(EpochError, match="has no epoch"):
+        orbits.residuals(orbits.propagate(stars.replaced(epoch=None), orbits.Gauss(), **short))
+
+
+def test_the_command_line_compares_with_de440(tmp_path):
+    typed = ["compare", "solar_system", "--integrator", "gauss", "--against", "de440", "--duration", "400 d"]
+    done = CliRunner().invoke(app, [*typed, "--samples", "21", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "km from DE440" in done.output
+    record = json.loads((tmp_path / "residuals-de440-gauss-stages-8.json").read_text())
+    assert record["largest_km"]["Mercury"] > 100
+    assert len(record["km"]["Mercury"]) == 21
+    assert (tmp_path / "residuals-de440-gauss-stages-8.png").stat().st_size > 20_000
+    assert not (tmp_path / "comparison.json").exists()
+
+
+def test_the_command_line_refuses_dates_that_no_kernel_has_before_the_run(tmp_path):
+    excerpt = tmp_path / "excerpt.bsp"
+    shutil.copy(data_path("de440_2000_2030.bsp"), excerpt)
+    typed = ["compare", "solar_system", "--integrator", "gauss", "--against", str(excerpt), "--duration", "1000 yr"]
+    done = CliRunner().invoke(app, [*typed, "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert not list(tmp_path.glob("*.json"))
