@@ -23,7 +23,7 @@ from orbits.integrators.canonical_room import (
 )
 from orbits.integrators.collocation_particles import is_round_off
 from orbits.integrators.collocation_rows import HB, HC, HC_LO, is_close, place
-from orbits.kernels.acting import particle_acting, particle_terms
+from orbits.kernels.acting import particle_acting, particle_momenta, particle_terms
 from orbits.kernels.binding import OPTIONS, dimension, field, field_close, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE
@@ -132,7 +132,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
     x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
     y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
     z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
-    _, _, _, sx, sy, sz = particle_terms(
+    sx, sy, sz = particle_momenta(
         model.tag, model.parameters, t, stages.q, stages.v, (x, y, z), (vx, vy, vz)
     )
     Wx, Wy, Wz = guess(method, coefficients, carry, vx, vy, vz)
@@ -191,7 +191,7 @@ def step_particles(method, model, t, h, particles, carry, storage):
     ux_lo = uy_lo = uz_lo = 0.0
     last_change, off, end = math.inf, 0.0, (t + h) + coefficients[LATE, 0]
     for _ in range(VELOCITY_SWEEPS):
-        _, _, _, ex, ey, ez = particle_terms(
+        ex, ey, ez = particle_momenta(
             model.tag, model.parameters, end, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
         )
         before = ux, uy, uz

@@ -282,7 +282,7 @@ class WisdomHolman(Integrator):
             )
         if strange:
             raise InputError(
-                f"{self.label} takes terms of the dominant body such as PostNewtonian and ZonalHarmonics, each with a "
+                f"{self.label} takes terms of the dominant body such as PostNewtonian of one source, each with a "
                 f"motion of its own between Kepler motions, not {', '.join(strange)}. Use Gauss(stages=8)."
             )
         super().check(lagrangian, others)

@@ -24,6 +24,7 @@ from orbits.kernels.binding import (
     other_terms,
     plus,
     total_particle_gradients,
+    total_particle_momenta,
 )
 from orbits.kernels.central import add_central_force, central_particle_force
 from orbits.kernels.compile import kernel
@@ -176,6 +177,28 @@ def _particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity)
     def others(lagrangian, parameters, t, sources, speeds, place, velocity):
         tags = other_terms(lagrangian)
         return total_particle_gradients(tags, parameters[0], parameters[1:], t, sources, speeds, place, velocity)
+
+    return others
+
+
+def particle_momenta(lagrangian, parameters, t, sources, speeds, place, velocity):
+    """Return the contributions of all terms except the first to dL/dv of a massless particle, three numbers."""
+    raise NotImplementedError("particle_momenta() is for compiled code only")
+
+
+@overload(particle_momenta, jit_options=OPTIONS)
+def _particle_momenta(lagrangian, parameters, t, sources, speeds, place, velocity):
+    if len(lagrangian.terms) == 1:
+
+        def nothing(lagrangian, parameters, t, sources, speeds, place, velocity):
+            zero = place[0] * 0.0
+            return zero, zero, zero
+
+        return nothing
+
+    def others(lagrangian, parameters, t, sources, speeds, place, velocity):
+        tags = other_terms(lagrangian)
+        return total_particle_momenta(tags, parameters[0], parameters[1:], t, sources, speeds, place, velocity)
 
     return others
 

@@ -139,9 +139,10 @@ def adding(name, instead=None, optional=False):
     return each
 
 
-def totalling(name, count):
-    """Return a function that sums, over the terms of a sum, the `count` numbers that the kernel of that name
-    returns.
+def totalling(name, count, instead=None):
+    """Return a function that sums, over the terms of a sum, the `count` numbers that the kernel of that name returns.
+
+    instead : the name of the kernel to call of terms without such a one, of whose numbers the last `count` are taken
     """
 
     def total(tags, strength, parameters, *rest):
@@ -149,11 +150,19 @@ def totalling(name, count):
 
     @overload(total, jit_options=OPTIONS)
     def _total(tags, strength, parameters, *rest):
-        compiled = kernel_of(tags.terms[0], name)
+        compiled, skipped = kernel_of(tags.terms[0], name), 0
+        if compiled is None and instead is not None:
+            compiled, skipped = kernel_of(tags.terms[0], instead), count
         if compiled is None:
             return None
         if len(tags.terms) == 1:
+            if skipped:
+                return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)[skipped:]
             return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)
+
+        def part(tags, strength, parameters, *rest):
+            mine = compiled(strength, parameters[0], *rest)[skipped:]
+            return plus(mine, total(other_terms(tags), strength, parameters[1:], *rest))
 
         def one(tags, strength, parameters, *rest):
             mine = compiled(strength, parameters[0], *rest)
@@ -163,7 +172,7 @@ def totalling(name, count):
             mine = compiled(strength, parameters[0], *rest)
             return plus(mine, total(other_terms(tags), strength, parameters[1:], *rest))
 
-        return one if count == 1 else several
+        return part if skipped else (one if count == 1 else several)
 
     return total
 
@@ -193,6 +202,7 @@ momenta_of_terms = adding("momenta", instead="gradients")
 total_value = totalling("value", 1)
 total_field = totalling("field", 3)
 total_particle_gradients = totalling("particle_gradients", 6)
+total_particle_momenta = totalling("particle_momenta", 3, instead="particle_gradients")
 
 
 def dimension(lagrangian, parameters):

@@ -10,6 +10,7 @@ import pytest
 
 import orbits
 from orbits.kernels import binding
+from orbits.kernels.acting import particle_momenta
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
@@ -346,6 +347,21 @@ def test_a_particles_own_lagrangian_is_that_of_a_body_of_vanishing_mass(terms):
     found = np.array(particle(L.tag, L.parameter_vector, sources, speeds, tuple(q[3]), tuple(v[3])))
     expected = np.concatenate([f.reshape(4, 3)[3], p.reshape(4, 3)[3]]) / 1e-30
     assert np.max(np.abs(found - expected)) < 16 * EPS * np.max(np.abs(expected))
+
+
+@kernel
+def momenta_of_particle(tag, parameters, sources, speeds, place, velocity):
+    return particle_momenta(tag, parameters, 0.0, sources, speeds, place, velocity)
+
+
+@pytest.mark.parametrize("terms", SUMS.values(), ids=SUMS)
+def test_the_momentum_of_a_particle_alone_is_that_beside_its_force(terms):
+    q, v = state(2, 4)
+    L = n_body(GM, 0.05, terms(3))
+    arguments = (*(x[:3].T.ravel().copy() for x in (q, v)), tuple(q[3]), tuple(v[3]))
+    found = np.array(momenta_of_particle(L.tag, L.parameter_vector, *arguments))
+    expected = np.array(particle(L.tag, L.parameter_vector, *arguments))[3:] - v[3]
+    assert np.max(np.abs(found - expected)) < 8 * EPS
 
 
 @pytest.mark.parametrize("terms", SUMS.values(), ids=SUMS)

@@ -6,7 +6,6 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
-from numba.np.arrayobj import populate_array
 
 from orbits.kernels.lanes.type import (
     DOUBLE,
@@ -136,6 +135,8 @@ def room(typingctx, count, like):
     found = types.Array(types.float64, like.ndim, "C")
 
     def codegen(context, builder, sig, args):
+        from numba.np.arrayobj import populate_array  # a run whose kernels are on disk does not need it
+
         shape = [context.cast(builder, args[0], sig.args[0], types.int64), INT64(WIDTH)][: like.ndim]
         strides = [INT64(8)] if like.ndim == 1 else [INT64(8 * WIDTH), INT64(8)]
         elements = shape[0] if like.ndim == 1 else builder.mul(*shape)

@@ -12,6 +12,7 @@ A term is one file: kernels, and a frozen dataclass for users, with units. Its k
     particle_gradients(strength, own, t, sources, speeds, place, velocity)    returns its dL/dx and dL/dv, six numbers
     inertia(strength, own, t, q, v, out)    adds to out, (n,), what each body weighs in the centre of mass besides GM,
                                         for terms without Galilean symmetry
+    particle_momenta(...)               returns its dL/dv alone, three numbers; only for terms where that is cheaper
     about(strength, own, gm, r, w)      returns the derivatives, per GM, of the part of L of a body at r with velocity
                                         w relative to that of the term, for terms that are ABOUT_ONE_BODY
 

@@ -255,6 +255,26 @@ def particle_gradients(strength, own, t, sources, speeds, place, velocity):
 
 
 @kernel
+def particle_momenta(strength, own, t, sources, speeds, place, velocity):
+    """Return the momentum per unit mass alone, for which no depths of the sources are needed."""
+    n, count = strength.shape[0] - 1, int(own[1])
+    (x, y, z), (vx, vy, vz) = place, velocity
+    v2 = vx * vx + vy * vy + vz * vz
+    whole = px = py = pz = v2 * 0.0
+    for a in range(count):
+        j = row(own, a, n)
+        dx, dy, dz = x - get(sources, j), y - get(sources, n + j), z - get(sources, 2 * n + j)
+        wx, wy, wz = get(speeds, j), get(speeds, n + j), get(speeds, 2 * n + j)
+        r2 = strength[0] + dx * dx + dy * dy + dz * dz
+        near3 = strength[1 + j] * rsqrt_cubed(r2)
+        near, half = near3 * r2, 0.5 * near3 * (wx * dx + wy * dy + wz * dz)
+        whole, swap = whole + near, 3.5 * near
+        px, py, pz = px + (swap * wx + half * dx), py + (swap * wy + half * dy), pz + (swap * wz + half * dz)
+    weight, size = 0.5 * v2 + 3.0 * whole, own[0]
+    return size * (weight * vx - px), size * (weight * vy - py), size * (weight * vz - pz)
+
+
+@kernel
 def inertia(strength, own, t, q, v, out):
     """Add G m (v^2 - Phi)/(2 c^2) of each body to out, (n,)."""
     n, sources = strength.shape[0] - 1, int(own[1])
@@ -274,6 +294,7 @@ TAG = Tag(
         "momenta": momenta,
         "hessians": hessians,
         "particle_gradients": particle_gradients,
+        "particle_momenta": particle_momenta,
         "inertia": inertia,
     },
 )
