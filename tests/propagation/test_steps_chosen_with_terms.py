@@ -231,7 +231,7 @@ def test_where_terms_and_forces_are_nothing_encounters_come_out_as_without_them(
     start = system([3, 4, 5], [[1, 3, 0], [-2, -1, 0], [1, -1, 0]], np.zeros((3, 3)))
     name, pole, least = start.names[0], (0.0, 0.0, 1.0), 1e-100
     nothing = (
-        orbits.LenseThirring(name, spin=least, pole=pole, c=3.0),
+        orbits.FrameDragging(name, spin=least, pole=pole, c=3.0),
         orbits.ZonalHarmonics(name, J2=least, radius=1e-3, pole=pole),
         Swaying(A=(0.0, 0.0, 0.0), C=(0.0, 0.0, 0.0)),
     )
