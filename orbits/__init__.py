@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from orbits.lagrangians.terms.degree_two import DegreeTwo
     from orbits.lagrangians.terms.frame_dragging import FrameDragging
     from orbits.lagrangians.terms.minor_bodies import MinorBodies
+    from orbits.lagrangians.terms.nobili_roxburgh import NobiliRoxburgh
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.adaptive import Adaptive
@@ -139,6 +140,7 @@ __all__ = [
     "MinorBodies",
     "MissingPackageError",
     "Motion",
+    "NobiliRoxburgh",
     "NodeCrossing",
     "NonGravitational",
     "Occultation",
@@ -243,6 +245,7 @@ _HOME = {
     "lagrangians.terms.degree_two": ["DegreeTwo"],
     "lagrangians.terms.frame_dragging": ["FrameDragging"],
     "lagrangians.terms.minor_bodies": ["MinorBodies"],
+    "lagrangians.terms.nobili_roxburgh": ["NobiliRoxburgh"],
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],

@@ -20,6 +20,7 @@ from orbits.lagrangians.terms.degree_two import degree_two
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
 from orbits.lagrangians.terms.frame_dragging import frame_dragging
 from orbits.lagrangians.terms.minor_bodies import minor_bodies
+from orbits.lagrangians.terms.nobili_roxburgh import nobili_roxburgh
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
 
@@ -52,6 +53,7 @@ SUMS = {
     "dragging": lambda bodies: [dragging()],
     "both": lambda bodies: [zonal(1), dragging(0)],
     "relativity": lambda bodies: [relativity(1)],
+    "Nobili and Roxburgh": lambda bodies: [nobili_roxburgh(1, 3.0)],
     "relativity by all": lambda bodies: [einstein_infeld_hoffmann(range(bodies), bodies, 3.0)],
     "relativity by two": lambda bodies: [einstein_infeld_hoffmann([2, 0], bodies, 3.0)],
     "minor bodies": lambda bodies: [minor_bodies({1, 2}, bodies)],

@@ -203,3 +203,14 @@ def number(value: Any, what: str) -> float:
     if array.shape != () or not np.isfinite(array):
         raise InputError(f"{what} is {array.tolist()}; expected one finite number.")
     return float(array)
+
+
+def light_speed(term: Any, units: Any) -> float:
+    """Return c of a term in the units of a system. Raises InputError if it is missing or no speed."""
+    name = type(term).__name__
+    if term.c is None and not units.is_physical:
+        raise InputError(f"{name}: c is missing; {units.name} has no speed of light: give c=...")
+    c = float(units.speed_of_light if term.c is None else number(units.speed_value(term.c, "c"), "c"))
+    if not c > 0.0:
+        raise InputError(f"{name}: c is {c:g}; expected a speed > 0.")
+    return c

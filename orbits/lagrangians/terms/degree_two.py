@@ -33,11 +33,20 @@ from orbits.checks import pole_direction
 from orbits.errors import InputError, shown, with_unit
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put, rsqrt_cubed
+from orbits.kernels.lanes import get, rsqrt_cubed
 from orbits.kernels.lanes.functions import cos, sin
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, TIME_DEPENDENT
 from orbits.lagrangians.terms.base import Summand, Term, Vector, number
-from orbits.lagrangians.terms.pairs import add_between, add_differences, add_with_reaction, difference, dot, separation
+from orbits.lagrangians.terms.pairs import (
+    add_between,
+    add_differences,
+    add_with_reaction,
+    difference,
+    dot,
+    put_acceleration,
+    put_reaction,
+    separation,
+)
 
 UPRIGHT = 1e-2
 """The least sine of the angle between the pole and the direction to the body to which the long axis points."""
@@ -152,21 +161,14 @@ def accelerate_some(strength, own, q, out, start, stop):
             x, y, z = _attraction(strength[0], own, mu, d, axis, length2)
             bx, by, bz = bx + gm * x, by + gm * y, bz + gm * z
             if start <= i < stop:
-                put(out, i, get(out, i) + x)
-                put(out, n + i, get(out, n + i) + y)
-                put(out, 2 * n + i, get(out, 2 * n + i) + z)
+                put_acceleration(out, (x, y, z), i, n)
             x, y, z = _pull_on_axis(strength[0], own, mu, d, axis, length2)
             ex, ey, ez = ex + gm * x, ey + gm * y, ez + gm * z
     if turned:
         inertia = 1.0 / strength[1 + other]
-        put(out, other, get(out, other) + inertia * ex)
-        put(out, n + other, get(out, n + other) + inertia * ey)
-        put(out, 2 * n + other, get(out, 2 * n + other) + inertia * ez)
+        put_acceleration(out, (inertia * ex, inertia * ey, inertia * ez), other, n)
     if whole:
-        inertia = 1.0 / mu
-        put(out, b, get(out, b) - inertia * (bx + ex))
-        put(out, n + b, get(out, n + b) - inertia * (by + ey))
-        put(out, 2 * n + b, get(out, 2 * n + b) - inertia * (bz + ez))
+        put_reaction(out, (bx + ex, by + ey, bz + ez), 1.0 / mu, b, n)
 
 
 @kernel(inline=True)

@@ -22,7 +22,7 @@ from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
-from orbits.lagrangians.terms.base import Summand, Term, Vector, number
+from orbits.lagrangians.terms.base import Summand, Term, Vector, light_speed, number
 from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
 
 
@@ -154,14 +154,12 @@ class FrameDragging(Term):
             raise InputError(
                 f"FrameDragging{whose}: spin is missing; expected an angular momentum, such as 1.9e41 kg m2/s."
             )
-        if self.c is None and not units.is_physical:
-            raise InputError(f"FrameDragging{whose}: c is missing; {units.name} has no speed of light: give c=...")
         spin = number(units.angular_momentum_value(self.spin, f"spin{whose}"), f"spin{whose}")
-        c = units.speed_of_light if self.c is None else number(units.speed_value(self.c, "c"), "c")
-        if not (spin > 0.0 and c > 0.0):
+        c = light_speed(self, units)
+        if not spin > 0.0:
             raise InputError(
-                f"FrameDragging{whose}: spin is {spin:g} and c is {c:g}; expected both > 0. A body that spins the "
-                "other way has the opposite pole."
+                f"FrameDragging{whose}: spin is {spin:g}; expected one > 0. A body that spins the other way has the "
+                "opposite pole."
             )
         pole = pole_direction(self.pole, f"pole{whose}", units)
         return replace(self, spin=spin * units.angular_momentum, pole=pole, c=c * units.speed)

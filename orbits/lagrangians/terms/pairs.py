@@ -33,6 +33,20 @@ def add_with_reaction(out, change, i, b, n):
 
 
 @kernel(inline=True)
+def put_acceleration(out, a, i, n):
+    """Add three numbers to the acceleration of body i."""
+    for k in range(3):
+        put(out, k * n + i, get(out, k * n + i) + a[k])
+
+
+@kernel(inline=True)
+def put_reaction(out, forces, inertia, b, n):
+    """Take a sum of forces on others, times 1 / G m_b, from the acceleration of body b."""
+    for k in range(3):
+        put(out, k * n + b, get(out, k * n + b) - inertia * forces[k])
+
+
+@kernel(inline=True)
 def add_differences(out, at, value, a, c, i, b, n):
     """Add a derivative by differences, of axes a and c, to the block of derivatives that starts at `at`."""
     d = 3 * n

@@ -37,7 +37,7 @@ from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
-from orbits.lagrangians.terms.base import Summand, Term, number
+from orbits.lagrangians.terms.base import Summand, Term, light_speed
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
 from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
 
@@ -209,12 +209,7 @@ class PostNewtonian(Term):
 
     def in_units(self, units: Any) -> Self:
         """Return this term with c in the system's units."""
-        if self.c is None and not units.is_physical:
-            raise InputError(f"PostNewtonian: c is missing; {units.name} has no speed of light: give c=...")
-        c = units.speed_of_light if self.c is None else number(units.speed_value(self.c, "c"), "c")
-        if not c > 0.0:
-            raise InputError(f"PostNewtonian: c is {c:g}; expected a speed > 0.")
-        return replace(self, c=c * units.speed)
+        return replace(self, c=light_speed(self, units) * units.speed)
 
     def without(self, gone: Set[str]) -> Self | None:
         """Return this term with the sources that are left; None without any."""

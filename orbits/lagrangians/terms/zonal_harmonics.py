@@ -24,10 +24,17 @@ from orbits.checks import pole_direction
 from orbits.errors import InputError, with_unit
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, put, rsqrt_cubed
+from orbits.kernels.lanes import get, rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
 from orbits.lagrangians.terms.base import Summand, Term, Vector, number
-from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
+from orbits.lagrangians.terms.pairs import (
+    add_differences,
+    add_with_reaction,
+    difference,
+    put_acceleration,
+    put_reaction,
+    separation,
+)
 
 HARMONICS = 4
 """The index of J_2 R^2 in the parameters."""
@@ -109,14 +116,9 @@ def accelerate_some(strength, own, q, out, start, stop):
             ax, ay, az = _acceleration(own, strength[1 + b], strength[0] + x * x + y * y + z * z, x, y, z)
             bx, by, bz = bx + strength[1 + i] * ax, by + strength[1 + i] * ay, bz + strength[1 + i] * az
             if start <= i < stop:
-                put(out, i, get(out, i) + ax)
-                put(out, n + i, get(out, n + i) + ay)
-                put(out, 2 * n + i, get(out, 2 * n + i) + az)
+                put_acceleration(out, (ax, ay, az), i, n)
     if whole:
-        inertia = 1.0 / strength[1 + b]
-        put(out, b, get(out, b) - inertia * bx)
-        put(out, n + b, get(out, n + b) - inertia * by)
-        put(out, 2 * n + b, get(out, 2 * n + b) - inertia * bz)
+        put_reaction(out, (bx, by, bz), 1.0 / strength[1 + b], b, n)
 
 
 @kernel
