@@ -97,7 +97,7 @@ def step_others(method, model, t, h, state, storage, held):
     q, q_lo, v, v_lo = state
     d = dimension(model.tag, model.parameters)
     n, blocks, rows = d // 3, (d + WIDTH - 1) // WIDTH, q.shape[0]
-    carry, work, stages = storage.carry, work_in(storage.scratch, rows), stages_in(storage.stages, rows)
+    carry, work, stages = storage.carry, work_in(storage.scratch, rows, 0), stages_in(storage.stages, rows)
     times, hb = load(table, HOURS) + t, load(table, HB)
     hc, hc_lo = load(table, HC), load(table, HC_LO)
     for k in range(WIDTH * blocks):
