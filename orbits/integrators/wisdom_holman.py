@@ -114,7 +114,7 @@ class WisdomHolman(Integrator):
     1.1 times as far apart, and enter the map again at the next multiple of the step, with planets that are numbered
     anew. `run.excursions` lists when they left and returned. That is neither reversible in time nor symplectic; without
     encounters, all bits are those of the map. A planet that stays near another one, as in a pair of them, keeps all
-    bodies away from the map for good. There is no dense output; terms must be of positions alone.
+    bodies away from the map for good. There is no dense output.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
     pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow", or

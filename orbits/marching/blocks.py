@@ -336,7 +336,7 @@ class Blocks:
         status, done, body, evaluations = self._loops.march(state, bound, path, count, watched)
         self.evaluations += evaluations
         if status == BEYOND:
-            status, count, self._arrived = OK, done, True
+            status, count, self._arrived = OK, done, self._arrived or state is self._state
         if status == INNER_NOT_CONVERGED:
             raise self._failure(status, done, [], now)
         if status in (NOT_CONVERGED, TOO_SHORT):

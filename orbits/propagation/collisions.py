@@ -14,7 +14,7 @@ from orbits.errors import InputError, SingularityError, with_unit
 from orbits.propagation.acting import Bounce, Merge, State, approaching, bounced, heavier_first, merged
 from orbits.propagation.events.base import STOP, Touching
 from orbits.propagation.impact import Impact, overlapping
-from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, depends_on_time, whole
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, depends_on_time, inertia, whole
 from orbits.trajectory import changes
 from orbits.trajectory.changes import Bodies, of_bodies
 from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
@@ -30,6 +30,11 @@ CONTACT = 1.0 + 1e-12
 AT_REST = 1e-6
 """The time between two bounces of a pair, as a fraction of sqrt((R1 + R2)^3 / (GM1 + GM2)), below which they are at
 rest on one another: each further bounce comes sooner, and there is no last one."""
+
+SWEEPS = 4
+"""Iterations by which a collision keeps a momentum that is not m v: each gains the ratio of such a part to m v, 1e-2 at
+most.
+"""
 
 
 class Done(NamedTuple):
@@ -134,6 +139,8 @@ class Collisions:
             state = following
             sought = overlapping(state.q, state.radii, state.gm > 0.0, of=first)
             pair = next((pair for pair in sought if self._merges(*pair)), None) if heavy else None
+        if heavy:
+            state = _keeping_momentum(system, bodies, impact.time, before, state, changed)
         rows = _rows(impact.time, before, state, changed if heavy else set(vanished), bodies.present)
         if heavy:
             rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, impact.time, before, state)
@@ -174,6 +181,7 @@ class Collisions:
             ][:1]
             if not pairs:
                 break
+        state = _keeping_momentum(system, bodies, impact.time, before, state, changed)
         rows = _rows(impact.time, before, state, changed, bodies.present)
         rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, impact.time, before, state)
         return Done(np.array(found), rows, state)
@@ -226,20 +234,44 @@ def rows_of_change(system: System, bodies: Bodies, time: float, before: State, a
     rows = _rows(time, before, after, set(np.flatnonzero(differ).tolist()), bodies.present)
     if len(rows):
         rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, time, before, after)
-        massive = after.gm > 0.0
-        momenta = [(x.gm[:, None] * x.v)[massive].sum(axis=0) for x in (before, after)]
-        rows[0, changes.IMPULSE :] = momenta[0] - momenta[1]
+        rows[0, changes.IMPULSE :] = _momentum(system, bodies, time, before) - _momentum(system, bodies, time, after)
     return rows
+
+
+def _of_massive(system: System, bodies: Bodies, state: State) -> tuple[System, Array, Array, Array]:
+    """Return a system of the massive bodies that are there, and their GM, q and v."""
+    there = bodies._replace(present=(state.gm > 0.0) & ~np.isnan(state.q[:, 0]), gm=state.gm)
+    gm, q, v = (x[there.present] for x in (state.gm, state.q, state.v))
+    return of_bodies(system, there), gm, q, v
+
+
+def _momentum(system: System, bodies: Bodies, time: float, state: State) -> Array:
+    """Return the linear momentum of the massive bodies, of the whole Lagrangian, times G, (3,)."""
+    left, gm, q, v = _of_massive(system, bodies, state)
+    return whole(left, MOMENTUM, diagnostics.linear_momentum(gm, v), q, v, time)
+
+
+def _keeping_momentum(
+    system: System, bodies: Bodies, time: float, before: State, after: State, changed: set[int]
+) -> State:
+    """Return the state after a collision with the momentum of that before, where a term gives weight to energies: by
+    one velocity that is added to those of all massive bodies that changed.
+    """
+    left, _, q, v = _of_massive(system, bodies, before)
+    if inertia(left, q, v, time) is None:
+        return after
+    kept, v = _momentum(system, bodies, time, before), after.v.copy()
+    heavy = [body for body in sorted(changed) if after.gm[body] > 0.0 and not np.isnan(after.q[body, 0])]
+    for _ in range(SWEEPS):
+        v[heavy] += (kept - _momentum(system, bodies, time, after._replace(v=v))) / after.gm[heavy].sum()
+    return after._replace(v=v)
 
 
 def _lost(system: System, bodies: Bodies, time: float, before: State, after: State) -> Array:
     """Return the energy and the angular momentum that massive bodies lost, times G, (4,)."""
     sums = []
     for state in (before, after):
-        massive = state.gm > 0.0
-        there = bodies._replace(present=massive & ~np.isnan(state.q[:, 0]), gm=state.gm)
-        gm, q, v = (x[there.present] for x in (state.gm, state.q, state.v))
-        left = of_bodies(system, there)
+        left, gm, q, v = _of_massive(system, bodies, state)
         energy = whole(left, ENERGY, diagnostics.energy(gm, q, v, system.values.softening), q, v, time)
         spin = whole(left, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v, time)
         sums.append(np.concatenate([[float(energy)], spin]))

@@ -40,6 +40,9 @@ POINTS = 180
 SHOWN = 5
 """The most encounters named in a warning."""
 
+FOR_GOOD = 0.3
+"""The eccentricity below which an orbit whose pericentre a step does not resolve is not resolved elsewhere either."""
+
 
 class _Orbit(NamedTuple):
     """An orbit about the dominant body: row of the system, GM of both, pericentre, eccentricity, plane."""
@@ -114,14 +117,17 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     least = integrator.least_steps
     perturbed = len(orbits) > 1 or bool(system.terms) or not integrator.exact_for_two
     follows = integrator.follows_meetings
-    if fastest is not None and perturbed and not follows and angle > 2.0 * math.pi / least:
+    # With planets="follow" an eccentric orbit leaves the map at each pericentre, a round one for good.
+    left = " All bodies would be away from the map for good." if follows else ""
+    perturbed = perturbed and (not follows or (fastest is not None and fastest.e < FOR_GOOD))
+    if fastest is not None and perturbed and angle > 2.0 * math.pi / least:
         enough = abs(h) * 2.0 * math.pi / least / angle
         body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
             f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps; fewer than "
-            f"{least} resonate with the motion. dt <= {_at_most(enough, units.time)} resolves it, or leave out dt and "
-            "the method: steps are then chosen one by one.",
+            f"{least} resonate with the motion.{left} dt <= {_at_most(enough, units.time)} resolves it, or leave out "
+            "dt and the method: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
         )

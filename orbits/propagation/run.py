@@ -17,6 +17,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, shown
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
+from orbits.marching.leaving import LeavingMarcher
 from orbits.propagation.before_the_start import check_before_start, check_bodies, check_span
 from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
@@ -460,7 +461,9 @@ def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> 
             )
         return
     steps = grid.steps
-    last = int(steps[committed - 1]) if committed else 0
+    # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
+    away = isinstance(marcher, LeavingMarcher) and marcher.is_away
+    last = int(steps[committed - 1]) if committed and not away else 0
     if not last <= marcher.step <= int(steps[committed]):
         raise ArchiveError(
             f"{path} is damaged: its checkpoint is at step {marcher.step}, but the samples before and after it are at "

@@ -26,6 +26,7 @@ from orbits.system.model import (
     centre_velocity,
     depends_on_time,
     given_bodies,
+    inertia,
     whole,
 )
 from orbits.trajectory.changes import Changes, of_bodies
@@ -250,7 +251,13 @@ class Conservation:
         return np.zeros((len(self), 7)) if self.changes is None else self.changes.lost(self.times)
 
     def _kicked(self) -> bool:
-        return self.changes is not None and self.changes.kicks
+        """Whether changes of bodies moved the centre of mass: by a function, or by the weight of the energy lost."""
+        return self.changes is not None and (self.changes.kicks or (bool(len(self.changes.rows)) and self._weighs))
+
+    @property
+    def _weighs(self) -> bool:
+        values, massive = self.system.values, self.system.massive
+        return inertia(self.system, values.q[massive], values.v[massive]) is not None
 
     def blocks(self) -> Iterator[tuple[slice, System, Array, Array]]:
         """Yield (samples, system, q, v) of the massive bodies block by block, so that memory stays bounded.

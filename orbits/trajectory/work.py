@@ -10,6 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
+from orbits.system.model import given_bodies
 
 if TYPE_CHECKING:
     from orbits.forces.base import Force
@@ -62,7 +63,14 @@ def accounts_of(run: Trajectory) -> Array:
 
 
 def effects(run: Trajectory) -> tuple[ForceEffect, ...]:
-    """Return the effect of each force of a run. Raises what `accounts_of` raises."""
+    """Return the effect of each force of a run. Raises what `accounts_of` raises, and InputError among bodies of an
+    ephemeris.
+    """
+    if run.system.forces and given_bodies(run.system):
+        raise InputError(
+            "the work of forces is not summed where massive bodies are read from an ephemeris; integrate all of them, "
+            "as System.solar_system(...) does."
+        )
     units, known = run.system.units, accounts_of(run)
     found = known / units.G
     return tuple(

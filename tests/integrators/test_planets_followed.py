@@ -103,10 +103,10 @@ def test_what_happened_is_listed_in_whole_steps(scattered, tmp_path):
     assert np.array_equal(opened.q, scattered.q)
 
 
-@pytest.mark.parametrize("samples", [9, 40, 87])
-def test_a_run_that_was_stopped_is_resumed_to_the_same_bits(samples, tmp_path):
-    """At samples on the map, and on two excursions from it."""
-    options = {**OPTIONS, "duration": 300 * u.yr, "samples": 101}
+@pytest.mark.parametrize(("years", "samples"), [(300, 9), (300, 40), (300, 87), (200, 25), (200, 40)])
+def test_a_run_that_was_stopped_is_resumed_to_the_same_bits(years, samples, tmp_path):
+    """At samples on the map, and on excursions from it; also after a step of an excursion that is longer than dt."""
+    options = {**OPTIONS, "duration": years * u.yr, "samples": 101}
     whole = orbits.propagate(planets(), FOLLOW, **options)
     stop = whole.t[samples]
     part = orbits.propagate(
@@ -279,6 +279,19 @@ def test_particles_that_hit_a_planet_on_an_excursion_are_retired_there(tmp_path)
     assert np.isfinite(run.q[-1, 4]).all()
     opened = orbits.Trajectory.open(run.path)
     assert opened.retired.to_records() == run.retired.to_records()
+
+
+def test_a_dt_too_long_is_warned_of_and_refused_though_planets_are_followed():
+    with pytest.raises(orbits.InputError, match=r"All bodies would be away from the map for good\. dt <= "):
+        orbits.propagate(planets(), FOLLOW, dt="1500 d", duration="100 yr", check_step="refuse", progress=False)
+
+
+def test_relativity_by_the_star_acts_in_encounters_too():
+    start = planets().with_terms(orbits.PostNewtonian(sources=["star"]))
+    run = orbits.propagate(start, FOLLOW, **{**OPTIONS, "duration": 200 * u.yr})
+    assert len(run.excursions)
+    assert run.drift().energy.max_fraction < 1e-8  # 7e-10
+    assert run.drift().angular_momentum.max_fraction < 1e-14
 
 
 def test_what_does_not_fit_is_refused():

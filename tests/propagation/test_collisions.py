@@ -180,6 +180,18 @@ def test_elastic_bounces_keep_the_energy() -> None:
     assert np.ptp(energy) < 1e-14 * abs(energy[0])
 
 
+@pytest.mark.parametrize("then", [Merge(), Bounce(restitution=0.7)], ids=["merge", "bounce"])
+def test_collisions_keep_the_momentum_of_relativity_by_all_bodies(then: Merge | Bounce) -> None:
+    """It has energies in it, and was off by 4e-8 when m v alone was kept."""
+    q, v = [[0, 0, 0], [1, 0, 0], [1.2, 0.01, 0]], [[0, 0, 0], [0, 1, 0], [-0.5, 1, 0]]
+    start = orbits.System(["star", "a", "b"], gm=[1.0, 1e-3, 2e-3], q=q, v=v, radii=[0.01, 0.02, 0.02], units=D)
+    start = start.with_terms(orbits.PostNewtonian(c=20.0)).barycentric()
+    run = orbits.propagate(start, duration=2.0, samples=9, events=Collision(then=then), check_step=False)
+    assert len(run.events)
+    assert run.drift().linear_momentum.max_fraction < 3e-14  # 6.6e-15
+    assert run.drift().energy.max_fraction < 1e-13
+
+
 def test_bodies_that_come_to_rest_on_one_another_end_the_run_with_their_names_and_all_before() -> None:
     with pytest.raises(SingularityError, match=r"b comes to rest on a; its bounces follow one another") as raised:
         orbits.propagate(pair(radii=(0.9, 0.1)), duration=20.0, events=Collision(then=Bounce(restitution=0.5)))
