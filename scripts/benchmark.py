@@ -26,6 +26,7 @@ from benchmarks.energy import part_energy
 from benchmarks.jacobi_constant import part_jacobi
 from benchmarks.map_particles import part_map_particles
 from benchmarks.native import Native
+from benchmarks.physics import part_physics
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
 from benchmarks.scattering import part_scattering
@@ -49,6 +50,7 @@ PARTS = {
     "planets": part_planets,
     "map_particles": part_map_particles,
     "systems": part_systems,
+    "physics": part_physics,
     "energy": part_energy,
     "adaptive": part_adaptive,
     "light_bodies": part_light_bodies,

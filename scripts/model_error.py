@@ -15,6 +15,7 @@ from astropy import units as u
 
 import orbits
 from orbits import ephemeris
+from orbits.system.solar.building import APART
 from orbits.units import as_epoch
 
 EPOCH = "2000-01-01"
@@ -23,7 +24,6 @@ YEARS = (1, 10, 30)
 
 SAMPLES_A_YEAR = 48
 TOGETHER = ephemeris.SOLAR_SYSTEM
-APART = tuple(name for name in ephemeris.BODIES if name != "Earth-Moon barycenter")
 
 
 def times() -> np.ndarray:

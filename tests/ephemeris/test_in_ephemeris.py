@@ -15,6 +15,7 @@ from orbits.errors import EpochError, InputError, StepWarning
 from orbits.lagrangians.terms.in_ephemeris import EXCERPT
 from orbits.resources import data_path
 from orbits.scenario import load, perform
+from orbits.system.solar.building import largest_asteroids
 
 AU_M = 149597870700.0
 EXCERPT_PATH = str(data_path(EXCERPT))
@@ -58,6 +59,13 @@ def off(run, other, name="Apophis"):
     """The largest distance between the places of a body in two runs, au."""
     i, j = run.system.index(name), other.system.index(name)
     return np.abs(run.q.value[:, i] - other.q.value[:, j]).max()
+
+
+def test_the_largest_asteroids_of_de440_are_those_that_its_kernel_of_sixteen_has():
+    numbers = [number for number, _ in largest_asteroids().values()]
+    assert numbers == [1, 2, 3, 4, 7, 10, 15, 16, 31, 52, 65, 87, 88, 107, 511, 704]
+    assert largest_asteroids()["Ceres"] == (1, 1.396451812308107e-13)
+    assert largest_asteroids()["Interamnia"] == (704, 6.311034342087889e-15)
 
 
 def test_bodies_are_where_jplephem_has_them_at_any_time_also_where_records_meet():

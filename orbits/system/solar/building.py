@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
@@ -47,25 +47,43 @@ def relativistic_terms(names: Sequence[str], day: float) -> list[Term]:
     """Return the terms of the model "relativistic" for some of its bodies at a Julian date."""
     from orbits.lagrangians.terms.degree_two import DegreeTwo
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
-    from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
 
-    km = u.km
     terms: list[Term] = []
     sources = [name for name in names if name in APART]
     terms.append(PostNewtonian(sources=sources))
     if "Sun" in names:
-        pole = constants.SUN_POLE * u.deg
-        terms.append(ZonalHarmonics("Sun", J2=constant("J2SUN"), radius=constant("ASUN") * km, pole=pole))
+        terms.append(figure_of_sun())
     if "Earth" in names:
-        J2, J3, J4 = (constant(name) for name in ("J2E", "J3E", "J4E"))
-        pole = constants.earth_pole(day)
-        terms.append(ZonalHarmonics("Earth", J2=J2, J3=J3, J4=J4, radius=constant("RE") * km, pole=pole))
+        terms.append(figure_of_earth(constants.earth_pole(day)))
     if "Moon" in names:
         J2, C22, pole = constant("J2M"), constant("C22M"), constants.MOON_POLE * u.deg
         terms.append(
-            DegreeTwo("Moon", J2=J2, C22=C22, radius=constant("AM") * km, pole=pole, attitude="Earth")
+            DegreeTwo("Moon", J2=J2, C22=C22, radius=constant("AM") * u.km, pole=pole, attitude="Earth")
         )
     return terms
+
+
+def figure_of_sun() -> Term:
+    """Return the flattening of the Sun in DE440."""
+    from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
+
+    radius, pole = constant("ASUN") * u.km, constants.SUN_POLE * u.deg
+    return ZonalHarmonics("Sun", J2=constant("J2SUN"), radius=radius, pole=pole)
+
+
+def figure_of_earth(pole: Any) -> Term:
+    """Return the zonal harmonics of the Earth in DE440; pole : as in `ZonalHarmonics`."""
+    from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
+
+    J2, J3, J4 = (constant(name) for name in ("J2E", "J3E", "J4E"))
+    return ZonalHarmonics("Earth", J2=J2, J3=J3, J4=J4, radius=constant("RE") * u.km, pole=pole)
+
+
+def largest_asteroids() -> dict[str, tuple[int, float]]:
+    """Return number and GM in au^3/d^2 by name of the sixteen asteroids from `LARGEST` on, those of JPL's sb441-n16."""
+    known = small_bodies()
+    rows = zip(known.names, known.keys, known.gm.tolist(), strict=True)
+    return {name: (int(key[2:]), gm) for name, key, gm in rows if key < "MA8" and gm >= LARGEST}
 
 
 def with_all(system: System, day: float, small: tuple[Floats, Floats]) -> System:
@@ -83,8 +101,8 @@ def with_all(system: System, day: float, small: tuple[Floats, Floats]) -> System
     ring_names = [f"ring {k + 1}" for k in range(len(ring_gm))]
     more_q, more_v = np.vstack([small[0], ring_q]) + q[sun], np.vstack([small[1], ring_v]) + v[sun]
     names = [*system.names, *known.names, *ring_names]
-    rows = zip(known.names, known.gm, known.keys, strict=True)
-    minor = [name for name, mass, key in rows if mass < LARGEST or key >= "MA8"]
+    large = largest_asteroids()
+    minor = [name for name in known.names if name not in large]
     spin = constants.solar_spin() * own[sun] / system.units.G
     return system.replaced(
         names=names,

@@ -7,7 +7,20 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from orbits.export import html_table, text_table
+from orbits.system.solar.building import LARGEST, RING_RADIUS
+from orbits.system.solar.constants import MOON_POLE, SUN_POLE, constant
 from orbits.system.solar.models import FULL, NEWTONIAN, RELATIVISTIC, checked_model
+
+
+def _number(name: str, digits: int) -> str:
+    """Return a constant of DE440 as it is written here, such as 2.1961e-7: with that many significant digits."""
+    size, _, power = f"{constant(name):.{digits - 1}e}".partition("e")
+    return f"{size}e{int(power)}"
+
+
+def _pole(pole: tuple[float, float]) -> str:
+    return f"pole {pole[0]}, {pole[1]} degrees"
+
 
 POINTS = (
     "Newton's attraction of Sun, planets and Pluto",
@@ -17,22 +30,24 @@ POINTS = (
 BEYOND = (
     (
         "relativity by Sun, planets, Moon and Pluto (PostNewtonian)",
-        "c = 299792.458 km/s; first post-Newtonian order, in harmonic coordinates and TDB",
+        f"c = {constant('CLIGHT')} km/s; first post-Newtonian order, in harmonic coordinates and TDB",
         "Einstein, Infeld & Hoffmann (1938)",
     ),
     (
         "flattening of the Sun (ZonalHarmonics)",
-        "J2 = 2.1961e-7, R = 696000 km; pole 286.13, 63.87 degrees, fixed",
+        f"J2 = {_number('J2SUN', 5)}, R = {constant('ASUN'):.10g} km; {_pole(SUN_POLE)}, fixed",
         "DE440; Archinal et al. (2018)",
     ),
     (
         "figure of the Earth (ZonalHarmonics)",
-        "J2 = 1.08263e-3, J3 = -2.532e-6, J4 = -1.620e-6, R = 6378.1366 km; mean pole of the epoch, fixed",
+        f"J2 = {_number('J2E', 6)}, J3 = {_number('J3E', 4)}, J4 = {_number('J4E', 4)}, R = {constant('RE')} km; "
+        "mean pole of the epoch, fixed",
         "DE440; Capitaine et al. (2003)",
     ),
     (
         "figure of the Moon (DegreeTwo)",
-        "J2 = 2.0321e-4, C22 = 2.2381e-5, R = 1738 km; pole 269.9949, 66.5392 degrees, fixed, long axis to the Earth",
+        f"J2 = {_number('J2M', 5)}, C22 = {_number('C22M', 5)}, R = {constant('AM'):.10g} km; {_pole(MOON_POLE)}, "
+        "fixed, long axis to the Earth",
         "DE440",
     ),
 )
@@ -48,18 +63,18 @@ MORE = (
         "GM of DE440; elements of JPL's Small-Body Database at MJD 59800, integrated to the epoch",
         "DE440; JPL",
     ),
-    ("ring of 36 bodies", "GM of DE440, on a circle of 44 au in the ecliptic", "DE440"),
+    ("ring of 36 bodies", f"GM of DE440, on a circle of {RING_RADIUS:g} au in the ecliptic", "DE440"),
     (
         "no attraction among these (MinorBodies)",
-        "but by the 16 asteroids of GM >= 2e-15 au^3/d^2; nor relativity by any of them",
+        f"but by the 16 asteroids of GM >= {LARGEST:.0g} au^3/d^2; nor relativity by any of them",
         "effect on planets in 30 years: less than a metre",
     ),
     (
         "frame dragging by the Sun (FrameDragging)",
-        "moment of inertia 0.06884 M R^2, rotation 0.24756 rad/d",
+        f"moment of inertia {constant('MOISUN')} M R^2, rotation {constant('OMGSUN'):.5f} rad/d",
         "DE440",
     ),
-    ("loss of mass by the Sun (MassLoss)", "-9e-14 a year; its GM is that of the epoch", "DE440"),
+    ("loss of mass by the Sun (MassLoss)", f"{_number('GMSDOT', 1)} a year; its GM is that of the epoch", "DE440"),
 )
 
 ORDER = ("Mercury", "Venus", "Earth-Moon barycenter", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune", "Pluto")
