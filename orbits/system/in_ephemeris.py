@@ -73,6 +73,8 @@ def arguments(
         raise InputError(f"kernel is {shown(kernel)}; expected 'de440', or the path of an SPK file.")
     when = as_epoch(epoch)
     second = _second(asteroids)
+    if isinstance(bodies, list | tuple) and not bodies:
+        raise InputError(f"bodies is empty; expected the Sun and others of {', '.join(BODIES)}, or None for all.")
     names = _chosen(BODIES if bodies is None else bodies, BODIES, "bodies")
     if "Sun" not in names:
         raise InputError(f"bodies are {few(names)}; expected the Sun among them, which all others are attracted by.")
@@ -97,7 +99,7 @@ def arguments(
 
 def _second(asteroids: Any) -> str | None:
     """Return the kernel of the asteroids, None for none."""
-    if isinstance(asteroids, str):
+    if isinstance(asteroids, str) and not asteroids.strip().isdigit():
         return asteroids
     if isinstance(asteroids, bool) or not isinstance(asteroids, int) or asteroids not in (0, len(SIXTEEN)):
         raise InputError(
