@@ -140,8 +140,8 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
             named["source"] = _source(force, bodies, names, gm)
             if force.of_source and any(type(x) is type(force) and x.source == named["source"] for x in found):
                 raise InputError(
-                    f"{named['source']!r} has two forces {kind}; expected one, of all bodies together. Remove the "
-                    "first: system.replaced(forces=())."
+                    f"{named['source']!r} has two forces {kind}; expected one, of all bodies together. Give all "
+                    "that are to act: system.replaced(forces=[...])."
                 )
         found.append(replace(force, **named).in_units(units))
     return tuple(found)

@@ -72,8 +72,8 @@ def test_over_a_century_energy_is_kept_to_1e_15_and_the_centre_of_mass_to_a_hund
 
 
 def advance(masses, c2, term=orbits.PostNewtonian):
-    """The advance of the pericentre of a pair with a = M = 1, e = 0.2 in a revolution, over that of first order, and the
-    time from one pericentre to the next.
+    """The advance of the pericentre of a pair with a = M = 1, e = 0.2 in a revolution, over that of first order, and
+    the time from one pericentre to the next.
     """
     e = 0.2
     M, r, w = 1.0, 1 - e, ((1 + e) / (1 - e)) ** 0.5

@@ -133,7 +133,7 @@ BAD = {
     "a class": (lambda s: s.with_terms(orbits.ZonalHarmonics), "expected a term"),
     "a term": (lambda s: s.with_forces(zonal()), r"expected a force, such as orbits.Drag\("),
     "massless": (lambda s: s.with_terms(zonal("Ceres")), "gm of 'Ceres' is 0; expected a massive body"),
-    "twice": (lambda s: s.with_terms(zonal(), zonal(None)), "'Sun' has two terms ZonalHarmonics"),
+    "twice": (lambda s: s.with_terms(zonal(), zonal(None)), r"'Sun' has two terms ZonalHarmonics.*terms=\[\.\.\.\]"),
     "no radius": (lambda s: s.with_terms(zonal(radius=None)), "'Sun': radius is missing"),
     "unit": (lambda s: s.with_terms(zonal(radius=1 * u.kg)), "radius of 'Sun' is in kg; expected length in AU"),
     "sign": (lambda s: s.with_terms(zonal(radius=-1 * u.km)), "expected a length > 0"),
@@ -216,7 +216,7 @@ def test_motion_too_fast_for_the_first_order_of_relativity_is_refused_before_a_r
 def test_unknown_bodies_are_named_with_what_comes_close(system):
     with pytest.raises(UnknownNameError, match=r"ZonalHarmonics: there is no body 'Jupyter'.*Did you mean 'Jupiter'"):
         system.with_terms(zonal("Jupyter"))
-    with pytest.raises(UnknownNameError, match="body, for Drag, 'Pallas'"):
+    with pytest.raises(UnknownNameError, match="Drag: there is no body 'Pallas'"):
         system.with_forces(orbits.Drag(rate=1 / u.yr, bodies=["Pallas"]))
 
 

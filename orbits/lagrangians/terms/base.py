@@ -85,7 +85,7 @@ class Term:
 
     kind: ClassVar[str]
     alone: ClassVar[bool] = False
-    if_two: ClassVar[str] = "Remove the first: system.replaced(terms=())."
+    if_two: ClassVar[str] = "Give all that are to act: system.replaced(terms=[...])."
     body: str | None = None
 
     @property

@@ -163,10 +163,12 @@ class InEphemeris(Term):
         asteroids = [name for name in missing if name not in planets]
         choice = [f"bodies=[all but {few(planets)}]"] if planets else []
         choice += [f"without={asteroids}"] if asteroids else []
+        remedy = f"Make it without: System.in_ephemeris({', '.join(choice)})."
+        if self.body in missing:
+            remedy = f"All others are attracted by {self.body!r}: leave it."
         return InputError(
             f"the massive bodies of a system in an ephemeris are those of the ephemeris, {few(self.bodies)}: "
-            f"{few(missing)} {'is' if len(missing) == 1 else 'are'} not among them. Make it without: "
-            f"System.in_ephemeris({', '.join(choice)})."
+            f"{few(missing)} {'is' if len(missing) == 1 else 'are'} not among them. {remedy}"
         )
 
     def check_start(self, system: Any) -> None:
