@@ -45,19 +45,21 @@ def checked_names(names: Any) -> tuple[str, ...]:
     return tuple(result)
 
 
-def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
+def index_of(name: str, names: Sequence[str], what: str = "body", *, of: str = "", role: str = "") -> int:
     """Return the index of `name` in `names`, ignoring case where that is unambiguous.
 
+    what : what has a name; of, role : in what it is named, and for which argument, for messages
     Raises UnknownNameError, suggesting similar names, or those that differ only in case.
     """
     place = place_of(name, names)
     if place is not None:
         return place
+    of, role = of and f"{of}: ", role and f" for {role}"
     given = shown(name).strip("'\"").lower()
     alike = [n for n in names if n.lower() == given]
     if alike:
         raise UnknownNameError(
-            f"{what} {shown(name)} could be {' or '.join(map(repr, alike))}; write it exactly as one of them."
+            f"{of}{what} {shown(name)}{role} could be {' or '.join(map(repr, alike))}; write it exactly as one of them."
         )
     close = difflib.get_close_matches(given, {n.lower(): None for n in names}, n=3, cutoff=0.6)
     part = re.compile(rf"\b{re.escape(given)}\b") if given else None
@@ -65,7 +67,7 @@ def index_of(name: str, names: Sequence[str], what: str = "body") -> int:
     hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
     if given in EARTH_AND_MOON and BOTH in meant:
         hint = f" {BOTH!r} stands for both; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them as two bodies."
-    raise UnknownNameError(f"there is no {what} {shown(name)}; expected one of {few(names)}.{hint}")
+    raise UnknownNameError(f"{of}there is no {what} {shown(name)}{role}; expected one of {few(names)}.{hint}")
 
 
 def place_of(name: object, names: Sequence[str]) -> int | None:

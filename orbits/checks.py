@@ -23,6 +23,15 @@ def checked_flag(value: Any, what: str, expected: str = "True or False") -> bool
     raise InputError(f"{what} is {shown(value)}; expected {expected}")
 
 
+def check_physical(units: Any, what: str) -> None:
+    """Raise InputError unless a unit system is physical, for `what` that needs dates and lengths of nature."""
+    if not units.is_physical:
+        raise InputError(
+            f"{what} needs physical units and an epoch; the system is in {units.name}. Make it with "
+            "units=orbits.SOLAR and epoch=..."
+        )
+
+
 def checked_choice(value: Any, what: str) -> bool | None:
     """Return True, False or None as it was given. Raises InputError, naming it, for anything else."""
     return None if value is None else checked_flag(value, what)

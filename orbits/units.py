@@ -302,6 +302,8 @@ JULIAN_DATES = (0.0, 5373484.5)
 FARTHEST_DATE = 1e11
 # A plain number below this (2026 BC) is more likely a modified Julian date, or a year.
 SMALLEST_PLAIN_JULIAN_DATE = 1e6
+# What texts end with that are not meant as TDB, such as "2000-01-01T00:00:00Z" or "...+01:00".
+UTC = re.compile(r"\d\s*(Z|UTC|UT|GMT|[+-]\d\d:\d\d)\s*$", re.IGNORECASE)
 YEARS_AS_TEXT = ("jyear_str", "byear_str")
 A_MOMENT = "expected a time: an astropy Time, a string such as '2022-08-09' or 'J2000', or a Julian date"
 
@@ -370,4 +372,7 @@ def as_epochs(epochs: Any, what: str = "epoch") -> Time:
     # Astropy's errors for a date it cannot read have no common base class: ValueError, ErfaError, UnitsError, ...
     except Exception as error:
         reason = str(error).strip().partition("\n")[0].rstrip(".:")
+        texts = [epochs] if isinstance(epochs, str) else epochs if isinstance(epochs, list) else []
+        if any(isinstance(text, str) and UTC.search(text) for text in texts):
+            reason = "texts are TDB; for UTC give astropy's Time('2000-01-01 00:00', scale='utc')"
         raise EpochError(f"{what} is {shown(epochs)}; {A_MOMENT} ({reason}).") from error

@@ -63,7 +63,7 @@ def slopes(names: Sequence[str], H: Any, G: Any) -> dict[str, tuple[float, float
 def _by_name(names: Sequence[str], given: Any, what: str) -> dict[str, float]:
     if isinstance(given, Mapping):
         return {
-            names[index_of(name, names, f"body, for {what},")]: finite_number(x, f"{what}[{name!r}]")
+            names[index_of(name, names, of=what)]: finite_number(x, f"{what}[{name!r}]")
             for name, x in given.items()
         }
     if len(names) != 1:

@@ -12,6 +12,7 @@ from astropy.time import Time
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen
+from orbits.checks import check_physical
 from orbits.errors import InputError
 from orbits.observing import earth
 from orbits.observing.brightness import magnitude, slopes
@@ -46,11 +47,7 @@ def ephemeris_of(
 ) -> Ephemeris:
     """Return the ephemeris of bodies; see `Trajectory.ephemeris`. attributes : of the system, for exports."""
     system = run.system
-    if not system.units.is_physical:
-        raise InputError(
-            f"run.ephemeris needs physical units and an epoch; the system is in {system.units.name}. Make it with "
-            "units=orbits.SOLAR and epoch=..."
-        )
+    check_physical(system.units, "run.ephemeris")
     if system.epoch is None:
         raise InputError("run.ephemeris needs the date of t = 0, but the system has no epoch; use System(epoch=...).")
     where = observer_of(observer, run.names)

@@ -274,11 +274,17 @@ def begun(
             "run.at(times) marches on from the preceding sample, through the encounters."
         )
     if most_inner(system) and (dense or seeking.events):
-        what = "dense=True keeps" if dense else "events are sought from"
-        those = few([type(force).__name__ for force in system.forces if force.variables])
+        kinds = [*dict.fromkeys(type(force).__name__ for force in system.forces if force.variables)]
+        those, change = " and ".join(kinds), "changes" if len(kinds) == 1 else "change"
+        what, remedy = "dense=True keeps", (
+            "leave it out: run.at(times) marches on from the preceding sample, with what it is there."
+        )
+        if not dense:
+            what = "events are sought from"
+            remedy = f"leave out {few([*dict.fromkeys(type(event).__name__ for event in seeking.events)])}, or {those}."
         raise InputError(
-            f"{what} positions and velocities, but {those} changes a spin as well, or other internal variables; leave "
-            "it out: run.at(times) marches on from the preceding sample, with what it is there."
+            f"{what} positions and velocities, but {those} {change} a spin as well, or other internal variables; "
+            f"{remedy}"
         )
     if dense and any(search.interrupts for search in seeking.particles):
         raise InputError(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits import ephemeris
 from orbits.body_names import chosen, few
+from orbits.checks import check_physical
 from orbits.errors import EpochError, InputError
 from orbits.export import html_table, text_table
 from orbits.json_text import json_text
@@ -153,9 +154,10 @@ def residuals(
     ids : NAIF's numbers of bodies by name, for those that are not known by theirs
     title : of table and picture
 
-    Raises InputError for a run without an epoch or a Sun, a file that is no such kernel, and a body asked for that it
-    does not have; EpochError for times that it does not cover.
+    Raises InputError for a run in pure numbers, or without an epoch or a Sun, a file that is no such kernel, and a body
+    asked for that it does not have; EpochError for times that it does not cover.
     """
+    check_physical(run.system.units, "orbits.residuals")
     days = np.asarray(run.t.to_value(u.day))
     with _common(run.system, against, days, bodies, ids) as (kernel, known, missing, whole, rests):
         found = _differences(run, kernel, known, whole, rests)
@@ -164,6 +166,7 @@ def residuals(
 
 def check_covered(system: System, against: str | PathLike[str], days: Array) -> None:
     """Raise what `residuals` would raise for a run of a system with samples at these days since its epoch."""
+    check_physical(system.units, "a comparison with an ephemeris")
     ends = np.array([days.min(), days.max()])
     with _common(system, against, ends, None, None) as (kernel, known, _, whole, rests):
         for number in known.values():
@@ -184,8 +187,12 @@ def _common(
         raise EpochError("the run has no epoch, so that an ephemeris has no times for it; give the system an epoch.")
     if "Sun" not in system.names:
         raise InputError("the run has no body 'Sun', from which positions are compared; name the star so.")
+    if bodies is not None and not isinstance(bodies, str) and not len(bodies):
+        raise InputError("bodies is empty; expected names, or None for all that the ephemeris has.")
     names = np.array(system.names, dtype=object)[chosen(system.names, bodies)].tolist()
     numbers = {name: known_number(name, ids) for name in names if name != "Sun"}
+    if not numbers:
+        raise InputError("there is only the Sun, from which positions are compared; expected other bodies.")
     whole, rests = dates(epoch.jd1, epoch.jd2, days)
     first, last = float((whole + rests).min()), float((whole + rests).max())
     with opened(against, first, last) as kernel:
@@ -195,7 +202,7 @@ def _common(
             raise InputError(f"{kernel.name} does not have {few(missing)}. Leave them out of bodies, or give ids=...")
         if not known:
             raise InputError(
-                f"{kernel.name} has none of the bodies of the run: {few(names)}. Give their numbers, ids=..."
+                f"{kernel.name} has none of the bodies of the run: {few([*numbers])}. Give their numbers, ids=..."
             )
         yield kernel, known, missing, whole, rests
 

@@ -35,6 +35,8 @@ def arguments(
     when = as_epoch(epoch)
     sixteen = largest_asteroids()
     second = _second(asteroids, len(sixteen))
+    if isinstance(bodies, list | tuple) and not bodies:
+        raise InputError(f"bodies is empty; expected the Sun and others of {', '.join(APART)}, or None for all.")
     names = _chosen(APART if bodies is None else bodies, APART, "bodies")
     if "Sun" not in names:
         raise InputError(f"bodies are {few(names)}; expected the Sun among them, which all others are attracted by.")
@@ -59,7 +61,7 @@ def arguments(
 
 def _second(asteroids: Any, known: int) -> str | None:
     """Return the kernel of the asteroids, None for none; known : how many there are."""
-    if isinstance(asteroids, str):
+    if isinstance(asteroids, str) and not asteroids.strip().isdigit():
         return asteroids
     if isinstance(asteroids, bool) or not isinstance(asteroids, int) or asteroids not in (0, known):
         raise InputError(

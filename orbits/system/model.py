@@ -92,11 +92,12 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
         for other in found:
             if type(other) is type(made) and (term.alone or other.body == made.body):
                 one, two = other.whose, made.whose
+                whose = repr(one) if one == two else f"{one!r} and {two!r}"
                 raise InputError(
-                    f"{one!r} has two terms {kind}; expected one. Remove the first: system.replaced(terms=())."
-                    if one == two
-                    else f"the system has two terms {kind}, of {one!r} and {two!r}; expected one, as they do not add "
-                    "up. Remove the first: system.replaced(terms=())."
+                    f"{one!r} has two terms {kind}; expected one. {made.if_two}"
+                    if one == two == made.body
+                    else f"the system has two terms {kind}, of {whose}; expected one, as they do not add up. "
+                    f"{made.if_two}"
                 )
         made.check_bodies(names, gm)
         found.append(made.in_units(units))
@@ -109,8 +110,10 @@ def _massive(given: Any, what: str, kind: str, names: Sequence[str], gm: Array) 
         return None
     if isinstance(given, tuple):
         return tuple(_massive(name, what, kind, names, gm) for name in given)
-    i = index_of(given, names, f"{what}, for {kind},")
+    i = index_of(given, names, of=kind, role="" if what == "body" else what)
     if not gm[i] > 0.0:
+        if what != "body":
+            raise InputError(f"{kind}: {what} has {names[i]!r}, but gm of {names[i]!r} is 0; expected a massive body.")
         raise InputError(f"{kind} belongs to a body with mass, but gm of {names[i]!r} is 0; expected a massive body.")
     return names[i]
 
@@ -129,7 +132,7 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
             given = [bodies] if isinstance(bodies, str) else bodies
             if not isinstance(given, list | tuple) or not given:
                 raise InputError(f"{kind}: bodies is {shown(bodies)}; expected names, or None for all bodies.")
-            bodies = tuple(names[index_of(name, names, f"body, for {kind},")] for name in given)
+            bodies = tuple(names[index_of(name, names, of=kind)] for name in given)
             if len(set(bodies)) < len(bodies):
                 raise InputError(f"{kind}: bodies names one body twice, {shown(given)}; expected each once.")
         named: dict[str, Any] = {"bodies": bodies}
@@ -137,8 +140,8 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
             named["source"] = _source(force, bodies, names, gm)
             if force.of_source and any(type(x) is type(force) and x.source == named["source"] for x in found):
                 raise InputError(
-                    f"{named['source']!r} has two forces {kind}; expected one, of all bodies together. Remove the "
-                    "first: system.replaced(forces=())."
+                    f"{named['source']!r} has two forces {kind}; expected one, of all bodies together. Give all "
+                    "that are to act: system.replaced(forces=[...])."
                 )
         found.append(replace(force, **named).in_units(units))
     return tuple(found)
@@ -149,7 +152,7 @@ def _source(force: CentralForce, bodies: Any, names: Sequence[str], gm: Array) -
     kind = type(force).__name__
     if force.source is None and force.of_source:
         raise InputError(f"{kind}: source is missing; expected the name of the body to which its numbers belong.")
-    i = int(np.argmax(gm)) if force.source is None else index_of(force.source, names, f"source, for {kind},")
+    i = int(np.argmax(gm)) if force.source is None else index_of(force.source, names, of=kind, role="source")
     if not gm[i] > 0.0:
         raise InputError(
             f"{kind} comes from a body with mass, but gm of {names[i]!r} is 0; expected a massive body as source."

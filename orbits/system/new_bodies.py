@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
-from orbits.body_names import checked_names, few
+from orbits.body_names import BOTH, checked_names, few
 from orbits.errors import EpochError, InputError, UnknownNameError, shown, with_unit
 from orbits.system import state_checks
 from orbits.units import UnitSystem, as_epoch
@@ -187,20 +187,28 @@ def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> St
     return centre[0] + shifts[0] + q, centre[1] + shifts[1] + v
 
 
-def from_ephemeris(epoch: Time, bodies: Sequence[str] | None) -> dict[str, Any]:
-    """Return the arguments of `System` for bodies of DE440, relative to the Solar System barycentre."""
+def from_ephemeris(epoch: Time, bodies: Sequence[str] | None, apart_in: str | None = None) -> dict[str, Any]:
+    """Return the arguments of `System` for bodies of DE440, relative to the Solar System barycentre.
+
+    apart_in : the model in which Earth and Moon are apart, so that their barycentre is no body; None for none
+    """
     if isinstance(bodies, str) or not isinstance(bodies, Iterable | None) or getattr(bodies, "shape", None) == ():
         example = bodies if isinstance(bodies, str) else "Sun"
         raise InputError(f"bodies is {shown(bodies)}; expected a sequence of names, such as [{example!r}].")
     names = [ephemeris.canonical_name(name) for name in (ephemeris.SOLAR_SYSTEM if bodies is None else bodies)]
+    if apart_in is not None and BOTH in names:
+        raise InputError(
+            f"bodies has {BOTH!r}, but in the model {apart_in!r} the Earth and the Moon are apart; expected 'Earth' "
+            "and 'Moon'. The figures of both act on their orbits."
+        )
     pair = {"Earth", "Moon"}
     if 0 < len(pair & set(names)) < 2:
         (there,), (missing,) = pair & set(names), pair - set(names)
         raise InputError(
-            f"bodies has {there!r} without {missing!r}, but each perturbs the other strongly. Name both, or "
-            "'Earth-Moon barycenter' for the two as one body."
+            f"bodies has {there!r} without {missing!r}, but each perturbs the other strongly. Name both"
+            + (f", or {BOTH!r} for the two as one body." if apart_in is None else ", or neither.")
         )
-    if "Earth" in names and "Earth-Moon barycenter" in names:
+    if "Earth" in names and BOTH in names:
         raise InputError(
             "bodies has 'Earth', 'Moon' and 'Earth-Moon barycenter'; the barycentre already represents the other two. "
             "Name either the pair or the barycentre."

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import single_number
 from orbits.errors import EpochError, InputError, shown
-from orbits.units import as_epochs, quantity_from_text
+from orbits.units import UTC, as_epochs, quantity_from_text
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -64,7 +64,7 @@ def _from_text(system: System, text: str, what: str) -> Array:
         try:
             return _since_epoch(system, text, what)
         except EpochError:
-            if system.epoch is None and is_date(text):
+            if UTC.search(text) or (system.epoch is None and is_date(text)):
                 raise
             raise no_quantity from None
     if system.units.is_physical and found.unit == u.dimensionless_unscaled:

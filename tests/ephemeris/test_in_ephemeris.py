@@ -209,6 +209,10 @@ def test_steps_need_to_suit_the_small_bodies_alone():
         ({"asteroids": EXCERPT_PATH}, InputError, "no body with NAIF's number 2000001"),
         ({"bodies": ["Sun", "Vulcan"]}, InputError, "Vulcan"),
         ({"bodies": ["Earth"]}, InputError, "the Sun"),
+        ({"bodies": []}, InputError, "bodies is empty; expected the Sun and others of Sun, Mercury"),
+        ({"asteroids": "16"}, InputError, "asteroids is '16'; expected 0, 16"),
+        ({"asteroids": "my.bsp"}, InputError, "asteroids: there is no file 'my.bsp'; expected 'sb441-n16', or"),
+        ({"kernel": "de999"}, InputError, "kernel: there is no file 'de999'; expected 'de440', or the path of an SPK"),
         ({"without": ["Ceres"]}, InputError, "no asteroids to leave out"),
     ],
 )
@@ -222,8 +226,14 @@ def test_what_would_be_wrong_is_refused(apophis):
         apophis.barycentric()
     with pytest.raises(InputError, match="would feel"):
         apophis.add("Nemesis", primary="Sun", a=3 * u.au, gm=1e-5)
-    with pytest.raises(InputError, match="Pluto is not among them"):
+    with pytest.raises(InputError, match=r"Pluto is not among them. Make it without: .*\(bodies=\[all but Pluto\]\)"):
         apophis.remove("Pluto")
+    with pytest.raises(InputError, match=r"Sun is not among them\. All others are attracted by"):
+        apophis.remove("Sun")
+    others = orbits.System.in_ephemeris(epoch=apophis.epoch, bodies=["Sun", "Jupiter"])
+    with pytest.raises(InputError, match=r"as they do not add up\. Add the small bodies of one to the other"):
+        others.replaced(terms=[*others.terms, *others.terms])
+    assert "InEphemeris of Sun, Mercury, Venus and 8 more" in repr(apophis)
     with pytest.raises(EpochError, match="begins"):
         orbits.propagate(apophis, dt=1, until="1995-01-01")
     with pytest.raises(EpochError, match="ends 363"):

@@ -177,9 +177,12 @@ def test_one_body_has_one_spin():
 
 def test_what_does_not_know_a_spin_is_refused_and_a_body_without_tides_has_none():
     system = pair().with_forces(orbits.Tides("star", **GOOD))
-    for option in ({"dense": True}, {"events": orbits.Pericentre("planet")}):
-        with pytest.raises(InputError, match=r"Tides changes a spin .* run.at\(times\) marches on"):
-            march(system, duration=2.0, **option)
+    both = system.with_forces(orbits.Tides("planet", **GOOD))
+    for acting in (system, both):
+        with pytest.raises(InputError, match=r"but Tides changes a spin .* run.at\(times\) marches on"):
+            march(acting, duration=2.0, dense=True)
+        with pytest.raises(InputError, match=r"but Tides changes a spin .*; leave out Pericentre, or Tides\.$"):
+            march(acting, duration=2.0, events=orbits.Pericentre("planet"))
     with pytest.raises(InputError, match="those with Tides, star"):
         march(system, duration=2.0).spin("planet")
     with pytest.raises(InputError, match=r"a system with forces orbits.Tides"):

@@ -30,7 +30,7 @@ from tests.observing.skies import begun
         ({"bodies": "Mars", "G": 0.1}, InputError, "G is given without H"),
         ({"H": 10.0, "G": 0.1}, InputError, r"H is 10.0 for 10 bodies; expected numbers by name, such as H=\{'Sun'"),
         ({"H": {"Mars": 1.0}, "G": {"Venus": 0.1}}, InputError, "H is given without G for Mars"),
-        ({"H": {"Vulcan": 1.0}, "G": {"Vulcan": 0.1}}, UnknownNameError, "there is no body, for H, 'Vulcan'"),
+        ({"H": {"Vulcan": 1.0}, "G": {"Vulcan": 0.1}}, UnknownNameError, "^H: there is no body 'Vulcan'"),
         ({"bodies": "Mars", "H": "bright", "G": 0.1}, InputError, "H\\['Mars'\\]|H.* must be a real number"),
     ],
 )

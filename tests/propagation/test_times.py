@@ -66,6 +66,7 @@ def test_an_end_before_the_epoch_goes_backwards_whatever_the_sign_of_the_step():
         ({"duration": Time("2030-01-01")}, "is a date"),
         ({"until": "2030"}, r"has no unit; expected a time \(\"2030 d\"\) or a date"),
         ({"until": "soon"}, r"until = 'soon'; expected a quantity .* a date \(\"2030-01-01\"\)"),
+        ({"until": "2030-01-01T00:00Z"}, r"until is '2030.*texts are TDB; for UTC give astropy's Time"),
         ({"until": EPOCH}, "is the epoch of the system, where the run begins"),
         ({"until": np.inf}, "until must be finite"),
         ({"until": Time(["2020-01-01", "2021-01-01"])}, "must be a single number"),

@@ -75,6 +75,10 @@ def test_bodies_that_the_kernel_does_not_have_are_said(run, tmp_path):
         orbits.residuals(made, bodies=["Earth", "probe"])
     with pytest.raises(InputError, match=r"DE440 does not have probe|-1001"):
         orbits.residuals(made, bodies=["probe"], ids={"probe": -1001})
+    with pytest.raises(InputError, match="bodies is empty; expected names, or None"):
+        orbits.residuals(made, bodies=[])
+    with pytest.raises(InputError, match="only the Sun, from which positions are compared"):
+        orbits.residuals(made, bodies=["Sun"])
 
 
 def test_what_has_no_ephemeris_is_refused(run, tmp_path):
@@ -98,6 +102,11 @@ def test_what_has_no_ephemeris_is_refused(run, tmp_path):
         orbits.residuals(orbits.propagate(stars, orbits.Gauss(), **short))
     with pytest.raises(EpochError, match="has no epoch"):
         orbits.residuals(orbits.propagate(stars.replaced(epoch=None), orbits.Gauss(), **short))
+    plain = orbits.System.from_states(
+        ["Sun", "B"], [1, 1], [[0, 0, 0], [1, 0, 0]], np.zeros((2, 3)), units=orbits.DIMENSIONLESS
+    )
+    with pytest.raises(InputError, match=r"orbits\.residuals needs physical units and an epoch; .* DIMENSIONLESS"):
+        orbits.residuals(orbits.propagate(plain, orbits.Gauss(), **short))
 
 
 def test_the_command_line_compares_with_de440(tmp_path):

@@ -117,6 +117,12 @@ def test_the_pole_of_the_earth_is_that_of_astropy():
             InputError,
             "the Earth and the Moon are apart; expected 'Earth' and 'Moon'",
         ),
+        (
+            {"model": "relativistic", "bodies": ["Sun", "Earth"]},
+            InputError,
+            "'Earth' without 'Moon', but each perturbs the other strongly. Name both, or neither.$",
+        ),
+        ({"model": "full", "bodies": ["Sun", "Earth"]}, InputError, "has all bodies of DE440. Leave out bodies="),
         ({"model": "full", "epoch": "1850-01-01"}, EpochError, "Choose an epoch from 1950 to 2079"),
     ],
 )

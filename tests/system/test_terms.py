@@ -133,7 +133,7 @@ BAD = {
     "a class": (lambda s: s.with_terms(orbits.ZonalHarmonics), "expected a term"),
     "a term": (lambda s: s.with_forces(zonal()), r"expected a force, such as orbits.Drag\("),
     "massless": (lambda s: s.with_terms(zonal("Ceres")), "gm of 'Ceres' is 0; expected a massive body"),
-    "twice": (lambda s: s.with_terms(zonal(), zonal(None)), "'Sun' has two terms ZonalHarmonics"),
+    "twice": (lambda s: s.with_terms(zonal(), zonal(None)), r"'Sun' has two terms ZonalHarmonics.*terms=\[\.\.\.\]"),
     "no radius": (lambda s: s.with_terms(zonal(radius=None)), "'Sun': radius is missing"),
     "unit": (lambda s: s.with_terms(zonal(radius=1 * u.kg)), "radius of 'Sun' is in kg; expected length in AU"),
     "sign": (lambda s: s.with_terms(zonal(radius=-1 * u.km)), "expected a length > 0"),
@@ -169,6 +169,22 @@ BAD = {
         "two terms PostNewtonian, of 'Sun' and 'Jupiter'; expected one",
     ),
     "light": (lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sun"], c=0 * u.km / u.s)), "expected a speed > 0"),
+    "another light": (
+        lambda s: s.with_terms(orbits.PostNewtonian(c=1.0)),
+        r"c is 1 AU / d, 1731.45684 km/s; expected the speed of light, 299792.458 km/s. Leave out c, or use",
+    ),
+    "no such source": (
+        lambda s: s.with_terms(orbits.PostNewtonian(sources=["Sum"])),
+        "^PostNewtonian: there is no body 'Sum' for sources; expected one of Sun",
+    ),
+    "no such body": (
+        lambda s: s.with_terms(orbits.FrameDragging("Pluto", spin=1.0, pole=POLE)),
+        "^FrameDragging: there is no body 'Pluto'; expected one of Sun",
+    ),
+    "massless attitude": (
+        lambda s: s.with_terms(orbits.DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Ceres")),
+        "^DegreeTwo: attitude has 'Ceres', but gm of 'Ceres' is 0; expected a massive body",
+    ),
     "massless source": (lambda s: s.with_terms(orbits.PostNewtonian(sources=["Ceres"])), "expected a massive body"),
     "no rate": (lambda s: s.with_forces(orbits.Drag()), "rate is missing"),
     "rate": (
@@ -198,9 +214,9 @@ def test_motion_too_fast_for_the_first_order_of_relativity_is_refused_before_a_r
 
 
 def test_unknown_bodies_are_named_with_what_comes_close(system):
-    with pytest.raises(UnknownNameError, match=r"body, for ZonalHarmonics, 'Jupyter'.*Did you mean 'Jupiter'"):
+    with pytest.raises(UnknownNameError, match=r"ZonalHarmonics: there is no body 'Jupyter'.*Did you mean 'Jupiter'"):
         system.with_terms(zonal("Jupyter"))
-    with pytest.raises(UnknownNameError, match="body, for Drag, 'Pallas'"):
+    with pytest.raises(UnknownNameError, match="Drag: there is no body 'Pallas'"):
         system.with_forces(orbits.Drag(rate=1 / u.yr, bodies=["Pallas"]))
 
 

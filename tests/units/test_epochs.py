@@ -52,6 +52,8 @@ def test_two_part_dates_keep_their_digits() -> None:
         ("yesterday", "'yesterday'; expected a time"),
         ("2000-13-01", "'2000-13-01'; expected a time"),
         ("", "''; expected a time"),
+        ("2000-01-01T00:00:00Z", "texts are TDB; for UTC give astropy's Time"),
+        ("2000-01-01 UTC", "texts are TDB; for UTC give astropy's Time"),
         (math.nan, "nan; expected a time"),
         (math.inf, "inf; expected a time"),
         (1e300, "after AD 9999"),

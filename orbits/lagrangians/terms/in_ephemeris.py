@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+from collections.abc import Set
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -43,6 +44,9 @@ NEAR, SLOW = 1e-4, 1e-6
 
 ROUNDED = 1e-9
 """The days by which epochs may differ."""
+
+LAST_PLANET = 999
+"""NAIF's numbers of asteroids are larger than this, those of planets and moons are not."""
 
 
 @kernel
@@ -92,6 +96,7 @@ class InEphemeris(Term):
 
     kind: ClassVar[str] = "in-ephemeris"
     alone: ClassVar[bool] = True
+    if_two: ClassVar[str] = "Add the small bodies of one to the other: system.add(...) or system.add_particles(...)."
     kernel: str = DE440
     asteroids: str | None = None
     bodies: tuple[str, ...] = ()
@@ -109,6 +114,11 @@ class InEphemeris(Term):
         """The names of the bodies."""
         return self.bodies
 
+    @property
+    def whose(self) -> str:
+        """The bodies."""
+        return few(self.bodies, 3)
+
     def in_units(self, units: Any) -> Self:
         """Return this term. Raises InputError unless the units are au and days."""
         if units.name != "SOLAR" and (str(units.length), str(units.time)) != ("AU", "d"):
@@ -124,12 +134,11 @@ class InEphemeris(Term):
         own = len(self.bodies)
         if tuple(massive[:own]) != self.bodies:
             missing = [name for name in self.bodies if name not in massive]
-            what = "in this order"
             if missing:
-                what = f"{few(missing)} {'is' if len(missing) == 1 else 'are'} not among them"
+                raise self._incomplete(missing)
             raise InputError(
-                f"the massive bodies of a system in an ephemeris are those of the ephemeris, {few(self.bodies)}: "
-                f"{what}. Choose them where it is made: System.in_ephemeris(bodies=[...])."
+                f"the massive bodies of a system in an ephemeris are those of the ephemeris, {few(self.bodies)}: in "
+                "this order, before all others."
             )
         strengths = dict(zip(names, gm, strict=True))
         heavy = [name for name in massive[own:] if strengths[name] > HEAVIEST * max(gm)]
@@ -139,6 +148,28 @@ class InEphemeris(Term):
                 f"feel, but their motion is given; expected a GM of at most {HEAVIEST:g} of the largest, such as 0. To "
                 "integrate all of them use System.solar_system(...)."
             )
+
+    def without(self, gone: Set[str]) -> Self:
+        """Return this term. Raises InputError if a body of the ephemeris is gone: the others would still feel it."""
+        missing = [name for name in self.bodies if name in gone]
+        if missing:
+            raise self._incomplete(missing)
+        return self
+
+    def _incomplete(self, missing: list[str]) -> InputError:
+        """Return the error that says how a system is made without these bodies."""
+        numbers = dict(zip(self.bodies, self.targets, strict=True))
+        planets = [name for name in missing if numbers[name] <= LAST_PLANET]
+        asteroids = [name for name in missing if name not in planets]
+        choice = [f"bodies=[all but {few(planets)}]"] if planets else []
+        choice += [f"without={asteroids}"] if asteroids else []
+        remedy = f"Make it without: System.in_ephemeris({', '.join(choice)})."
+        if self.body in missing:
+            remedy = f"All others are attracted by {self.body!r}: leave it."
+        return InputError(
+            f"the massive bodies of a system in an ephemeris are those of the ephemeris, {few(self.bodies)}: "
+            f"{few(missing)} {'is' if len(missing) == 1 else 'are'} not among them. {remedy}"
+        )
 
     def check_start(self, system: Any) -> None:
         """Raise InputError if a body is not where the ephemeris has it at the start."""
@@ -227,8 +258,8 @@ class InEphemeris(Term):
         return found
 
     def _files(self) -> tuple[str, ...]:
-        names = [self.kernel] if self.asteroids is None else [self.kernel, self.asteroids]
-        return tuple(path_of(name) for name in names)
+        first = path_of(self.kernel, "kernel", DE440)
+        return (first,) if self.asteroids is None else (first, path_of(self.asteroids, "asteroids", ASTEROIDS_16))
 
     def summand(self, row: int, units: Any) -> Summand:
         """Return the term."""
@@ -242,8 +273,11 @@ class InEphemeris(Term):
         )
 
 
-def path_of(kernel: str) -> str:
-    """Return the path of a kernel that is known by name, or was given as a path. Raises InputError without it."""
+def path_of(kernel: str, what: str, known: str) -> str:
+    """Return the path of a kernel that is known by name, or was given as a path. Raises InputError without it.
+
+    what : the argument that names it, for messages; known : the name that it takes
+    """
     if kernel in PACKAGES:
         module, name, package = PACKAGES[kernel]
         if importlib.util.find_spec(module) is not None:
@@ -255,7 +289,5 @@ def path_of(kernel: str) -> str:
             "path of the file, or asteroids=0."
         )
     if not os.path.isfile(kernel):
-        raise InputError(
-            f"there is no file {kernel!r}; expected {' or '.join(map(repr, PACKAGES))}, or the path of an SPK file."
-        )
+        raise InputError(f"{what}: there is no file {kernel!r}; expected {known!r}, or the path of an SPK file.")
     return kernel

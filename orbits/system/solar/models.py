@@ -35,17 +35,12 @@ def modelled(cls: type[System], model: str, epoch: Time, bodies: Sequence[str] |
     from orbits.system.new_bodies import from_ephemeris
     from orbits.units import SOLAR
 
-    given = from_ephemeris(epoch, APART if bodies is None else bodies)
-    if "Earth-Moon barycenter" in given["names"]:
-        raise InputError(
-            f"bodies has 'Earth-Moon barycenter', but in the model {model!r} the Earth and the Moon are apart; "
-            "expected 'Earth' and 'Moon'. The figures of both act on their orbits."
-        )
     if model == FULL and bodies is not None:
         raise InputError(
             "bodies is given, but the model 'full' has all bodies of DE440. Leave out bodies=, or remove some from the "
             "system: system.remove('Pluto'). The model 'relativistic' takes bodies."
         )
+    given = from_ephemeris(epoch, APART if bodies is None else bodies, apart_in=model)
     system = cls(**given, units=SOLAR)
     day = epoch.jd1 + epoch.jd2
     if model == RELATIVISTIC:
