@@ -94,7 +94,7 @@ def test_what_happened_is_listed_in_whole_steps(scattered, tmp_path):
     table = found.to_table()
     assert len(table) == 13
     assert table["returned"].unit == u.day
-    assert table["left"].tolist() == [one.left for one in found]
+    assert table["left"].value.tolist() == [one.left.value for one in found]
     assert repr(found[:3].to_table()) == repr(table[:3])
     assert repr(pickle.loads(pickle.dumps(scattered)).excursions) == repr(found)
     stored = orbits.propagate(
