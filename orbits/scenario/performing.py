@@ -128,8 +128,8 @@ def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
 
 def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOutcome:
     report = replaceable(folder / "report.json")
-    parts = Parts(folder, identity(study.experiment, study.name, study.dt), say)
-    more = [*([] if study.dt is None else [study.dt]), *([parts] if study.resumable else [])]
+    parts = Parts(folder, identity(study.experiment, study.name, study.dt), say) if study.resumable else None
+    more = [*([] if study.dt is None else [study.dt]), *([] if parts is None else [parts])]
     with located():
         result = study.experiment(say, *more)
     if not isinstance(result, StudyResult):
@@ -149,7 +149,8 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
             complaints.append(str(error))
     outcome = StudyOutcome(study, folder, result, (*files, report), tuple(complaints))
     write_text(report, to_json(outcome) + "\n")
-    parts.remove()
+    if parts is not None:
+        parts.remove()
     return outcome
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from orbits.errors import InputError, shown
 from orbits.scenario.definition import Check, check_label
+from orbits.scenario.parts import identity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,7 +80,8 @@ class Study:
     dt : the steps of its runs, as of `orbits.propagate`, if the experiment takes them as its second argument, and
         --dt replaces them; None for an experiment with steps of its own
     resumable : whether the experiment takes `Parts` as its last argument, and computes its parts by
-        `parts.get(name, compute)`: a study that was interrupted takes those over that are done
+        `parts.get(name, compute)`: a study that was interrupted takes those over that are done. It
+        must be a function in a file, which is compared
     certifies : the problems for `orbits certify`: tuples (Lagrangian or System, integrator, dt) or, for a Lagrangian,
         (Lagrangian, integrator, dt, q, v) with initial q, v of shape (d,)
 
@@ -112,6 +114,8 @@ class Study:
             raise InputError(
                 f"study {self.name!r}: experiment must be a function of `say`; got {shown(self.experiment)}."
             )
+        if self.resumable:
+            identity(self.experiment, self.name, self.dt)
         for entry in self.certifies:
             if not isinstance(entry, tuple) or len(entry) not in (3, 5) or not hasattr(entry[1], "declares"):
                 raise InputError(

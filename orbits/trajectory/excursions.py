@@ -54,9 +54,9 @@ class Excursions(Sequence[Excursion]):
     total : how many there were
     """
 
-    def __init__(self, excursions: Iterable[Excursion] = (), count: int | None = None) -> None:
-        self._excursions = tuple(excursions)
-        self.total = len(self._excursions) if count is None else count
+    def __init__(self, excursions: Iterable[Excursion], count: int, unit: u.UnitBase) -> None:
+        self._excursions, self._unit = tuple(excursions), unit
+        self.total = count
 
     @classmethod
     def of(cls, system: System, clock: Clock, rows: NDArray[np.int64], count: int) -> Excursions:
@@ -68,14 +68,14 @@ class Excursions(Sequence[Excursion]):
             left, returned = (None if k is None else u.Quantity(clock.time(k), unit) for k in (begun, end))
             assert left is not None
             found.append(Excursion(names, left, returned, (begun, end)))
-        return cls(found, count)
+        return cls(found, count, unit)
 
     @classmethod
     def in_archive(cls, run: Trajectory) -> Excursions:
         """Return those of a run in an archive, as listed in its last checkpoint."""
         checkpoint = {} if run.archive is None else run.archive.checkpoint()
         if COUNTS not in checkpoint:
-            return cls()
+            return cls((), 0, run.system.units.time)
         rows, count = np.asarray(checkpoint[EXCURSIONS]), int(checkpoint[COUNTS][1])
         rows = rows[: min(max(count, 0), ROOM)]
         bodies = rows[:, [BODY, OTHER_BODY]]
@@ -99,21 +99,22 @@ class Excursions(Sequence[Excursion]):
     def __getitem__(self, key: slice) -> Excursions: ...
 
     def __getitem__(self, key: int | slice) -> Excursion | Excursions:
-        return Excursions(self._excursions[key]) if isinstance(key, slice) else self._excursions[key]
+        if not isinstance(key, slice):
+            return self._excursions[key]
+        some = self._excursions[key]
+        return Excursions(some, len(some), self._unit)
 
     def to_table(self) -> QTable:
         """Return an astropy QTable of bodies, left and returned (times since the epoch, NaN for one not over)."""
         from astropy.table import QTable
 
-        if not len(self):
-            return QTable({"bodies": np.array([], dtype=str)})
-        unit = self[0].left.unit
-        ends = [np.nan if one.returned is None else one.returned.to_value(unit) for one in self]
+        begun = [one.left.to_value(self._unit) for one in self]
+        ends = [np.nan if one.returned is None else one.returned.to_value(self._unit) for one in self]
         return QTable(
             {
                 "bodies": np.array([" and ".join(one.bodies) for one in self], dtype=str),
-                "left": u.Quantity([one.left for one in self]),
-                "returned": u.Quantity(ends, unit),
+                "left": u.Quantity(np.array(begun), self._unit),
+                "returned": u.Quantity(np.array(ends), self._unit),
             }
         )
 
@@ -144,7 +145,7 @@ class Excursions(Sequence[Excursion]):
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         if not len(self):
             return [], [], 0
-        head = ["encounter", headed("left", self[0].left.unit), headed("returned", self[0].left.unit)]
+        head = ["encounter", headed("left", self._unit), headed("returned", self._unit)]
         rows = [
             [one.what, f"{one.left.value:.10g}", "" if one.returned is None else f"{one.returned.value:.10g}"]
             for one in self._excursions[:MOST_ROWS]

@@ -94,6 +94,8 @@ def test_what_happened_is_listed_in_whole_steps(scattered, tmp_path):
     table = found.to_table()
     assert len(table) == 13
     assert table["returned"].unit == u.day
+    assert table["left"].value.tolist() == [one.left.value for one in found]
+    assert repr(found[:3].to_table()) == repr(table[:3])
     assert repr(pickle.loads(pickle.dumps(scattered)).excursions) == repr(found)
     stored = orbits.propagate(
         planets(), FOLLOW, duration=600 * u.yr, samples=13, archive=tmp_path / "run.h5", **OPTIONS
@@ -131,6 +133,11 @@ def test_without_encounters_every_bit_is_that_of_the_map():
     followed, plain = (orbits.propagate(start, method, **options) for method in (FOLLOW, WARN))
     assert not len(followed.excursions)
     assert repr(followed.excursions) == "no excursions from the map"
+    for quiet in (followed, plain):
+        table = quiet.excursions.to_table()
+        assert table.colnames == ["bodies", "left", "returned"]
+        assert not len(table)
+        assert table["left"].unit == table["returned"].unit == orbits.SOLAR.time
     assert np.array_equal(followed.q, plain.q)
     assert np.array_equal(followed.v, plain.v)
 

@@ -1,21 +1,24 @@
 """Studies: experiments that are run, judged, drawn and refused as scenarios are."""
 
 import json
+import os
 import re
 import struct
 import subprocess
 import sys
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from astropy import units as u
 
 import orbits
-from orbits.errors import InputError
+from orbits.errors import InputError, StorageError
 from orbits.lagrangians.pendulum import pendulum
-from orbits.scenario import Study, StudyResult, Table, bundled, load, perform
+from orbits.scenario import Parts, Study, StudyResult, Table, bundled, load, perform
 from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.command import changed
 
@@ -104,6 +107,188 @@ def test_parts_of_a_study_are_arrays_with_a_name_each_and_no_file_of_others_is_r
         perform(study(experiment=twice, resumable=True), out=tmp_path)
     with pytest.raises(InputError, match="arrays by name, in a dict"):
         perform(study(experiment=lambda say, parts: parts.get("b", lambda: 3.0), resumable=True), out=tmp_path)
+
+
+def of_parts(folder, made_by=None, said=None):
+    return Parts(folder, made_by or {"study": "small"}, (said if said is not None else []).append)
+
+
+def damages():
+    def cut(size):
+        return lambda path: os.truncate(path, size)
+
+    def zeros(path):
+        path.write_bytes(bytes(path.stat().st_size))
+
+    def scribble(path):
+        """Change a number in an array, which HDF5 does not see without a checksum."""
+        data = path.read_bytes()
+        value = np.float64(1.75).tobytes()
+        assert data.count(value) == 1
+        path.write_bytes(data.replace(value, np.float64(1.875).tobytes()))
+
+    def made_by(value):
+        def write(path):
+            with h5py.File(path, "r+", locking=False) as file:
+                file.attrs["made_by"] = value
+
+        return write
+
+    def grouped(path):
+        with h5py.File(path, "r+", locking=False) as file:
+            file["a/b"] = 1.0
+
+    return {
+        "a third of it": cut(2000),
+        "three bytes": cut(3),
+        "nothing": cut(0),
+        "zeros": zeros,
+        "another number": scribble,
+        "made_by is a number": made_by(3),
+        "made_by is no JSON": made_by("{"),
+        "made_by is bytes": made_by(np.void(b"\xff")),
+        "a group": grouped,
+    }
+
+
+@pytest.mark.parametrize("damage", damages().values(), ids=damages().keys())
+def test_a_damaged_part_is_computed_again(tmp_path, damage):
+    of_parts(tmp_path).get("one", lambda: {"x": np.array([1.75, 3.0])})
+    damage(tmp_path / "part-one.h5")
+    said = []
+    found = of_parts(tmp_path, said=said).get("one", lambda: {"x": np.array([5.0])})
+    assert found["x"].tolist() == [5.0]
+    assert said == ["one: part-one.h5 is damaged; it is computed again"]
+    again = of_parts(tmp_path).get("one", lambda: pytest.fail("computed anew, though it is there"))
+    assert again["x"].tolist() == [5.0]
+
+
+def test_a_part_is_on_the_device_before_it_has_its_name(tmp_path, monkeypatch):
+    calls = []
+    for name in ("fsync", "replace"):
+        real = getattr(os, name)
+        monkeypatch.setattr(os, name, lambda *given, name=name, real=real: (calls.append(name), real(*given))[1])
+    of_parts(tmp_path).get("one", lambda: {"x": 1.0})
+    assert calls == ["fsync", "replace", "fsync"]  # the file, its name, the folder
+
+
+def test_two_processes_of_a_study_do_not_disturb_each_other(tmp_path, monkeypatch):
+    first, second = of_parts(tmp_path), of_parts(tmp_path)
+    real = os.replace
+
+    def other_meanwhile(unfinished, path):
+        """The other process writes the same part before the first gives it its name."""
+        monkeypatch.setattr(os, "replace", real)
+        monkeypatch.setattr(os, "getpid", lambda: 1)  # runs
+        assert second.get("a", lambda: {"x": 1.0})["x"] == 1.0
+        monkeypatch.undo()
+        real(unfinished, path)
+
+    monkeypatch.setattr(os, "replace", other_meanwhile)
+    assert first.get("a", lambda: {"x": 1.0})["x"] == 1.0
+    first.get("b", lambda: {"x": 2.0})
+    (tmp_path / "part-b.h5").unlink()
+    second.get("b", lambda: {"x": 2.0})
+    first.remove()
+    assert [path.name for path in tmp_path.iterdir()] == ["part-b.h5"]  # of the second, which is not done
+    assert second.get("c", lambda: {"x": 3.0})["x"] == 3.0
+    second.remove()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_part_that_another_process_removes_while_it_is_looked_for_is_computed(tmp_path, monkeypatch):
+    of_parts(tmp_path).get("a", lambda: {"x": 1.0})
+    real = h5py.File
+
+    def gone(path, *given, **more):
+        Path(path).unlink(missing_ok=True)
+        monkeypatch.undo()
+        return real(path, *given, **more)
+
+    monkeypatch.setattr(h5py, "File", gone)
+    assert of_parts(tmp_path).get("a", lambda: {"x": 2.0})["x"] == 2.0
+
+
+def test_no_unfinished_file_stays_after_a_failure_or_of_a_process_that_was_killed(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(StorageError, match="No space left"):
+            of_parts(tmp_path).get("a", lambda: {"x": 1.0})
+    assert not list(tmp_path.iterdir())
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    for process in (ended.pid, os.getpid()):
+        (tmp_path / f"part-a.{process}.unfinished").touch()
+    parts = of_parts(tmp_path)
+    (tmp_path / f"part-a.{os.getpid()}.unfinished").rename(tmp_path / "part-a.1.unfinished")
+    parts.get("a", lambda: {"x": 1.0})
+    parts.remove()
+    assert [path.name for path in tmp_path.iterdir()] == ["part-a.1.unfinished"]  # its process runs
+
+
+def test_a_part_that_is_taken_over_has_the_types_shapes_and_order_of_the_first(tmp_path):
+    made = {
+        "z": 3.0,
+        "f": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        "a": np.zeros((0, 3)),
+        "m": [True, False],
+        "c": 1 + 2j,
+        "i": np.arange(3, dtype=">i4"),
+    }
+    first = of_parts(tmp_path).get("a", lambda: made)
+    again = of_parts(tmp_path).get("a", lambda: pytest.fail("it is there"))
+    assert list(first) == list(again) == list(made)
+    for key, value in first.items():
+        other = again[key]
+        assert type(value) is type(other) is np.ndarray
+        assert (value.dtype, value.shape, value.strides) == (other.dtype, other.shape, other.strides)
+        assert value.tobytes() == other.tobytes()
+
+
+UNFIT = [
+    ({"": 1.0}, "as ''; names of arrays"),
+    ({"a/b": 1.0}, "as 'a/b'; names of arrays"),
+    ({".": 1.0}, "as '.'; names of arrays"),
+    ({"a\0": 1.0}, "names of arrays are printable"),
+    ({3: 1.0}, "arrays by name, in a dict"),
+    ({"x": ["a", "b"]}, r"\['a', 'b'\] as 'x'; expected numbers"),
+    ({"x": None}, "None as 'x'; expected numbers"),
+    ({"x": [[1], [2, 3]]}, "as 'x', of which no array can be made"),
+    ({"x": 3 * u.km}, r"as 'x', but units are not kept; return numbers, as by `.to_value\(unit\)`"),
+    ({"x": [[1, 2] * u.km]}, "as 'x', but units are not kept"),
+    ({"x": np.ma.array([1, 2], mask=[0, 1])}, "as 'x', but masks are not kept"),
+]
+
+
+@pytest.mark.parametrize(("value", "message"), UNFIT, ids=[str(value) for value, _ in UNFIT])
+def test_values_that_a_part_cannot_keep_are_refused_by_name(tmp_path, value, message):
+    with pytest.raises(InputError, match=message):
+        of_parts(tmp_path).get("a", lambda: value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "message"), [(3, "must be text"), ("", "needs a letter"), ("x" * 400, "at most 200 characters; got 400")]
+)
+def test_names_of_parts_that_are_no_names_of_files_are_refused(tmp_path, name, message):
+    with pytest.raises(InputError, match=message):
+        of_parts(tmp_path).get(name, lambda: pytest.fail("computed before"))
+
+
+def test_a_study_whose_file_is_not_known_is_not_resumable():
+    class Experiment:
+        def __call__(self, say, parts):
+            return StudyResult()
+
+    typed = {}
+    exec("def typed(say, parts):\n    return None", typed)
+    for unknown in (partial(of_parts, 3), Experiment(), typed["typed"]):
+        with pytest.raises(InputError, match=r"resumable=True takes over parts only while the file .* is not known"):
+            study(experiment=unknown, resumable=True)
+        study(experiment=unknown)
 
 
 def test_the_step_of_a_study_that_has_one_is_replaced():
