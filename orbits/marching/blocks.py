@@ -18,6 +18,7 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.dense import times_reached
+from orbits.kernels.encounters import COLUMNS, MATE, ROW, WHEN
 from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NEAR_A_PLANET, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
@@ -26,9 +27,10 @@ from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.clocks import Clock
 from orbits.marching.failures import failure_of_bodies, last_good, meeting, refused_meeting
 from orbits.marching.hand_over import PART
-from orbits.marching.losses import Contact
+from orbits.marching.losses import Contact, Suspect
+from orbits.marching.own_clocks import REACHED
 from orbits.marching.passage_list import PassageList
-from orbits.marching.retirement import HIT, Lost, Retired, earlier, kind_of
+from orbits.marching.retirement import HIT, Lost, Retired, earlier, hit, kind_of
 from orbits.marching.watcher import Watcher
 
 SPAN, LEAST_SPAN = 3.0, 32
@@ -66,8 +68,8 @@ class Blocks:
         _begun_lo: float
         _block: tuple[int, float]
         _bodies: int
-        _contacts: dict[int, Contact]
         _counts: tuple[int, int]
+        _deep: Array
         _dense: bool
         _encountered: Lost | None
         _starts_close: NDArray[np.intp]
@@ -152,8 +154,8 @@ class Blocks:
         if followed < count:
             count, failure = followed, None
             self._replay(count)
-        lost, reached, begun = self._retired.lost_or(self._encountered), {}, self.step
-        contacts = self._contacts
+        hits, contacts = self._impacts(count)
+        lost, reached, begun = earlier(hits, self._retired.lost_or(self._encountered)), {}, self.step
         if lost is not None:  # a particle: repeat up to the step that it cannot take, and go on without it
             within = self.clock.changes and self._watcher.touched_first_in(lost.steps + 1)
             count, reached = lost.steps + within, self._reached(lost)  # that step as well, if it may hit a body in it
@@ -244,9 +246,8 @@ class Blocks:
             parts = dict(zip(alone.get("away", np.zeros(0)).tolist(), alone.get("memory", np.zeros(0)), strict=True))
             for k, particle in enumerate(lost.particles.tolist()):
                 memory, there = self._state["particle_memory"][particle], None
-                if particle in (contacts or ()) and kind_of(lost.status[k]) == HIT:
-                    assert contacts is not None
-                    part, *there = self._contact(particle, contacts[particle])
+                if contacts and particle in contacts and kind_of(lost.status[k]) == HIT:
+                    _, part, _, *there = contacts[particle]
                 elif particle in parts:
                     at, part = list(parts).index(particle), parts[particle][0, PART]
                     there = [alone["q"][:, at], alone["v"][:, at]]
@@ -255,6 +256,13 @@ class Blocks:
                 memory[:] = 0.0
                 if there is not None:
                     memory[0, NUMBER], memory[0, PART] = ELSEWHERE, part
+        elif self.clock.changes:
+            for k, particle in enumerate(lost.particles.tolist()):
+                if contacts and particle in contacts and kind_of(lost.status[k]) == HIT:
+                    one = contacts[particle]
+                    reached["particle_q"][:, k], reached["particle_v"][:, k] = one.q, one.v
+                    reached["particle_q_lo"][:, k] = reached["particle_v_lo"][:, k] = 0.0
+                    reached["particle_clock"][k, REACHED] = self.time + one.part * one.length
         self._retired.add(lost, step)
         for name, values in reached.items():
             if name == "particle_clock":
@@ -263,13 +271,82 @@ class Blocks:
                 self._state[name][:, lost.particles] = values
         return None
 
-    def _contact(self, particle: int, contact: Contact) -> tuple[float, Array, Array]:
-        """Return the part of the next step after which a particle hits a body, and its state there, (3,) each."""
+    def _impacts(self, count: int) -> tuple[Lost | None, dict[int, Contact]]:
+        """Return the particles that hit a body first in the block of `count` steps just marched, and their contacts;
+        None and {} if none does, or if the block is to be repeated.
+        """
+        suspects = [] if self._overflowed and count > 1 else self._suspects(count)
+        if not suspects:
+            return None, {}
         assert self._surfaces is not None
-        radius = float(self._surfaces[contact.body])
-        body, own = int(self._massive[contact.body]), int(self._particles[particle])
-        part = min(max(contact.reading - self.step, 0.0), 1.0)
-        return losses.touching(self.state_after, self.clock.h, part, radius, own, body)
+        begun, found = self.step, dict[int, tuple[int, Contact]]()
+        ends = self._loops.times[: count + 1].copy() if self.clock.changes else self.clock.h * np.arange(count + 1.0)
+        for suspect in sorted(suspects):
+            particle, body, _ = suspect
+            own, other = int(self._particles[particle]), int(self._massive[body])
+            radius = float(self._surfaces[body])
+
+            def is_within(step: int, *, particle: int = particle, own: int = own, other: int = other,
+                          radius: float = radius) -> bool:
+                self.step = begun
+                self._replay(step)
+                self.step += step
+                is_own = self.clock.changes or self._state["particle_memory"][particle, 0, NUMBER] == ELSEWHERE
+                q, _ = self.state()
+                return bool(is_own and np.linalg.norm(q[own] - q[other]) < radius)
+
+            step = losses.first_step_within(suspect, is_within)
+            is_within(step)
+            length = float(ends[step + 1] - ends[step])
+            touched = losses.touching(self.state_after, length, radius, own, other)
+            if touched is not None:
+                now = step, Contact(body, touched[0], length, *touched[1:])
+                known = found.setdefault(particle, now)
+                found[particle] = min(known, now, key=lambda one: (one[0], one[1].part))
+        self.step = begun
+        self._replay(count)
+        if not found:
+            return None, {}
+        first = min(step for step, _ in found.values())
+        contacts = {particle: found[particle][1] for particle in sorted(found) if found[particle][0] == first}
+        status = np.array([hit(contact.body) for contact in contacts.values()])
+        return Lost(first, np.array(list(contacts)), status), contacts
+
+    def _suspects(self, count: int) -> list[Suspect]:
+        """Return what may hit a body in the block just marched: passages within radii, particles that are falling
+        within one at its end, and those whose steps became too short.
+        """
+        if self._surfaces is None or not (self._retire and count and len(self._particles)):
+            return []
+        n, m, direction = self._bodies, len(self._particles), math.copysign(1.0, self._direction())
+        if self.clock.changes:
+            ends = self._block[1] + self._loops.times[1 : count + 1]
+            steps = np.searchsorted(ends * direction, self._deep[:, WHEN] * direction)
+        else:
+            steps = self._deep[:, WHEN].astype(int) - self.step
+        pairs = zip(self._deep[:, ROW].astype(int) - n, self._deep[:, MATE].astype(int), steps, strict=True)
+        found = [Suspect(int(p), int(body), min(max(int(k), 0), count - 1)) for p, body, k in pairs]
+        path = self._watcher.recorded(count)[:, :, : 3 * n].reshape(count + 1, 2, 3, n)
+        own = np.ones(m, dtype=bool)
+        if not self.clock.changes:
+            own = self._state["particle_memory"][:m, 0, NUMBER] == ELSEWHERE
+        own &= self._retired.table()[:, 0] == OK
+        lost = own & self._retired.gone()
+        q, v = self._state["particle_q"][:, :m], self._state["particle_v"][:, :m]
+        there = np.flatnonzero(own & ~lost)
+        bodies = path[count, 0], path[count, 1]
+        close = losses.falling_within(q[:, there], v[:, there], bodies, self._surfaces, direction)
+        found += [Suspect(int(there[k]), int(body), count - 1) for k, body in np.argwhere(close)]
+        for particle in np.flatnonzero(lost):
+            step = min(int(self._retired.block[particle, 1]), count - 1)
+            nearest = int(np.linalg.norm(path[step, 0] - q[:, [particle]], axis=0).argmin())
+            if self._surfaces[nearest] > 0.0:
+                found.append(Suspect(int(particle), nearest, step))
+        return found
+
+    def _direction(self) -> float:
+        """Return a number of the sign of the steps."""
+        return float(self._state["clock"][changing.DIRECTION]) if self.clock.changes else self.clock.h
 
     def _stop(self, count: int) -> bool:
         """Return whether a condition was met in the block of `count` steps just marched; if so, go back to that
@@ -310,7 +387,7 @@ class Blocks:
         self._passages.passages, self._passages.left_out = self._listed
         self._retired.begin()
         self._arrived, self._block = False, (0, self.time)
-        self._encountered = self._meeting_of_planets = None
+        self._encountered, self._meeting_of_planets, self._deep = None, None, np.zeros((0, COLUMNS))
         if count:
             self._march_block(self._state, self.clock, count)
 
@@ -364,7 +441,11 @@ class Blocks:
         if record is not None and count:
             self._overflowed = self._passages.overflows(self._watcher.lists)
             if self._surfaces is not None:
-                self._overflowed = self._overflowed or self._passages.overflows(self._watcher.own_lists)
+                lists = self._watcher.lists if self.clock.changes else self._watcher.own_lists
+                self._overflowed = self._overflowed or self._passages.overflows(lists)
+                self._deep = losses.passages_within(lists, self._surfaces)
+                if self.clock.changes and self._surfaces[self._watcher.dominant] > 0.0:
+                    losses.without_dominant(lists, self._bodies, self._watcher.dominant)
             self._encountered = self._meeting_of_planets = None
             if self.integrator.refuses_meetings and (count == 1 or not self._overflowed):
                 listed, gm = self._watcher.lists[0], self._gm[: self._bodies]
@@ -374,17 +455,13 @@ class Blocks:
                 where = (self._bodies, self._watcher.dominant, h, self.step, self.integrator.least_steps)
                 self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
             if self._retire and len(self._particles):
-                self._encountered = self._lost_anyhow(state, h, count)
+                self._encountered = self._lost_anyhow(state, count)
             self._passages.add(self._watcher.lists)
         return count
 
-    def _lost_anyhow(self, state: dict[str, Array], h: float, count: int) -> Lost | None:
+    def _lost_anyhow(self, state: dict[str, Array], count: int) -> Lost | None:
         """Return the particles that are lost first in the block just marched, though they can be stepped."""
-        found, self._contacts = self._encountered, {}
-        if self._surfaces is not None:
-            gm = self._gm[: self._bodies]
-            hits, self._contacts = losses.impacts(self._watcher.own_lists, self._surfaces, gm, h, self.step)
-            found = earlier(hits, found)
+        found = self._encountered
         if not self.step and len(self._starts_close):  # most have no passage to be seen by
             known = self._retired.table()[self._starts_close, 0]
             begun = self._starts_close[known == OK]

@@ -21,19 +21,19 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
-from orbits.kernels.encounters import DISTANCE2, OTHER, PARTNER, ROW, STEP, TIME, WHEN
+from orbits.kernels.encounters import DISTANCE2, OTHER, PARTNER, STEP, TIME, WHEN
 from orbits.kernels.planets_ahead import first_clear, first_encounter
 from orbits.kernels.steps import NEAR_A_PLANET
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching import changing, kepler_passages, losses
+from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.clocks import Clock, Place
 from orbits.marching.handing_over import METHOD
 from orbits.marching.marcher import Marcher
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
-from orbits.marching.passage_list import UNKNOWN, BlockList
-from orbits.marching.retirement import Lost, Retirement, hit
+from orbits.marching.passage_list import UNKNOWN
+from orbits.marching.retirement import Lost, Retirement
 
 FIRST_BLOCK = 8
 """The steps of the first block after all bodies left or entered the map; each is followed by one twice as long."""
@@ -59,6 +59,27 @@ class _Step(NamedTuple):
     pair: tuple[int, int]
 
 
+class _ChosenSteps(Marcher):
+    """The march by chosen steps: its blocks end with the step after which the map can go on.
+
+    rules : of encounters, see `orbits.kernels.planets_ahead.first_clear`
+    """
+
+    rules: tuple[Array, Array, Array, float] | None = None
+
+    def clear_after(self, count: int) -> int:
+        """Return the number of steps of the block of `count` steps just marched after which the map can go on, or
+        count + 1.
+        """
+        assert self.rules is not None
+        return int(first_clear(self._watcher.recorded(count).ravel(), len(self._state["q"]), *self.rules, count))
+
+    def _followed(self, count: int) -> int:
+        """Return how many of the steps of the block just marched are taken."""
+        returns = bool(self._state["clock"][changing.EXACT])
+        return count if returns or not count else min(self.clear_after(count), count)
+
+
 class LeavingMarcher(Marcher):
     """A `Marcher` of constant steps by a map on Kepler orbits, which all bodies leave for encounters of massive ones.
 
@@ -80,9 +101,11 @@ class LeavingMarcher(Marcher):
         self._away = self._away_last = False
         super().__init__(lagrangian, integrator, parameters, massive, q, v, clock, **options)
         known = {name: options[name] for name in ("names", "threads", "stops", "retire", "dense") if name in options}
+        if self._surfaces is not None:
+            known["surfaces"] = options["surfaces"]
         steps = Adaptive().towards(self.clock.direction)
         try:
-            self._own = Marcher(lagrangian, METHOD, parameters, massive, q, v, steps, **known)
+            self._own = _ChosenSteps(lagrangian, METHOD, parameters, massive, q, v, steps, **known)
         except InputError as error:
             raise InputError(
                 "planets='follow' lets all bodies take steps that are chosen one by one in encounters, which is not "
@@ -96,6 +119,7 @@ class LeavingMarcher(Marcher):
         self._near = kepler_passages.near_each_other(gm, dominant)
         self._limits = np.array([dominant, gm[dominant], 2.0 * np.pi / integrator.least_steps])
         self._extent, self._who = np.zeros((3, n)), np.zeros(2, dtype=np.int64)
+        self._own.rules = self._near, self._extent, self._limits, self.clock.h
         self._largest = self.block, self._own.block
         self._leaves: _Step | None = None
         self._looked, self._by_map = NOT_YET, False
@@ -316,47 +340,14 @@ class LeavingMarcher(Marcher):
             return
         try:
             own.approach(Place(0, self._return_time) if returning else goal)
-            if self._surfaces is not None:
-                self._retire_those_that_hit()
             count = own._block[0]
             if count and not returning:
-                path, stride = own._watcher.recorded(count).ravel(), len(own._state["q"])
-                clear = int(first_clear(path, stride, self._near, self._extent, self._limits, self.clock.h, count))
+                clear = own.clear_after(count)
                 if clear <= count:
-                    own.go_back(clear)
-                    own.met = None if clear < count else own.met
                     own._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, own.time
             own.block = min(2 * own.block, self._largest[1])
         finally:
             self._keep_up()
-
-    def _retire_those_that_hit(self) -> None:
-        """Retire the particle that hits a body first in the last block of chosen steps, and go back to the beginning of
-        the step in which it does.
-        """
-        own, direction = self._own, self.clock.direction
-        begun, rows = own._block[1], own.passages()[0]
-        rows = rows[(rows[:, ROW] >= self._bodies) & ((rows[:, WHEN] - begun) * direction > 0.0)]
-        if not len(rows):
-            return
-        assert self._surfaces is not None
-        rows = rows.copy()
-        rows[:, WHEN] *= direction  # as of steps of length 1
-        listed = BlockList(rows, np.array([len(rows), len(rows)]))
-        gm = self._gm[: self._bodies]
-        _, contacts = losses.impacts([listed], self._surfaces, gm, 1.0, begun * direction)
-        there = {p: one for p, one in contacts.items() if not self._own._retired.gone()[p]}
-        if not there:
-            return
-        particle, contact = min(there.items(), key=lambda pair: pair[1].reading)
-        ends = begun + own._loops.times[1 : own._block[0] + 1]
-        own.go_back(int(np.searchsorted(ends * direction, contact.reading)))
-        length, body = contact.reading * direction - own.time, int(self._massive[contact.body])
-        part = length or direction  # of no length, where it begins within the body
-        number, radius = int(self._particles[particle]), float(self._surfaces[contact.body])
-        share, q, v = losses.touching(own.state_after, part, 1.0 if length else 0.0, radius, number, body)
-        own.retire(number, hit(contact.body), own.step, own.time + share * part, q, v)
-        own.met = None
 
     @property
     def _returns(self) -> bool:

@@ -1,8 +1,9 @@
 """Massless particles that are lost though they can be stepped: those that hit a body, fall close to the dominant one or
 are ejected.
 
-An impact is seen where a particle that takes steps of its own passes a body within its radius: the list of these
-passages has the orbits about the body, which give the times of contact, and these are refined on the motion itself.
+An impact is seen where a particle that takes steps of its own passes a body within its radius, or is still falling
+within it when a block ends: so it is seen in the block in which it happens. The step of contact is then sought in the
+states at the ends of steps, and the place in it on the motion itself, so that blocks and samples do not change it.
 Ejections, and pericentres below a limit, are looked for after every 64th step of a run, whatever its blocks are.
 """
 
@@ -16,85 +17,120 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
-from orbits.kernels.encounters import FASTEST2, LEAST2, MATE, ROW, WHEN
+from orbits.kernels.encounters import LEAST2, MATE, ROW
 from orbits.marching.passage_list import BlockList
-from orbits.marching.retirement import EJECTED, TOO_CLOSE, Lost, hit
+from orbits.marching.retirement import EJECTED, TOO_CLOSE
 
-TOUCHING, TRIES = 1e-9, 20
+TOUCHING, TRIES = 1e-11, 100
 """The distance from a surface, as a fraction of the radius, at which a contact is found; and the most attempts."""
+
+BEYOND = 1.01
+"""The part of a step up to which a contact is sought: a partial step of a map ends not quite where the step does."""
 
 
 class Contact(NamedTuple):
-    """The body that a particle hits, in the order of the kernels, and about when, in steps."""
+    """Where a particle hits a body, in the order of the kernels: the part of a step after which it does, the length of
+    that step, and its state there, (3,) each.
+    """
 
     body: int
-    reading: float
+    part: float
+    length: float
+    q: Array
+    v: Array
 
 
-def impacts(
-    lists: list[BlockList], radii: Array, gm: Array, h: float, begun: float
-) -> tuple[Lost | None, dict[int, Contact]]:
-    """Return the particles that first hit a body in a block, and their contacts; None and {} if none does.
+class Suspect(NamedTuple):
+    """A particle that may hit a body in a block, if it comes from outside: it is within the radius of the body in this
+    step of the block, or at its end, or was before.
+    """
 
-    lists : passages of particles at steps of their own; radii, gm : (n,), of the bodies
-    begun : the number of steps before the block, or the time, in units of |h|
+    particle: int
+    body: int
+    step: int
+
+
+def passages_within(lists: list[BlockList], radii: Array) -> Array:
+    """Return the passages of massless particles, (passages, columns), whose pericentres are within bodies; radii :
+    (n,), of these.
     """
     rows = np.concatenate([passages[: listed[0]] for passages, listed in lists])
-    mates = rows[:, MATE].astype(int)
-    rows = rows[rows[:, LEAST2] < radii[mates] ** 2]
-    found: dict[int, Contact] = {}
-    for row in rows:
-        body = int(row[MATE])
-        falls = time_from_pericentre(radii[body], math.sqrt(row[LEAST2]), row[FASTEST2], gm[body])
-        contact = Contact(body, max(row[WHEN] - falls / abs(h), float(begun)))
-        particle = int(row[ROW]) - len(gm)
-        if particle not in found or contact.reading < found[particle].reading:
-            found[particle] = contact
-    if not found:
-        return None, {}
-    first = min(int(contact.reading) for contact in found.values())
-    now = {particle: contact for particle, contact in found.items() if int(contact.reading) == first}
-    status = np.array([hit(now[particle].body) for particle in sorted(now)])
-    return Lost(first - int(begun), np.array(sorted(now)), status), now
+    rows = rows[rows[:, ROW] >= len(radii)]
+    within: Array = rows[rows[:, LEAST2] < radii[rows[:, MATE].astype(int)] ** 2]
+    return within
+
+
+def without_dominant(lists: list[BlockList], bodies: int, dominant: int) -> None:
+    """Remove the passages of massless particles by the dominant body from lists."""
+    for passages, listed in lists:
+        rows = passages[: listed[0]]
+        kept = rows[(rows[:, ROW] < bodies) | (rows[:, MATE] != dominant)]
+        listed -= len(rows) - len(kept)
+        passages[: len(kept)] = kept
+
+
+def falling_within(q: Array, v: Array, bodies: tuple[Array, Array], radii: Array, direction: float) -> Array:
+    """Return which particles are within which bodies, and come still closer to them, (m, n) bool.
+
+    q, v : (3, m); bodies : positions and velocities, (3, n) each; radii : (n,); direction : of the march, 1 or -1
+    """
+    apart, speed = q[:, :, None] - bodies[0][:, None, :], v[:, :, None] - bodies[1][:, None, :]
+    falls = (apart * speed).sum(axis=0) * direction < 0.0
+    found: Array = ((apart * apart).sum(axis=0) < radii * radii) & falls
+    return found
+
+
+def first_step_within(suspect: Suspect, is_within: Callable[[int], bool]) -> int:
+    """Return the step of a block in which a particle comes within a body, and 0 if it was before.
+
+    is_within : tells it for the beginning of a step; it is asked for as few steps as possible
+    """
+    inside, back = suspect.step, 1
+    if inside == 0 or not is_within(inside):
+        return inside
+    outside = inside - 1
+    while outside > 0 and is_within(outside):
+        inside, back = outside, 2 * back
+        outside = max(inside - back, 0)
+    while inside - outside > 1:
+        middle = (inside + outside) // 2
+        inside, outside = (middle, outside) if is_within(middle) else (inside, middle)
+    return outside
 
 
 def touching(
-    state_after: Callable[[float], tuple[Array, Array]], h: float, part: float, radius: float, own: int, body: int
-) -> tuple[float, Array, Array]:
-    """Return the part of a time h after which a particle comes to the distance `radius` from a body, and its state
-    there, (3,) each.
+    state_after: Callable[[float], tuple[Array, Array]], h: float, radius: float, own: int, body: int
+) -> tuple[float, Array, Array] | None:
+    """Return the part of a step h after which a particle comes to the distance `radius` from a body, and its state
+    there, (3,) each; 0 if it begins within it, None if it passes.
 
-    state_after : returns q and v, (n, 3), after a time; part : about when; own, body : numbers in these
+    state_after : returns q and v, (n, 3), after a time, NaN for what is lost; own, body : numbers in these
     """
-    q, v = state_after(part * h)
-    for _ in range(TRIES):
+    def look(part: float) -> tuple[float, float, Array, Array]:
+        q, v = state_after(part * h)
         apart, speed = q[own] - q[body], v[own] - v[body]
         distance = float(np.linalg.norm(apart))
-        fall = float(apart @ speed) / distance
-        if not fall * h < 0.0 or abs(distance - radius) <= TOUCHING * radius:
-            break
-        after = min(max(part - (distance - radius) / (fall * h), 0.0), 1.0)
-        if after == part:
-            break
-        part = after
-        q, v = state_after(part * h)
-    return part, q[own], v[own]
+        return distance - radius, float(apart @ speed) / distance * h if distance else math.nan, q[own], v[own]
 
-
-def time_from_pericentre(r: float, least: float, fastest2: float, mu: float) -> float:
-    """Return the time from the pericentre of a Kepler orbit to the distance r, with the distance and the squared speed
-    there; to the apocentre, if it is closer.
-    """
-    e, inverse_a = least * fastest2 / mu - 1.0, 2.0 / least - fastest2 / mu
-    if abs(inverse_a) * least < 1e-6:
-        d = math.sqrt(max(r / least - 1.0, 0.0))
-        return math.sqrt(2.0 * least**3 / mu) * (d + d**3 / 3.0)
-    a = abs(1.0 / inverse_a)
-    if inverse_a < 0.0:
-        H = math.acosh(max((1.0 + r / a) / e, 1.0))
-        return math.sqrt(a**3 / mu) * (e * math.sinh(H) - H)
-    E = math.acos(min(max((1.0 - r / a) / max(e, 1e-300), -1.0), 1.0))
-    return math.sqrt(a**3 / mu) * (E - e * math.sin(E))
+    gap, fall, q, v = look(0.0)
+    if not gap > 0.0:
+        return 0.0, q, v
+    outside, inside, part = 0.0, BEYOND, 1.0
+    for _ in range(TRIES):
+        gap, fall, q, v = look(part)
+        if abs(gap) <= TOUCHING * radius and fall < 0.0:
+            return part, q, v
+        if gap > 0.0 and fall < 0.0:
+            outside = part
+        else:
+            inside = part
+        following = part - gap / fall if fall < 0.0 else math.nan
+        if not outside < following < inside:
+            following = 0.5 * (outside + inside)
+        if following in (outside, inside):
+            break
+        part = following
+    return (part, q, v) if gap <= TOUCHING * radius else None
 
 
 def departures(

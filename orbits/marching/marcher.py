@@ -24,6 +24,7 @@ from orbits.integrators.forms import Array
 from orbits.integrators.given_bodies import GivenBodies
 from orbits.kernels.acting import FIGURES, acted_on
 from orbits.kernels.dense import times_reached
+from orbits.kernels.encounters import COLUMNS
 from orbits.kernels.steps import NOWHERE
 from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
@@ -36,7 +37,6 @@ from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
 from orbits.marching.failures import failure_of_bodies
 from orbits.marching.hand_over import parts_taken
 from orbits.marching.handing_over import OwnSteps
-from orbits.marching.losses import Contact
 from orbits.marching.motion import Motion
 from orbits.marching.own_clocks import REACHED
 from orbits.marching.partial_steps import PartialSteps
@@ -68,7 +68,8 @@ class Marcher(Blocks):
         and forces see when it reads 0
     radii : (n,), of the bodies: a march then ends after a step in which two may have come closer than their sum
     dense : whether each step is recorded for `motion`
-    surfaces : (n,), radii of the bodies: massless particles that are followed in encounters are retired if they hit one
+    surfaces : (n,), radii of the bodies: massless particles that are followed in encounters, or by chosen steps, are
+        retired if they hit one
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
     `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
@@ -126,7 +127,9 @@ class Marcher(Blocks):
             own = None if surfaces is None else np.asarray(surfaces, dtype=np.float64)[self._massive]
             followed = OwnSteps.of(lagrangian, gm, int(gm.argmax()), own)
         self._surfaces = None if followed is None else followed.radii
-        self._contacts: dict[int, Contact] = {}
+        if surfaces is not None and self.clock.changes and retire:
+            self._surfaces = np.asarray(surfaces, dtype=np.float64)[self._massive]
+        self._deep = np.zeros((0, COLUMNS))
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
         begun = [force.inner for force in forces]
@@ -162,6 +165,8 @@ class Marcher(Blocks):
         self.met: tuple[int, int, int] | None = None
         self._stopped = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
+        if self._surfaces is not None and self.clock.changes and self._surfaces[self.parameters[1 : 1 + n].argmax()]:
+            limits = (math.inf, 0.0, 0.0)  # to see all pericentres about it
         if integrator.follows_kepler:
             limits = kepler_passages.listed(integrator.least_steps)
         self._watcher = Watcher(

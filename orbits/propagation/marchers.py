@@ -20,7 +20,7 @@ from orbits.integrators.base import Integrator
 from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.stamp import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks import Clock
+from orbits.marching.clocks import Clock, clock_of
 from orbits.marching.leaving import LeavingMarcher
 from orbits.marching.marcher import Marcher, available_threads
 from orbits.point_masses import PointMasses
@@ -84,7 +84,7 @@ def bound(
         stops=None if conditions is None else conditions.stops,
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
         radii=radii,
-        surfaces=None if system.radii is None else np.asarray(system.radii.value),
+        surfaces=None if system.radii is None or clock_of(clock).changes else np.asarray(system.radii.value),
     )
     if state is None:  # a march from a state of a run must not be refused where the run itself was not
         for term in system.terms:
