@@ -138,7 +138,7 @@ class InEphemeris(Term):
                 raise self._incomplete(missing)
             raise InputError(
                 f"the massive bodies of a system in an ephemeris are those of the ephemeris, {few(self.bodies)}: in "
-                "this order, before all others."
+                "this order, before all others. Add others after them: system.add(...)."
             )
         strengths = dict(zip(names, gm, strict=True))
         heavy = [name for name in massive[own:] if strengths[name] > HEAVIEST * max(gm)]
