@@ -405,11 +405,11 @@ def test_eccentric_orbits_are_judged_from_either_end(monkeypatch):
     assert [check.ok for check in few_stages if "fewer steps" in check.claim] == [False, False]
 
 
-def test_the_map_of_a_resonance_has_chaos_and_libration_at_it_and_neither_far_from_it(monkeypatch):
+def test_the_map_of_a_resonance_has_chaos_and_libration_at_it_and_neither_far_from_it(tmp_path, monkeypatch):
     names = load("resonance_map").experiment.__globals__
     monkeypatch.setitem(names, "AXES", np.array([2.43, 2.48, 2.485, 2.49, 2.495, 2.5, 2.57]))
     monkeypatch.setitem(names, "ECCENTRICITIES", np.array([0.1, 0.2]))
-    result = names["experiment"](lambda text: None)
+    result = names["experiment"](lambda text: None, of_parts(tmp_path))
     assert all(check.ok for check in result.checks), result.checks
     assert np.shape(result.record["megno"]) == (2, 7)
     result.figures["resonance_map"]()
