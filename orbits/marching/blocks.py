@@ -280,25 +280,24 @@ class Blocks:
             return None, {}
         assert self._surfaces is not None
         begun, found = self.step, dict[int, tuple[int, Contact]]()
-        ends = self._loops.times[: count + 1].copy() if self.clock.changes else self.clock.h * np.arange(count + 1.0)
+        surfaces = dict(zip(self._massive.tolist(), self._surfaces.tolist(), strict=True))
+        lengths = self._loops.lengths(count).copy() if self.clock.changes else np.full(count, self.clock.h)
         for suspect in sorted(suspects):
             particle, body, _ = suspect
             own, other = int(self._particles[particle]), int(self._massive[body])
-            radius = float(self._surfaces[body])
 
-            def is_within(step: int, *, particle: int = particle, own: int = own, other: int = other,
-                          radius: float = radius) -> bool:
+            def is_within(step: int, particle: int = particle, pair: tuple[int, int] = (own, other)) -> bool:
                 self.step = begun
                 self._replay(step)
                 self.step += step
                 is_own = self.clock.changes or self._state["particle_memory"][particle, 0, NUMBER] == ELSEWHERE
                 q, _ = self.state()
-                return bool(is_own and np.linalg.norm(q[own] - q[other]) < radius)
+                return bool(is_own and np.linalg.norm(q[pair[0]] - q[pair[1]]) < surfaces[pair[1]])
 
             step = losses.first_step_within(suspect, is_within)
             is_within(step)
-            length = float(ends[step + 1] - ends[step])
-            touched = losses.touching(self.state_after, length, radius, own, other)
+            length = float(lengths[step])
+            touched = losses.touching(self.state_after, length, surfaces[other], own, other)
             if touched is not None:
                 now = step, Contact(body, touched[0], length, *touched[1:])
                 known = found.setdefault(particle, now)

@@ -100,7 +100,8 @@ class LeavingMarcher(Marcher):
     ) -> None:
         self._away = self._away_last = False
         super().__init__(lagrangian, integrator, parameters, massive, q, v, clock, **options)
-        known = {name: options[name] for name in ("names", "threads", "stops", "retire", "dense") if name in options}
+        shared = ("names", "threads", "stops", "retire", "dense")
+        known: dict[str, Any] = {name: options[name] for name in shared if name in options}
         if self._surfaces is not None:
             known["surfaces"] = options["surfaces"]
         steps = Adaptive().towards(self.clock.direction)

@@ -301,6 +301,32 @@ def test_relativity_by_the_star_acts_in_encounters_too():
     assert run.drift().angular_momentum.max_fraction < 1e-14
 
 
+@pytest.mark.filterwarnings("ignore::orbits.RetiredWarning", "ignore::orbits.StepWarning")
+@pytest.mark.parametrize(
+    ("mass", "sizes", "radius", "count"), [(1e-3, (5.2, 6.3, 7.9), 0.3, 13), (1e-4, (5.2, 7.3, 9.9), 0.1, 4)]
+)
+def test_impacts_are_at_the_surface_whatever_the_samples(mass, sizes, radius, count):
+    """By steps of their own among those of the map, and on excursions: blocks end between contact and pericentre."""
+    apart = [(3.0, 0.1), (5.25, 0.05), (6.0, 0.2), (9.0, 0.1), (40.0, 0.3)]
+    particles = [*apart, *((5.2 + 0.15 * k, 0.1) for k in range(16))]
+    start = planets(mass, sizes, particles=particles)
+    radii = np.where(start.massive, radius, 0.0)
+    radii[0] = 0.005
+    method = orbits.WisdomHolman(planets="follow", encounters="follow")
+    options = {**OPTIONS, "duration": 200 * u.yr}
+    seen = []
+    for samples in (3, 9, 101, 1001):
+        run = orbits.propagate(start.replaced(radii=radii * u.au), method, samples=samples, **options)
+        seen.append([(one.name, one.reason, one.time.value, one.q.value.tolist()) for one in run.retired])
+    assert len(seen[0]) == count
+    assert seen == [seen[0]] * 4
+    for one in run.retired:
+        there = orbits.propagate(start, method, samples=[0.0, one.time.value, 200 * YEAR] * u.day, **options)
+        body = start.names.index(one.reason.split()[-1])
+        # Reached: 5e-12, of which one.time leaves the rounding errors.
+        assert abs(np.linalg.norm((one.q - there.q[1, body]).value) / radii[body] - 1.0) < 1e-10
+
+
 def test_what_does_not_fit_is_refused():
     start, options = planets(), {"dt": "100 d", "duration": "10 yr"}
     with pytest.raises(orbits.InputError, match="leave it out"):
