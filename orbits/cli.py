@@ -132,8 +132,8 @@ def compare(
     """Compare the methods of a scenario with REBOUND's on its systems, or its runs with an ephemeris; tables, JSON and
     pictures.
 
-    Examples: orbits compare solar_system --against whfast:kernel=lazy,corrector=17,ias15 --duration '100 yr';
-    orbits compare solar_system --against de440 --duration '10 yr'
+    Example: orbits compare solar_system --against whfast:kernel=lazy,corrector=17,ias15 --duration '100 yr', or with
+    --against de440
     """
     with guarded():
         raise typer.Exit(

@@ -9,17 +9,16 @@ import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from orbits.errors import InputError, StorageError, shown
 from orbits.scenario.definition import slug
 from orbits.scenario.files import replaceable
 
-Arrays = dict[str, NDArray[Any]]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
+    Arrays = dict[str, NDArray[Any]]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 """What HDF5 files begin with."""
@@ -77,6 +76,7 @@ class Parts:
 
     def _kept(self, path: Path, name: str) -> Arrays | None:
         import h5py
+        import numpy as np
 
         if not _writable(path).exists():
             return None
@@ -154,6 +154,8 @@ def _stem(name: str) -> str:
 
 def _arrays(name: str, found: Any) -> Arrays:
     """What `compute` returned, as arrays that a file keeps as they are."""
+    import numpy as np
+
     if not isinstance(found, Mapping) or not all(isinstance(key, str) for key in found):
         raise InputError(f"parts.get({name!r}): compute must return arrays by name, in a dict; got {shown(found)}.")
     arrays = {}

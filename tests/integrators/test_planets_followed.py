@@ -213,9 +213,6 @@ def test_lists_of_systems_and_terms_of_positions_go_through_encounters():
         alone = orbits.propagate(systems[1], FOLLOW, **options)
         assert np.array_equal(found[1].q, alone.q)
         assert alone.drift().energy.max_fraction < 3e-9
-    post_newtonian = planets().with_terms(orbits.PostNewtonian(sources=["star"]))
-    with pytest.raises(orbits.InputError, match="planets='warn' or 'refuse'"):
-        orbits.propagate(post_newtonian, FOLLOW, **options)
 
 
 def test_a_condition_ends_a_run_within_an_encounter():

@@ -1,4 +1,6 @@
-"""Bodies in plain numbers, for runs without dt."""
+"""Bodies in plain numbers: for runs without dt, and with terms and forces."""
+
+import numpy as np
 
 import orbits
 
@@ -19,3 +21,24 @@ def system(gm, q, v, **options):
 def falling(sideways):
     """Two bodies that fall towards each other."""
     return system([1.0, 1.0], [[-1, 0, 0], [1, 0, 0]], [[0, sideways, 0], [0, -sideways, 0]])
+
+
+POLE = (0.36, 0.48, 0.8)
+SPIN = orbits.FrameDragging("planet", spin=0.1, pole=POLE, c=3.0)
+FLAT = orbits.ZonalHarmonics("planet", J2=0.05, radius=0.5, pole=POLE)
+DRAG = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+PARTICLE = {"p": (0.0, [0.0, 1.4, 0.1], [-0.8, 0.0, 0.1])}
+
+
+def planet(**bodies):
+    """A planet at rest with satellites: GM, place and velocity of each."""
+    gm = [1.0, *(body[0] for body in bodies.values())]
+    states = [np.zeros((2, 3)), *(np.array(body[1:]) for body in bodies.values())]
+    q, v = (np.array([s[k] for s in states], dtype=float) for k in (0, 1))
+    return orbits.System(["planet", *bodies], gm, q, v, units=orbits.DIMENSIONLESS)
+
+
+def three(**more):
+    return planet(
+        inner=(0.01, [1, 0, 0.2], [0, 0.9, 0.3]), outer=(0.002, [-2, 0.5, 0], [-0.1, -0.6, 0.3]), **more
+    )

@@ -19,14 +19,10 @@ from orbits.system.model import lagrangian_of
 from tests import kepler_truth
 from tests.acting import Heavy, Swaying, Turning
 from tests.problems import kepler
+from tests.propagation.bodies import DRAG, FLAT, PARTICLE, POLE, SPIN, planet, three
 
 EPS = 2.0**-53
-POLE = (0.36, 0.48, 0.8)
-SPIN = orbits.FrameDragging("planet", spin=0.1, pole=POLE, c=3.0)
-FLAT = orbits.ZonalHarmonics("planet", J2=0.05, radius=0.5, pole=POLE)
 TURN = Turning("planet", B=(0.3, 0.4, -0.2))
-DRAG = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
-PARTICLE = {"p": (0.0, [0.0, 1.4, 0.1], [-0.8, 0.0, 0.1])}
 MOST = (SPIN, TURN, Heavy())
 """Terms of velocity: with `DRAG` the particle that `equations` tells of moves so."""
 
@@ -37,20 +33,6 @@ METHODS = [orbits.Gauss(stages=4), orbits.LobattoIIIAB(stages=3), orbits.Composi
 def dragged(system=None):
     """Bodies and a particle with a spin, a flattening and two forces of drag, one on some of them."""
     return (system or three(**PARTICLE)).with_terms(SPIN, FLAT).with_forces(DRAG, OWN_DRAG)
-
-
-def planet(**bodies):
-    """A planet at rest with satellites: GM, place and velocity of each."""
-    gm = [1.0, *(body[0] for body in bodies.values())]
-    states = [np.zeros((2, 3)), *(np.array(body[1:]) for body in bodies.values())]
-    q, v = (np.array([s[k] for s in states], dtype=float) for k in (0, 1))
-    return orbits.System(["planet", *bodies], gm, q, v, units=orbits.DIMENSIONLESS)
-
-
-def three(**more):
-    return planet(
-        inner=(0.01, [1, 0, 0.2], [0, 0.9, 0.3]), outer=(0.002, [-2, 0.5, 0], [-0.1, -0.6, 0.3]), **more
-    )
 
 
 def march(system, integrator, dt=1 / 64, duration=10.0, **options):

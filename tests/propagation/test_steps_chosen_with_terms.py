@@ -16,8 +16,7 @@ from orbits.marching.failures import failure_of_bodies
 
 from .. import extrapolated
 from ..acting import Swaying
-from .bodies import BURRAU, system
-from .test_all_terms_and_forces import DRAG, FLAT, PARTICLE, SPIN, three
+from .bodies import BURRAU, DRAG, FLAT, PARTICLE, SPIN, system, three
 
 C, J2, R, BETA = 1000.0, 1e-3, 0.005, 0.1
 SWAY = Swaying(rate=1.3)
