@@ -268,7 +268,7 @@ def test_an_epoch_in_utc_is_taken_as_utc():
 
 @needs_both
 def test_all_asteroids_of_de440_are_there_those_beyond_sixteen_integrated_along():
-    """After 60 days Astraea is where the full model has it, and a body among them has moved by metres because of them."""
+    """After 60 days Astraea is where the full model has it, and a body has moved by metres because of them."""
     few, all_of_them = (
         orbits.System.in_ephemeris("de440", epoch="2020-01-01", asteroids=count).add("p", primary="Sun", a=2.5 * u.au)
         for count in (16, 343)
