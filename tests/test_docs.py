@@ -140,7 +140,7 @@ def test_the_guide_names_the_conditions_that_terms_and_forces_exclude():
 
 
 def test_the_flyby_of_the_readme_is_as_far_as_it_says(capsys):
-    (code,) = (code for code in blocks(ROOT / "README.md") if '"Apophis", primary' in code)
+    (code,) = (code for code in blocks(ROOT / "README.md") if '"Apophis", within' in code)
     known = {"orbits": orbits, "u": u}
     exec(code, known)
     body, other, distance, day = re.search(r"# (\w+) to (\w+): ([\d,]+) km on ([\d-]+), and to the Moon", code).groups()
